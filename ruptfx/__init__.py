@@ -1,0 +1,33 @@
+"""Frictional contact and rupture on FEniCSx.
+
+The pipeline, one module per arrow::
+
+    Case -> mesh -> Model -> stepper -> recorder -> (files) -> Record -> analysis -> plots
+
+Nothing heavy is imported here: the lumped models, `Record`, `analysis` and `plots` work without DOLFINx.
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "Case": "ruptfx.case",
+    "read_case": "ruptfx.case",
+    "simulate": "ruptfx.simulation",
+    "Record": "ruptfx.record",
+    "plots": "ruptfx.plots",
+}
+__all__ = ["RuptfxError", "__version__", *_PUBLIC]
+
+
+class RuptfxError(Exception):
+    """Anything the user can act upon: the message says what is wrong, where, and what to do."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'ruptfx' has no attribute '{name}'")
+    module = import_module(_PUBLIC[name])
+    return getattr(module, name, module)

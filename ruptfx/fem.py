@@ -1,0 +1,81 @@
+"""The finite element stack, imported in the one order that works, and what differs between DOLFINx 0.9 and 0.11.
+
+Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself.
+"""
+
+# ruff: noqa: E402, I001
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import h5py  # noqa: F401  before DOLFINx: with numba installed the other order breaks HDF5
+
+try:
+    import dolfinx_solver  # noqa: F401  the wheel: puts its own libraries in place before petsc4py looks for them
+except ModuleNotFoundError:
+    pass
+
+from ruptfx import RuptfxError
+
+try:
+    from mpi4py import MPI
+    from petsc4py import PETSc
+    import basix
+    import basix.ufl
+    import dolfinx
+    import dolfinx.fem.petsc
+    import dolfinx.graph
+    import dolfinx.io
+    import dolfinx.la
+    import dolfinx.mesh
+    import ufl
+except ModuleNotFoundError as missing:
+    raise RuptfxError(
+        f"DOLFINx is not installed here ({missing}). Install it with: pip install 'ruptfx[fem]' "
+        "(Linux x86-64, Python 3.12 or newer), or on Debian 13: apt install python3-dolfinx"
+    ) from None
+
+import numpy as np
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+if VERSION < (0, 9):
+    raise RuptfxError(f"DOLFINx {dolfinx.__version__} is too old: ruptfx needs 0.9 to 0.11")
+
+JIT_OPTIONS = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
+
+
+def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fem.FunctionSpace:
+    """Lagrange space on Gauss-Lobatto-Legendre points, blocked by components (scalar when 1)."""
+    shape = (components,) if components > 1 else None
+    element = basix.ufl.element(
+        "Lagrange", mesh.basix_cell().name, order, lagrange_variant=basix.LagrangeVariant.gll_warped, shape=shape
+    )
+    return dolfinx.fem.functionspace(mesh, element)
+
+
+def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> dict[str, Any]:
+    """Quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
+    if mesh.basix_cell().name in ("quadrilateral", "hexahedron", "interval"):
+        return {"quadrature_rule": "GLL", "quadrature_degree": 2 * order - 1}
+    return {"quadrature_degree": 2 * order}
+
+
+def interpolation_points(element: Any) -> np.ndarray:
+    points = element.interpolation_points
+    return points() if callable(points) else points
+
+
+def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
+    """Geometry nodes of every local cell, shape (cells, nodes per cell)."""
+    geometry = mesh.geometry
+    return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
+
+
+def create_mesh(
+    comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, cell: str,
+    partitioner: Callable[..., Any], order: int = 1,
+) -> dolfinx.mesh.Mesh:
+    """Mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
+    element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
+    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)

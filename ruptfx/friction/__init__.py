@@ -1,0 +1,68 @@
+"""Friction laws, one per file; the file name is the `kind` in a case.
+
+A law is its formula and nothing else: it knows no mesh, no MPI, no time scheme and no output. `strength` and
+`advance` are written with NumPy operations that act point by point, without branches on values (`numpy.where`
+instead of `if`). They are *traced* (`ruptfx.tracing`): from the same lines come the exact derivative the implicit
+solvers need and the C code of the explicit path, so a new law is fast and consistently linearised at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ruptfx.schema import Alternative, alternative
+
+LawState = dict[str, Any]
+Array = Any  # ndarray of shape (n,), a float, or a traced expression
+
+
+class FrictionLaw(Alternative):
+    """The contract of a friction law; parameters are the fields of the subclass."""
+
+    state_fields: ClassVar[Mapping[str, str]] = {}
+    """State variables of the law: name -> unit."""
+    formula: ClassVar[str] = ""
+    """The law in one line, for `ruptfx describe friction`."""
+    source: ClassVar[str] = ""
+    """Where the formula comes from."""
+
+    def all_state_fields(self) -> dict[str, str]:
+        """State fields of this law and of the law it holds, if it is a wrapper."""
+        inner = getattr(self, "law", None)
+        return {**(inner.all_state_fields() if inner is not None else {}), **self.state_fields}
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        """State consistent with the given stresses and slip rate.
+
+        Parameters
+        ----------
+        normal_stress, shear_stress : ndarray, shape (n,)
+            Interface stresses [Pa]; normal stress positive in compression.
+        slip_rate : ndarray, shape (n,)
+            Magnitude of the slip rate [m/s].
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+        """
+        raise NotImplementedError
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        """Shear traction [Pa] the interface carries while it slides at `slip_rate` >= 0 [m/s]; at 0, the most it
+        carries without sliding. Never negative."""
+        raise NotImplementedError
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        """State after a step `dt` [s] at constant slip rate and normal stress; unconditionally stable."""
+        raise NotImplementedError
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s]; laws that have no such limit do not
+        define it."""
+        raise NotImplementedError
+
+
+AnyFriction = alternative("ruptfx.friction")

@@ -1,0 +1,29 @@
+"""Coulomb friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.units import VaryingCoefficient
+
+
+class Coulomb(FrictionLaw):
+    """Coulomb friction: the strength is proportional to the normal stress."""
+
+    formula = "strength = mu_d sigma"
+    source = "Coulomb (1785)"
+
+    mu_d: VaryingCoefficient
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        return {}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.mu_d * normal_stress
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        return {}
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        return self.mu_d * normal_stress

@@ -1,0 +1,69 @@
+"""Isotropic linear elasticity."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import sqrt
+from typing import Any
+
+from scipy.optimize import brentq
+
+from ruptfx.materials import Material, Plane, WaveSpeeds
+from ruptfx.units import Modulus, PoissonRatio
+
+
+class IsotropicElastic(Material):
+    """Isotropic linear elasticity (Hooke's law)."""
+
+    young_modulus: Modulus
+    poisson_ratio: PoissonRatio
+
+    @property
+    def shear_modulus(self) -> float:
+        """G = E / (2 (1 + nu)) [Pa]."""
+        return self.young_modulus / (2 * (1 + self.poisson_ratio))
+
+    def lame_lambda(self, plane: Plane) -> float:
+        """First Lamé parameter [Pa]; in plane stress the effective one, 2 lambda G / (lambda + 2 G)."""
+        nu = self.poisson_ratio
+        if plane == "stress":
+            return self.young_modulus * nu / (1 - nu**2)
+        return self.young_modulus * nu / ((1 + nu) * (1 - 2 * nu))
+
+    def energy_density(self, strain: Any, plane: Plane) -> Any:
+        """lambda tr(e)^2 / 2 + G e:e; in antiplane G |grad w|^2 / 2."""
+        import ufl
+
+        if plane == "antiplane":
+            return 0.5 * self.shear_modulus * ufl.inner(strain, strain)
+        return 0.5 * self.lame_lambda(plane) * ufl.tr(strain) ** 2 + self.shear_modulus * ufl.inner(strain, strain)
+
+    def wave_speeds(self, plane: Plane) -> WaveSpeeds:
+        c_s = sqrt(self.shear_modulus / self.density)
+        if plane == "antiplane":
+            return WaveSpeeds(c_s, c_s, c_s)
+        c_p = sqrt((self.lame_lambda(plane) + 2 * self.shear_modulus) / self.density)
+        return WaveSpeeds(c_p, c_s, rayleigh_speed(c_p, c_s))
+
+
+@lru_cache
+def rayleigh_speed(c_p: float, c_s: float) -> float:
+    """Root of D = 4 a_s a_p - (1 + a_s^2)^2 with a_i = sqrt(1 - c^2 / c_i^2) (Source: Rayleigh 1885).
+
+    Parameters
+    ----------
+    c_p, c_s : float
+        Body wave speeds [m/s].
+
+    Returns
+    -------
+    float
+        Rayleigh speed [m/s].
+    """
+
+    def rayleigh(c: float) -> float:
+        a_p, a_s = sqrt(1 - (c / c_p) ** 2), sqrt(1 - (c / c_s) ** 2)
+        return 4 * a_s * a_p - (1 + a_s**2) ** 2
+
+    # D is positive for small c and -1 at c_s; the root at c = 0 is not the wave.
+    return float(brentq(rayleigh, 0.3 * c_s, c_s, xtol=1e-9 * c_s))

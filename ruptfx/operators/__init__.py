@@ -1,0 +1,60 @@
+"""Ways to apply the bulk operator, one per file; the file name is `operator` in a case.
+
+`ufl_form` is the definition: the derivative of the UFL energy, evaluated through FFCx. Every other operator must
+agree with it to round-off.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ruptfx.materials import Material, Plane
+from ruptfx.schema import CaseError, kinds, nearest
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """What an operator needs to know about the bodies.
+
+    Attributes
+    ----------
+    space : dolfinx.fem.FunctionSpace
+        Blocked Lagrange space; on quadrilaterals and hexahedra with Gauss-Lobatto-Legendre points.
+    plane : str
+        Plane stress, plane strain, antiplane or solid.
+    materials : list of Material
+    cell_material : ndarray of int32, shape (cells,)
+        Index into `materials` of every local cell (ghosts included).
+    viscosity_time : ndarray or None, shape (cells,)
+        Kelvin-Voigt time eta [s] of every local cell: the force is K (u + eta v). None where there is no damping.
+    """
+
+    space: Any
+    plane: Plane
+    materials: list[Material]
+    cell_material: np.ndarray
+    viscosity_time: np.ndarray | None = None
+
+
+class Operator(Protocol):
+    """Applies K to vectors of local degrees of freedom, ghosts included, shape (nodes * components,).
+
+    Contributions of the cells a rank owns are *added*; summing over ranks is the caller's business.
+    """
+
+    def __init__(self, bulk: Bulk) -> None: ...
+
+    def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+        """force -= K (displacement + eta velocity); `velocity` is read only where there is Kelvin-Voigt damping."""
+
+
+def create(kind: str, bulk: Bulk) -> Operator:
+    """The operator that lives in `operators/<kind>.py`, in the class of the same name in CamelCase."""
+    if kind not in kinds("ruptfx.operators"):
+        raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")
+    module = importlib.import_module(f"ruptfx.operators.{kind}")
+    return getattr(module, "".join(word.capitalize() for word in kind.split("_")))(bulk)

@@ -1,0 +1,178 @@
+"""Scalars that vary along an interface: a law's parameter or an initial stress given as a table with ``kind``.
+
+Every profile is called with the arc length along the interface, shape (n,) [m], and returns shape (n,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Union
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+
+from ruptfx.schema import Part, Unit
+
+Metre = Annotated[float, Unit("m")]
+PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
+
+
+class Constant(Part):
+    """The same value everywhere."""
+
+    kind: Literal["constant"] = "constant"
+    value: float
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return np.full_like(position, self.value)
+
+
+class Boxcar(Part):
+    """`inside` for |position - center| <= half_width, `outside` elsewhere."""
+
+    kind: Literal["boxcar"]
+    inside: float
+    outside: float
+    center: Metre
+    half_width: PositiveMetre
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        # A node on the edge belongs to the box, whatever the rounding of its coordinate.
+        near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
+        return np.where(near, self.inside, self.outside)
+
+
+class Gaussian(Part):
+    """`background + amplitude exp(-((position - center) / width)**2 / 2)`."""
+
+    kind: Literal["gaussian"]
+    background: float
+    amplitude: float
+    center: Metre
+    width: PositiveMetre
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self.background + self.amplitude * np.exp(-0.5 * ((position - self.center) / self.width) ** 2)
+
+
+class Taper(Part):
+    """`inside` within half_width, then a smooth step over `width` to `outside`.
+
+    The step is B = (1 + tanh(w/(d - W - w) + w/(d - W))) / 2 for W < d < W + w, with d = |position - center|
+    (Source: SCEC/USGS benchmark TPV101 description).
+    """
+
+    kind: Literal["taper"]
+    inside: float
+    outside: float
+    center: Metre
+    half_width: PositiveMetre
+    width: PositiveMetre
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        distance = np.abs(position - self.center)
+        step = np.where(distance <= self.half_width, 1.0, 0.0)
+        ramp = (distance > self.half_width) & (distance < self.half_width + self.width)
+        over = distance[ramp] - self.half_width
+        step[ramp] = 0.5 * (1 + np.tanh(self.width / (over - self.width) + self.width / over))
+        return self.outside + (self.inside - self.outside) * step
+
+
+class Random(Part):
+    """Gaussian random field with an exponential correlation, the same for a seed on any mesh and any rank count.
+
+    Built from `modes` random cosines whose wavenumbers follow the Cauchy law, the spectrum of the correlation
+    exp(-|d| / correlation_length); clipped at three standard deviations.
+    """
+
+    kind: Literal["random"]
+    mean: float
+    standard_deviation: Annotated[float, Field(ge=0)]
+    correlation_length: PositiveMetre
+    seed: Annotated[int, Field(ge=0)]
+    modes: Annotated[int, Field(ge=16)] = 512
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        random = np.random.default_rng(self.seed)
+        wavenumber = random.standard_cauchy(self.modes) / self.correlation_length
+        phase = random.uniform(0, 2 * np.pi, self.modes)
+        field = np.sqrt(2 / self.modes) * np.cos(np.outer(position, wavenumber) + phase).sum(axis=1)
+        return self.mean + self.standard_deviation * np.clip(field, -3, 3)
+
+
+class RandomClasses(Part):
+    """Discrete values drawn with given weights, one draw per cell of length `cell` along the interface."""
+
+    kind: Literal["random_classes"]
+    values: list[float]
+    weights: list[Annotated[float, Field(ge=0)]]
+    cell: PositiveMetre
+    seed: Annotated[int, Field(ge=0)]
+
+    @model_validator(mode="after")
+    def _matching(self) -> RandomClasses:
+        if len(self.values) != len(self.weights) or sum(self.weights) <= 0:
+            raise ValueError("values and weights need the same length and a positive total weight")
+        return self
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        edges = np.cumsum(self.weights) / np.sum(self.weights)
+        cells = np.floor(position / self.cell).astype(np.int64)
+        # One generator per cell, so that the draw of a cell does not depend on how many others a rank holds.
+        unique, inverse = np.unique(cells, return_inverse=True)
+        draws = np.array([np.random.default_rng([self.seed, cell % 2**32]).random() for cell in unique])
+        chosen = np.minimum(np.searchsorted(edges, draws[inverse]), len(self.values) - 1)
+        return np.asarray(self.values)[chosen]
+
+
+class Table(Part):
+    """Linear interpolation between given points, constant beyond the ends."""
+
+    kind: Literal["table"]
+    positions: list[Metre]
+    values: list[float]
+
+    @field_validator("positions")
+    @classmethod
+    def _increasing(cls, positions: list[float]) -> list[float]:
+        if len(positions) < 2 or np.any(np.diff(positions) <= 0):
+            raise ValueError("positions must increase and be at least two")
+        return positions
+
+    @model_validator(mode="after")
+    def _matching(self) -> Table:
+        if len(self.values) != len(self.positions):
+            raise ValueError("values and positions need the same length")
+        return self
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return np.interp(position, self.positions, self.values)
+
+
+KINDS: dict[str, type[Part]] = {
+    "constant": Constant, "boxcar": Boxcar, "gaussian": Gaussian, "taper": Taper, "random": Random,
+    "random_classes": RandomClasses, "table": Table,
+}
+
+
+def varying(number: Any) -> Any:
+    """Field type: a number of the given type, or a table with the ``kind`` of a profile."""
+
+    def tag(value: Any) -> str:
+        if isinstance(value, Mapping):
+            return f"<{value.get('kind')}>"
+        return f"<{value.kind}>" if isinstance(value, tuple(KINDS.values())) else "<number>"
+
+    members = [Annotated[number, Tag("<number>")], *(Annotated[cls, Tag(f"<{kind}>")] for kind, cls in KINDS.items())]
+    return Annotated[
+        Union[tuple(members)],  # noqa: UP007
+        Discriminator(
+            tag, custom_error_type="unknown_kind",
+            custom_error_message=f"a profile needs a 'kind', one of: {', '.join(KINDS)}",
+        ),
+    ]
+
+
+def evaluate(value: float | Part | np.ndarray, position: np.ndarray) -> np.ndarray:
+    """A number or a profile at the points, shape (n,)."""
+    return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()

@@ -1,0 +1,219 @@
+"""How case files become objects: strict parts, alternatives found by file name, errors that name the key.
+
+A `Part` is one table of a case file. An `Alternative` is a part chosen by `kind`, and its kind is the name of the
+file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``. Nothing is registered anywhere.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializeAsAny,
+    ValidationError,
+    WithJsonSchema,
+    model_serializer,
+    model_validator,
+)
+from pydantic._internal._model_construction import ModelMetaclass
+from pydantic_core import PydanticCustomError
+
+from ruptfx import RuptfxError
+
+
+class CaseError(RuptfxError):
+    """A case (or a part of one) that cannot be used; every line names a key, its value and the remedy."""
+
+    @classmethod
+    def from_validation(cls, error: ValidationError, where: str = "") -> CaseError:
+        """Reword pydantic's report: one line per problem, ``key = value: what is wrong``."""
+        lines = []
+        for item in error.errors(include_url=False):
+            # Tags of unions (`<number>`, `<boxcar>`) are pydantic's own steps, not keys of the case.
+            path = [str(part) for part in (where, *item["loc"]) if not str(part).startswith("<")]
+            key = ".".join(part for part in path if part) or "case"
+            if item["type"] == "missing":
+                lines.append(f"{key}: this key is required and missing")
+            elif item["type"] in ("unknown_key", "unknown_kind"):
+                lines.append(f"{key}: {item['msg']}")
+            else:
+                value = repr(item["input"])
+                shown = value if len(value) < 80 else value[:77] + "..."
+                lines.append(f"{key} = {shown}: {item['msg'][0].lower()}{item['msg'][1:]}")
+        return cls("\n".join(dict.fromkeys(lines)))
+
+
+def nearest(word: str, known: Iterator[str] | list[str]) -> str:
+    """`; did you mean 'x'?` for the closest known word, or the list of known ones."""
+    known = sorted(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+
+
+class _Reworded(ModelMetaclass):
+    """Makes ``Coulomb(mu_d=-1.0)`` in Python raise the same `CaseError` as a case file does."""
+
+    def __call__(cls, *args: Any, **values: Any) -> Any:
+        try:
+            return super().__call__(*args, **values)
+        except ValidationError as error:
+            raise CaseError.from_validation(error, cls.__name__) from None
+
+
+class Part(BaseModel, metaclass=_Reworded):
+    """One table of a case: frozen, numbers are numbers, an unknown key is an error that names the nearest one."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True,
+        validate_default=True,
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, values: Any) -> Any:
+        if isinstance(values, Mapping):
+            unknown = [str(key) for key in values if key not in cls.model_fields]
+            if unknown:
+                hints = "; ".join(f"unknown key '{key}', {nearest(key, list(cls.model_fields))}" for key in unknown)
+                raise PydanticCustomError("unknown_key", "{hints}", {"hints": hints})
+        return values
+
+    def at(self, position: np.ndarray) -> Self:
+        """The same part with every profile evaluated at the points.
+
+        Parameters
+        ----------
+        position : ndarray, shape (n,)
+            Arc length along the interface [m].
+        """
+        changes = {}
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if isinstance(value, Part):
+                changes[name] = value.at(position) if not callable(value) else value(position)
+        return self.model_copy(update=changes) if changes else self
+
+
+class Alternative(Part):
+    """A part chosen by ``kind``, which is the name of its file."""
+
+    @classmethod
+    def kind(cls) -> str:
+        return cls.__module__.rpartition(".")[2]
+
+    @classmethod
+    def summary(cls) -> str:
+        """First line of the docstring."""
+        return (cls.__doc__ or "").strip().partition("\n")[0]
+
+    @model_serializer(mode="wrap")
+    def _with_kind(self, handler: Any) -> dict[str, Any]:
+        return {"kind": self.kind(), **handler(self)}
+
+
+def kinds(package: str) -> list[str]:
+    """Names of the alternatives in a folder, for example ``kinds("ruptfx.friction")``."""
+    path = importlib.import_module(package).__path__
+    return sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+
+
+def find(package: str, kind: str) -> type[Alternative]:
+    """The class that ``kind`` names in a folder of alternatives.
+
+    Raises
+    ------
+    PydanticCustomError
+        No file of that name; the nearest one is named.
+    """
+    if kind not in kinds(package):
+        raise PydanticCustomError(
+            "unknown_kind", "unknown kind '{kind}', {hint}", {"kind": kind, "hint": nearest(kind, kinds(package))}
+        )
+    module = importlib.import_module(f"{package}.{kind}")
+    classes = [
+        value for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Alternative) and value.__module__ == module.__name__
+    ]
+    if len(classes) != 1:
+        raise RuptfxError(f"{module.__name__} must define exactly one alternative, found {len(classes)}")
+    return classes[0]
+
+
+def alternatives(package: str) -> dict[str, type[Alternative]]:
+    """Every alternative of a folder by kind."""
+    return {kind: find(package, kind) for kind in kinds(package)}
+
+
+_FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would refuse as unknown
+
+
+def alternative(package: str) -> Any:
+    """Field type: any alternative of that folder, given as an object or as a table with ``kind``."""
+
+    def choose(value: Any) -> Any:
+        if isinstance(value, str):
+            value = {"kind": value}
+        if not isinstance(value, Mapping):
+            return value
+        rest = dict(value)
+        kind = rest.pop("kind", None)
+        if not isinstance(kind, str):
+            raise PydanticCustomError(
+                "unknown_kind", "'kind' is required, one of: {known}", {"known": ", ".join(kinds(package))}
+            )
+        return find(package, kind).model_validate(rest)
+
+    folder = package.rpartition(".")[2]
+    return Annotated[
+        SerializeAsAny[Alternative], BeforeValidator(choose), WithJsonSchema({_FOLDER: folder}),
+    ]
+
+
+def json_schema(root: type[Part], packages: list[str]) -> dict[str, Any]:
+    """JSON schema of a case, each folder of alternatives being one ``oneOf`` under ``$defs``."""
+    schema = root.model_json_schema()
+    definitions = schema.setdefault("$defs", {})
+    for package in packages:
+        choices = []
+        for kind, cls in alternatives(package).items():
+            entry = cls.model_json_schema(mode="validation")
+            definitions.update(entry.pop("$defs", {}))
+            entry["properties"] = {"kind": {"const": kind}, **entry.get("properties", {})}
+            entry["required"] = ["kind", *entry.get("required", [])]
+            choices.append(entry)
+        definitions[package.rpartition(".")[2]] = {"oneOf": choices}
+
+    def link(node: Any) -> Any:
+        if isinstance(node, dict):
+            return {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {k: link(v) for k, v in node.items()}
+        return [link(item) for item in node] if isinstance(node, list) else node
+
+    return link(schema)
+
+
+class Unit(str):
+    """Unit of a field, as metadata of its type: ``Annotated[float, Unit("m")]``."""
+
+    __slots__ = ()
+
+
+def unit_of(part: type[Part], name: str) -> str:
+    """Unit of a field, `1` when it has none."""
+    found = [item for item in part.model_fields[name].metadata if isinstance(item, Unit)]
+    return str(found[0]) if found else "1"
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+__all__ = [
+    "Alternative", "CaseError", "Name", "Part", "Unit", "alternative", "alternatives", "find", "json_schema", "kinds",
+    "nearest", "unit_of",
+]

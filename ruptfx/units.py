@@ -1,0 +1,40 @@
+"""Annotated scalar types: a field says its unit and its bound once, and errors and `describe` repeat them.
+
+SI everywhere. Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from ruptfx.profiles import varying
+from ruptfx.schema import Unit
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+
+Length = Annotated[float, Field(gt=0), Unit("m")]
+Coordinate = Annotated[float, Unit("m")]
+Duration = Annotated[float, Field(gt=0), Unit("s")]
+Time = Annotated[float, Field(ge=0), Unit("s")]
+Speed = Annotated[float, Field(gt=0), Unit("m/s")]
+Velocity = Annotated[float, Unit("m/s")]
+Stress = Annotated[float, Unit("Pa")]
+Modulus = Annotated[float, Field(gt=0), Unit("Pa")]
+Density = Annotated[float, Field(gt=0), Unit("kg/m3")]
+PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5), Unit("1")]
+Stiffness = Annotated[float, Field(gt=0), Unit("Pa/m")]
+Rate = Annotated[float, Field(ge=0), Unit("1/s")]
+Fraction = Annotated[float, Field(gt=0, le=1), Unit("1")]
+
+VaryingStress = Annotated[varying(float), Unit("Pa")]
+VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
+VaryingCoefficient = Annotated[varying(NonNegative), Unit("1")]
+VaryingExponent = Annotated[varying(Positive), Unit("1")]
+VaryingRatio = Annotated[varying(NonNegative), Unit("1")]
+VaryingLength = Annotated[varying(Positive), Unit("m")]
+VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
+VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
+VaryingTime = Annotated[varying(Positive), Unit("s")]
