@@ -1,0 +1,38 @@
+"""Compliant contact: the Povirk-Needleman interface."""
+
+from __future__ import annotations
+
+from ruptfx.contact import Array, ContactMethod, Point, Trial
+from ruptfx.units import Stiffness
+
+
+class Compliant(ContactMethod):
+    """Povirk-Needleman interface: tractions follow the elastic part of the jump, T_s' = C_s ([u_s]' - V).
+
+    The rates are integrated exactly: sigma = sigma_0 - C_n [u_n], tau = tau_0 + C_s ([u_s] - slip). Where sigma would
+    be tensile the interface opens and it closes again when [u_n] returns.
+    Source: Povirk and Needleman (1993); Coker, Lykotrafitis, Needleman, Rosakis (2005).
+    """
+
+    C_n: Stiffness
+    C_s: Stiffness
+
+    def trial(self, point: Point) -> Trial:
+        stretch = zip(point.shear_traction_0, point.slip_jump, point.slip, strict=True)
+        return Trial(
+            normal_stress=point.normal_stress_0 - self.C_n * point.opening_jump,
+            shear_traction=[tau_0 + self.C_s * (jump - slip) for tau_0, jump, slip in stretch],
+            normal_compliance=1 / self.C_n,
+            impedance=point.dt * self.C_s,
+        )
+
+    def dissipated(self, traction_old: Array, traction: Array, rate_old: Array, rate: Array) -> Array:
+        # Slip happens between the two tractions: the trapezoidal rule closes the energy budget exactly.
+        return 0.5 * (traction_old + traction) * rate
+
+    def stored(self, traction: Array) -> Array:
+        normal, *shear = traction
+        return 0.5 * normal**2 / self.C_n + sum(0.5 * tau**2 / self.C_s for tau in shear)
+
+    def stiffness(self) -> tuple[float, float]:
+        return self.C_n, self.C_s

@@ -1,0 +1,40 @@
+"""Prakash-Clifton memory of the normal stress, around any law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.units import VaryingLength, VaryingRatio
+
+
+class PrakashClifton(FrictionLaw):
+    """Normal-stress memory: the held law sees theta_p, which follows D sigma over the slip L_p, not sigma itself."""
+
+    state_fields = {"theta_p": "Pa"}
+    formula = "strength = law(V, theta_p); dtheta_p/dt = -(theta_p - D sigma) V / L_p"
+    source = "Prakash and Clifton (1993); Prakash (1998)"
+
+    law: AnyFriction
+    L_p: VaryingLength
+    D: VaryingRatio = 1.0
+    theta_p_ratio: VaryingRatio = 1.0
+    """Initial theta_p / (D sigma); below 1 the interface starts weak and strengthens as it slips."""
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        theta_p = self.theta_p_ratio * self.D * normal_stress
+        return {**self.law.initial_state(theta_p, shear_stress, slip_rate), "theta_p": theta_p}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        # An open interface carries nothing, whatever it remembers.
+        remembered = np.where(normal_stress > 0, state["theta_p"], 0.0)
+        return self.law.strength(slip_rate, remembered, state)
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        # Backward Euler in slip: stable and between the old value and D sigma for any step.
+        step = slip_rate * dt / self.L_p
+        theta_p = (state["theta_p"] + step * self.D * normal_stress) / (1 + step)
+        return {**self.law.advance(state, slip_rate, theta_p, dt), "theta_p": theta_p}
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        return self.law.steady_strength(slip_rate, self.D * normal_stress)

@@ -1,0 +1,62 @@
+"""Rate and state friction with a power-law direct effect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.units import (
+    VaryingCoefficient,
+    VaryingExponent,
+    VaryingLength,
+    VaryingRatio,
+    VaryingSpeed,
+    VaryingTime,
+)
+
+
+class RateAndStatePowerLaw(FrictionLaw):
+    """Rate and state with a power-law direct effect; at constant speed the strength falls from mu_s to mu_d.
+
+    With r = L_0 / theta_0, the coefficient is mu = g(theta_0) (V / V_0 + 1)^(1/m),
+    g = [mu_d + (mu_s - mu_d) exp(-(r / V_1)^p)] / (r / V_0 + 1)^(1/m), and the state evolves as
+    dtheta_0/dt = A_0 (1 - theta_0 V / L_0). In steady sliding theta_0 = L_0 / V and
+    mu_ss = mu_d + (mu_s - mu_d) exp(-(V / V_1)^p).
+    """
+
+    state_fields = {"theta_0": "s"}
+    formula = (
+        "strength = g(theta_0) (V/V_0 + 1)^(1/m) sigma, g = [mu_d + (mu_s - mu_d) exp(-(r/V_1)^p)] / "
+        "(r/V_0 + 1)^(1/m), r = L_0/theta_0; dtheta_0/dt = A_0 (1 - theta_0 V/L_0)"
+    )
+    source = "Povirk and Needleman (1993); Coker, Lykotrafitis, Needleman, Rosakis (2005)"
+
+    mu_s: VaryingCoefficient
+    mu_d: VaryingCoefficient
+    V_0: VaryingSpeed
+    V_1: VaryingSpeed
+    p: VaryingExponent
+    m: VaryingExponent
+    L_0: VaryingLength
+    A_0: VaryingRatio = 1.0
+    theta_0_initial: VaryingTime
+    """State before the first slip [s]; L_0 / theta_0_initial is the slip rate it remembers."""
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        return {"theta_0": np.zeros_like(normal_stress) + self.theta_0_initial}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        remembered = self.L_0 / state["theta_0"]
+        weakened = self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((remembered / self.V_1) ** self.p))
+        # (V/V_0 + 1)^(1/m) / (r/V_0 + 1)^(1/m), with one power instead of two.
+        direct = ((slip_rate + self.V_0) / (remembered + self.V_0)) ** (1 / self.m)
+        return weakened * direct * normal_stress
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        # Backward Euler: stable and positive for any step.
+        step = self.A_0 * dt
+        return {"theta_0": (state["theta_0"] + step) / (1 + step * slip_rate / self.L_0)}
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        """mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""
+        return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((slip_rate / self.V_1) ** self.p))) * normal_stress

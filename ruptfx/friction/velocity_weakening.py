@@ -1,0 +1,31 @@
+"""Exponential velocity weakening."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.units import VaryingCoefficient, VaryingSpeed
+
+
+class VelocityWeakening(FrictionLaw):
+    """Velocity weakening: the coefficient falls exponentially from mu_s at rest to mu_d at speed, without memory."""
+
+    formula = "strength = [mu_d + (mu_s - mu_d) exp(-V / V_w)] sigma"
+    source = "Kammer, Yastrebov, Spijker, Molinari (2012), with V_w = sqrt(omega / (mu_s - mu_d)) of the thesis form"
+
+    mu_s: VaryingCoefficient
+    mu_d: VaryingCoefficient
+    V_w: VaryingSpeed
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        return {}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-slip_rate / self.V_w)) * normal_stress
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        return {}
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        return self.strength(slip_rate, normal_stress, {})

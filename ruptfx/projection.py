@@ -1,0 +1,220 @@
+"""Trial traction -> admissible traction and slip rate: one scalar solve, shared by every law and contact method.
+
+    normal:  sigma = max(trial_n, 0); the rest opens the gap
+    shear:   find V >= 0 with |trial_s| - Z V = strength(V, sigma, advance(state, V, sigma, dt));
+             the traction is parallel to trial_s
+
+Advancing the state inside the solve (backward Euler) makes stiff laws stable at the bulk time step. The root is
+bracketed by V = 0 and V = |trial_s| / Z and found by Newton steps in V or log V, whichever fits, with bisection as
+the way out. The same algorithm exists twice, for arrays here and in `projection.c` for the explicit hot path; both
+evaluate the traced law (`TracedLaw`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.friction import FrictionLaw
+from ruptfx.schema import Part
+from ruptfx.tracing import Expression, constant, derivative, symbol, to_c, to_numpy
+
+TOLERANCE = 1e-13  # of the trial traction
+MAX_ITERATIONS = 100
+
+
+class TracedLaw:
+    """A law recorded once: its strength after a step, the exact derivatives and the new state.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+        With profiles already evaluated at the points (`law.at(position)`).
+    """
+
+    def __init__(self, law: FrictionLaw) -> None:
+        self.law = law
+        self.state_names = list(law.all_state_fields())
+        self.parameters: dict[str, Any] = {}
+        traced = self._symbols(law, "")
+        self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
+        old = {name: symbol(f"s_{name}") for name in self.state_names}
+        new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
+        strength = traced.strength(self.slip_rate, self.normal_stress, new)
+        if not isinstance(strength, Expression):
+            strength = constant(strength)
+        self.outputs = {
+            "strength": strength,
+            "slope": derivative(strength, self.slip_rate),
+            **{f"n_{name}": new[name] for name in self.state_names},
+        }
+        self._stress_slope = derivative(strength, self.normal_stress)
+
+    def _symbols(self, part: Part, prefix: str) -> Any:
+        """The law with every number replaced by a symbol, so that laws that differ in numbers share their code."""
+        changes: dict[str, Any] = {}
+        for name in type(part).model_fields:
+            value = getattr(part, name)
+            if isinstance(value, Part):
+                changes[name] = self._symbols(value, f"{prefix}{name}_")
+            elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
+                key = f"p_{prefix}{name}"
+                self.parameters[key] = value
+                changes[name] = symbol(key)
+        return part.model_copy(update=changes)
+
+    @property
+    def inputs(self) -> list[str]:
+        return ["slip_rate", "normal_stress", "dt", *(f"s_{name}" for name in self.state_names), *self.parameters]
+
+    @cached_property
+    def _function(self) -> Any:
+        return to_numpy({**self.outputs, "stress_slope": self._stress_slope}, self.inputs)
+
+    def code(self) -> str:
+        """C statements assigning strength, slope and the new states."""
+        return to_c(self.outputs)
+
+    def __call__(
+        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: dict[str, np.ndarray], dt: float,
+        points: Any = slice(None),
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Strength [Pa] at the end of a step, its derivatives with respect to slip rate [Pa s/m] and normal stress,
+        and the new state; `points` selects from parameters and state when only some points are evaluated."""
+
+        def pick(value: Any) -> Any:
+            return value[points] if isinstance(value, np.ndarray) else value
+
+        values = [pick(state[name]) for name in self.state_names] + [pick(v) for v in self.parameters.values()]
+        with np.errstate(all="ignore"):
+            strength, slope, *new, stress_slope = self._function(slip_rate, normal_stress, dt, *values)
+        shape = np.shape(slip_rate)
+        states = {name: np.broadcast_to(v, shape) for name, v in zip(self.state_names, new, strict=True)}
+        return tuple(np.broadcast_to(v, shape) for v in (strength, slope, stress_slope)) + (states,)  # type: ignore
+
+
+@dataclass
+class Projected:
+    """What the friction law admits.
+
+    Attributes
+    ----------
+    normal_stress : ndarray, shape (n,) [Pa]
+    shear_traction : ndarray, shape (n, tangents) [Pa]
+    slip_rate : ndarray, shape (n, tangents) [m/s]
+    state : dict of ndarray, shape (n,)
+    """
+
+    normal_stress: np.ndarray
+    shear_traction: np.ndarray
+    slip_rate: np.ndarray
+    state: dict[str, np.ndarray]
+
+
+class ProjectionError(RuptfxError):
+    """No admissible traction: names the law, the point, the time, V, sigma and the state."""
+
+
+def explain(law: FrictionLaw, point: int, where: str, values: dict[str, float]) -> ProjectionError:
+    """The error for one failing interface point."""
+    listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+    if not np.isfinite(values["trial_shear_traction"] + values["trial_normal_stress"]):
+        reason = "the trial traction is not a number (the bodies' motion is: reduce the time step)"
+    else:
+        reason = "no slip rate balances the trial traction (is the step well-posed, Z + dstrength/dV > 0?)"
+    return ProjectionError(f"{law.kind()}: {reason}; interface point {point} {where}: {listed}")
+
+
+def project(
+    law: TracedLaw, state: dict[str, np.ndarray], trial_normal: np.ndarray, trial_shear: np.ndarray,
+    impedance: np.ndarray, dt: float, guess: np.ndarray | None = None, where: str = "",
+) -> Projected:
+    """Bring trial tractions back to what the law admits.
+
+    Parameters
+    ----------
+    law : TracedLaw
+    state : dict of ndarray, shape (n,)
+        State at the beginning of the step.
+    trial_normal, trial_shear : ndarray, shapes (n,) and (n, tangents)
+        Trial tractions [Pa]; compression positive.
+    impedance : ndarray, shape (n,)
+        Z > 0 [Pa s/m].
+    dt : float
+        Time step [s].
+    guess : ndarray, shape (n,), optional
+        Slip rates to begin with [m/s].
+    where : str
+        Added to the message of an error, e.g. the time.
+
+    Raises
+    ------
+    ProjectionError
+        A trial that is not finite, or a law without a root.
+    """
+    sigma = np.maximum(trial_normal, 0.0)
+    trial = np.sqrt(np.sum(trial_shear**2, axis=1))
+    impedance = np.broadcast_to(impedance, sigma.shape)
+    rate = _solve(law, state, sigma, trial, impedance, dt, guess)
+    bad = ~np.isfinite(rate)
+    if np.any(bad):
+        i = int(np.flatnonzero(bad)[0])
+        values = {"trial_shear_traction": trial[i], "trial_normal_stress": trial_normal[i], "Z": impedance[i]}
+        raise explain(law.law, i, where, values | {name: state[name][i] for name in law.state_names})
+    *_, new = law(rate, sigma, state, dt)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        direction = np.where(trial[:, None] > 0, trial_shear / trial[:, None], 0.0)
+    return Projected(
+        normal_stress=sigma,
+        shear_traction=trial_shear - (impedance * rate)[:, None] * direction,
+        slip_rate=rate[:, None] * direction,
+        state={name: np.array(value) for name, value in new.items()},
+    )
+
+
+def _solve(
+    law: TracedLaw, state: dict[str, np.ndarray], sigma: np.ndarray, trial: np.ndarray, impedance: np.ndarray,
+    dt: float, guess: np.ndarray | None,
+) -> np.ndarray:
+    """Slip rate of every point, shape (n,); not a number where there is none."""
+    at_rest, *_ = law(np.zeros_like(trial), sigma, state, dt)
+    rate = np.where(np.isfinite(trial) & np.isfinite(at_rest), 0.0, np.nan)
+    closed = sigma > 0
+    rate[~closed] = (trial / impedance)[~closed]  # an open interface carries no shear
+    todo = np.flatnonzero(closed & (trial > at_rest))
+    low, high = np.zeros(len(todo)), trial[todo] / impedance[todo]
+    v = (trial[todo] - at_rest[todo]) / impedance[todo]
+    if guess is not None:
+        v = np.where((guess[todo] > 0) & (guess[todo] < high), guess[todo], v)
+    for _ in range(MAX_ITERATIONS):
+        if len(todo) == 0:
+            return rate
+        z, t = impedance[todo], trial[todo]
+        strength, slope, *_ = law(v, sigma[todo], state, dt, todo)
+        residual, slope = t - z * v - strength, z + slope
+        low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
+        done = (np.abs(residual) <= TOLERANCE * t) | (high - low <= 1e-15 * high)
+        rate[todo[done]] = v[done]
+        go = ~done & np.isfinite(residual)
+        rate[todo[~done & ~go]] = np.nan
+        todo, low, high, v = todo[go], low[go], high[go], v[go]
+        v = _next(v, low, high, residual[go], slope[go], z[go])
+    rate[todo] = np.nan
+    return rate
+
+
+def _next(
+    v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """Newton in V where the impedance rules, in log V where the law does; bisection (in log V when the bracket spans
+    decades) where that leaves the bracket."""
+    with np.errstate(all="ignore"):
+        linear = v + residual / slope
+        logarithmic = v * np.exp(residual / (slope * v))
+    step = np.where(slope > 2 * z, logarithmic, linear)
+    middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
+    return np.where((step > low) & (step < high), step, middle)
