@@ -79,3 +79,12 @@ def create_mesh(
     """Mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)
+
+
+def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndarray:
+    """Assembled linear form, complete at every local degree of freedom, ghosts included, shape (local dofs,)."""
+    vector = dolfinx.fem.Function(space)
+    dolfinx.fem.assemble_vector(vector.x.array, dolfinx.fem.form(form))
+    vector.x.scatter_reverse(dolfinx.la.InsertMode.add)
+    vector.x.scatter_forward()
+    return vector.x.array.copy()

@@ -27,6 +27,29 @@ TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
 
 
+def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]:
+    """A part with every number replaced by a symbol, and the numbers: parts that differ in numbers share their code.
+
+    Returns
+    -------
+    values : dict of str to float or ndarray
+        By the name of the symbol.
+    part : Part
+        Of the same type, with symbols for fields.
+    """
+    values: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, Part):
+            inner, changes[name] = parameters_as_symbols(value, f"{prefix}{name}_")
+            values |= inner
+        elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
+            values[f"{prefix}{name}"] = value
+            changes[name] = symbol(f"{prefix}{name}")
+    return values, part.model_copy(update=changes)
+
+
 class TracedLaw:
     """A law recorded once: its strength after a step, the exact derivatives and the new state.
 
@@ -39,8 +62,7 @@ class TracedLaw:
     def __init__(self, law: FrictionLaw) -> None:
         self.law = law
         self.state_names = list(law.all_state_fields())
-        self.parameters: dict[str, Any] = {}
-        traced = self._symbols(law, "")
+        self.parameters, traced = parameters_as_symbols(law, "p_")
         self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
         old = {name: symbol(f"s_{name}") for name in self.state_names}
         new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
@@ -53,19 +75,6 @@ class TracedLaw:
             **{f"n_{name}": new[name] for name in self.state_names},
         }
         self._stress_slope = derivative(strength, self.normal_stress)
-
-    def _symbols(self, part: Part, prefix: str) -> Any:
-        """The law with every number replaced by a symbol, so that laws that differ in numbers share their code."""
-        changes: dict[str, Any] = {}
-        for name in type(part).model_fields:
-            value = getattr(part, name)
-            if isinstance(value, Part):
-                changes[name] = self._symbols(value, f"{prefix}{name}_")
-            elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
-                key = f"p_{prefix}{name}"
-                self.parameters[key] = value
-                changes[name] = symbol(key)
-        return part.model_copy(update=changes)
 
     @property
     def inputs(self) -> list[str]:

@@ -1,0 +1,215 @@
+"""The bodies as a distributed mesh: partition that keeps interface pairs together, named facets, body of every cell."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from ruptfx import RuptfxError, fem, parallel
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.schema import nearest
+
+# Vertices of the facets of a cell in DOLFINx order.
+_FACETS = {
+    "triangle": [(1, 2), (0, 2), (0, 1)],
+    "quadrilateral": [(0, 1), (0, 2), (1, 3), (2, 3)],
+    "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
+    "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
+}
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Distributed mesh of all bodies.
+
+    Attributes
+    ----------
+    mesh : dolfinx.mesh.Mesh
+    names : list of str
+        Names of the bodies.
+    cell_body : ndarray of int32, shape (local cells,)
+        Index into `names`, ghost cells included.
+    facets : MeshTags
+        Tags of all named facets.
+    tags : dict of str to int
+        Facet tag of an edge ``"upper.left"`` or of an interface side ``"main.plus"``.
+    interfaces : list of str
+    """
+
+    mesh: Any
+    names: list[str]
+    cell_body: np.ndarray
+    facets: Any
+    tags: dict[str, int]
+    interfaces: list[str]
+
+    @property
+    def edges(self) -> list[str]:
+        return [name for name in self.tags if name.rpartition(".")[2] not in ("plus", "minus")]
+
+    def tag(self, edge: str, key: str) -> int:
+        """Tag of a named edge.
+
+        Raises
+        ------
+        RuptfxError
+            With the names there are.
+        """
+        if edge not in self.edges:
+            raise RuptfxError(f"{key} = '{edge}': no such edge, {nearest(edge, self.edges)}")
+        return self.tags[edge]
+
+
+def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
+    """Build the mesh on rank 0 and split it over the ranks.
+
+    Both sides of every interface point end on the same rank: the dual graph is partitioned with the two sides
+    glued together, the minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches
+    one of its vertices without owning it.
+    """
+    raw: RawMesh | None = None
+    error: Exception | None = None
+    if comm.rank == 0:
+        try:
+            raw = source.build()
+            check_orientation(raw)
+        except Exception as caught:
+            error = caught
+    parallel.raise_on_all(comm, error)
+    described = None
+    if raw is not None:
+        sides = {f"{n}.{side}": f for n, pair in raw.interfaces.items() for side, f in zip(("plus", "minus"), pair, strict=True)}
+        named = raw.edges | sides
+        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, list(raw.interfaces), named)
+    cell, dim, bodies, cell_body, interfaces, named = comm.bcast(described, root=0)
+
+    def partitioner(_: Any, parts: int, *__: Any) -> Any:
+        if raw is None:
+            lists = fem.dolfinx.graph.adjacencylist(np.zeros(0, np.int32), np.zeros(1, np.int32))
+        else:
+            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts))
+        return getattr(lists, "_cpp_object", lists)
+
+    cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, len(_FACETS_VERTICES[cell])), np.int64)
+    points = raw.points if raw is not None else np.zeros((0, dim))
+    mesh = fem.create_mesh(comm, cells, points, cell, partitioner)
+    facets, tags = _tag_facets(mesh, named)
+    return Bodies(mesh, bodies, cell_body[mesh.topology.original_cell_index].astype(np.int32), facets, tags, interfaces)
+
+
+_FACETS_VERTICES = {cell: sorted({v for facet in facets for v in facet}) for cell, facets in _FACETS.items()}
+
+
+def check_orientation(raw: RawMesh) -> None:
+    """Refuse flat or inverted quadrilaterals, which would give negative masses."""
+    if raw.cell != "quadrilateral":
+        return
+    a, b, c, d = (raw.points[raw.cells[:, i]] for i in range(4))
+
+    def cross(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+        return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+
+    corners = np.stack([cross(b - a, c - a), cross(b - a, d - b), cross(d - c, c - a), cross(d - c, d - b)])
+    bad = (corners.min(axis=0) <= 0) & (corners.max(axis=0) >= 0)
+    if np.any(bad):
+        x = raw.points[raw.cells[np.argmax(bad)]].mean(axis=0)
+        raise RuptfxError(f"mesh: {bad.sum()} flat or folded quadrilaterals, the first near ({x[0]:.6g}, {x[1]:.6g}) m")
+
+
+def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
+    count = len(raw.cells)
+    if parts == 1:
+        return np.zeros(count, np.int32), np.arange(count + 1, dtype=np.int32)
+    glued = np.arange(len(raw.points))
+    for plus, minus in raw.interfaces.values():
+        glued[minus] = plus
+    cells = glued[raw.cells]
+    owner = _partition_graph(raw.cell, cells, parts)
+    facet_cell = _cell_of_facets(raw)
+    pairs = []
+    for plus, minus in raw.interfaces.values():
+        pairs.append(np.stack([facet_cell(plus), facet_cell(minus)], axis=1))
+    ghosts: dict[int, set[int]] = defaultdict(set)
+    if pairs:
+        together = np.concatenate(pairs)
+        owner[together[:, 1]] = owner[together[:, 0]]
+        facets = np.concatenate([plus for plus, _ in raw.interfaces.values()])
+        _ghost_pairs(cells, owner, glued[facets], together, ghosts)
+    lists = [[rank, *sorted(ghosts[cell] - {rank})] if cell in ghosts else [rank] for cell, rank in enumerate(owner)]
+    offsets = np.concatenate([[0], np.cumsum([len(item) for item in lists])])
+    return np.concatenate(lists).astype(np.int32), offsets.astype(np.int32)
+
+
+def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
+    """Owner of every cell from a graph partitioner on the dual graph of the glued mesh."""
+    count = len(cells)
+    facets = np.concatenate([np.sort(cells[:, list(facet)], axis=1) for facet in _FACETS[cell]])
+    _, label = np.unique(facets, axis=0, return_inverse=True)
+    incidence = sparse.csr_matrix((np.ones(len(facets), np.int8), (np.tile(np.arange(count), len(_FACETS[cell])), label.ravel())))
+    dual = (incidence @ incidence.T).tocsr()
+    dual.setdiag(0)
+    dual.eliminate_zeros()
+    graph = fem.dolfinx.graph.adjacencylist(dual.indices.astype(np.int64), dual.indptr.astype(np.int32))
+    split = fem.dolfinx.graph.partitioner()
+    return np.array(split(fem.MPI.COMM_SELF, parts, getattr(graph, "_cpp_object", graph), False).array[:count])
+
+
+def _cell_of_facets(raw: RawMesh) -> Any:
+    """A function: facets by vertices -> the cell each belongs to."""
+    sorted_cells = raw.cells
+    touching = sparse.csr_matrix(
+        (np.ones(sorted_cells.size, np.int16), (np.repeat(np.arange(len(sorted_cells)), sorted_cells.shape[1]), sorted_cells.ravel())),
+        shape=(len(sorted_cells), len(raw.points)),
+    )
+
+    def find(facets: np.ndarray) -> np.ndarray:
+        rows = np.repeat(np.arange(len(facets)), facets.shape[1])
+        chosen = sparse.csr_matrix((np.ones(facets.size, np.int16), (rows, facets.ravel())), shape=(len(facets), len(raw.points)))
+        shared = (chosen @ touching.T).tocsr()
+        full = shared.multiply(shared == facets.shape[1]).tocoo()
+        cell = np.full(len(facets), -1)
+        cell[full.row] = full.col
+        return cell
+
+    return find
+
+
+def _ghost_pairs(
+    cells: np.ndarray, owner: np.ndarray, facets: np.ndarray, pairs: np.ndarray, ghosts: dict[int, set[int]]
+) -> None:
+    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there."""
+    on_interface = np.zeros(cells.max() + 1, dtype=bool)
+    on_interface[facets] = True
+    touching: dict[int, set[int]] = defaultdict(set)
+    rows, columns = np.nonzero(on_interface[cells])
+    for vertex, rank in zip(cells[rows, columns].tolist(), owner[rows].tolist(), strict=True):
+        touching[vertex].add(rank)
+    pairs_at: dict[int, list[int]] = defaultdict(list)
+    for pair, facet in enumerate(facets.tolist()):
+        for vertex in facet:
+            pairs_at[vertex].append(pair)
+    for vertex, ranks in touching.items():
+        holders = {int(owner[pairs[pair, 0]]) for pair in pairs_at[vertex]}
+        for rank in ranks - holders:
+            for cell in pairs[pairs_at[vertex][0]]:
+                ghosts[int(cell)].add(rank)
+
+
+def _tag_facets(mesh: Any, named: dict[str, np.ndarray]) -> tuple[Any, dict[str, int]]:
+    """Mesh tags of the named facets this rank integrates over."""
+    dim = mesh.topology.dim
+    tags = {name: number + 1 for number, name in enumerate(named)}
+    mesh.topology.create_connectivity(dim - 1, dim)
+    exterior = fem.dolfinx.mesh.exterior_facet_indices(mesh.topology)
+    nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior)
+    inputs = np.sort(mesh.geometry.input_global_indices[nodes.astype(np.int64)].reshape(len(exterior), -1), axis=1)
+    wanted = {tuple(facet): tags[name] for name, facets in named.items() for facet in np.sort(facets, axis=1).tolist()}
+    values = np.array([wanted.get(tuple(facet), 0) for facet in inputs.tolist()], dtype=np.int32)
+    keep = values > 0
+    order = np.argsort(exterior[keep])
+    return fem.dolfinx.mesh.meshtags(mesh, dim - 1, exterior[keep][order], values[keep][order]), tags

@@ -1,0 +1,315 @@
+"""A fault: an interface with its contact method, friction law and initial stress, advanced one explicit step.
+
+`FaultStep` is generated C (`fault.c` filled with the traced contact method and law); `advance_reference` is the same
+step written with arrays, which tests compare it to.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from ruptfx import native
+from ruptfx.contact import ContactMethod, Point, Trial
+from ruptfx.friction import FrictionLaw
+from ruptfx.interface import Interface
+from ruptfx.projection import MAX_ITERATIONS, TOLERANCE, TracedLaw, explain, parameters_as_symbols, project
+from ruptfx.tracing import Expression, constant, symbol, to_c
+
+FaultState = dict[str, np.ndarray]
+
+
+def component_names(name: str, tangents: int) -> list[str]:
+    """`slip` in 2D; `slip_1`, `slip_2` in 3D."""
+    return [name] if tangents == 1 else [f"{name}_{k + 1}" for k in range(tangents)]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Everything about one fault that does not change during a run.
+
+    Attributes
+    ----------
+    name : str
+    interface : Interface
+    contact : ContactMethod
+    friction : FrictionLaw
+        Both with profiles evaluated at the points.
+    normal_stress_0 : ndarray, shape (n,)
+        Initial normal stress [Pa], compression positive.
+    shear_traction_0 : ndarray, shape (n, tangents)
+        Initial shear traction [Pa].
+    """
+
+    name: str
+    interface: Interface
+    contact: ContactMethod
+    friction: FrictionLaw
+    normal_stress_0: np.ndarray
+    shear_traction_0: np.ndarray
+
+    @property
+    def tangents(self) -> int:
+        return self.interface.tangents
+
+    def initial_state(self) -> FaultState:
+        """Fields of every point before the first step."""
+        n = len(self.interface.plus)
+        shear = np.linalg.norm(self.shear_traction_0, axis=1)
+        state: FaultState = {
+            "normal_stress": self.normal_stress_0.copy(), "opening": np.zeros(n),
+            "peak_slip_rate": np.zeros(n), "rupture_time": np.full(n, np.nan),
+        }
+        for k in range(self.tangents):
+            for name, value in (
+                ("slip", np.zeros(n)), ("slip_rate", np.zeros(n)), ("shear_traction", self.shear_traction_0[:, k]),
+            ):
+                state[component_names(name, self.tangents)[k]] = value.copy()
+        law_state = self.friction.initial_state(self.normal_stress_0, shear, np.zeros(n))
+        return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
+
+    def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+        """Shear components of a field, shape (n, tangents)."""
+        return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
+
+    def elastic_energy(self, state: FaultState) -> float:
+        """Energy held in the interface beyond that of the initial stress, points of this rank [J]."""
+        now = [state["normal_stress"], *self.components(state, "shear_traction").T]
+        before = [self.normal_stress_0, *self.shear_traction_0.T]
+        face = self.interface
+        return float(np.sum(face.owned * face.weight * (self.contact.stored(now) - self.contact.stored(before))))
+
+    def preload_work(self, displacement: np.ndarray) -> float:
+        """Work of the initial stress on the displacement jump, points of this rank [J]."""
+        face = self.interface
+        opening, slip = face.split(face.jump(displacement))
+        density = np.sum(self.shear_traction_0 * slip, axis=1) - self.normal_stress_0 * opening
+        return float(np.sum(face.owned * face.weight * density))
+
+    def fail(self, state: FaultState, point: int, time: float, values: dict[str, float]) -> None:
+        """Raise the error for one point."""
+        x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
+        where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
+        known = {name: float(state[name][point]) for name in self.friction.all_state_fields()}
+        raise explain(self.friction, int(self.interface.number[point]), where, values | known)
+
+
+def impedances(interface: Interface, inverse_mass: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Normal and shear impedance 1 / (dt w (1/m+ + 1/m-)) of every point [Pa s/m].
+
+    Parameters
+    ----------
+    inverse_mass : ndarray, shape (nodes * components,)
+        Inverse lumped mass of every degree of freedom [1/kg]; zero where the motion is prescribed.
+    """
+    inverse = inverse_mass.reshape(-1, interface.frame.shape[2])
+    mobility = np.einsum("ikc,ic->ik", interface.frame**2, inverse[interface.plus] + inverse[interface.minus])
+    # Where both sides are driven nothing yields: any large impedance will do.
+    mobility = np.maximum(mobility, 1e-12 * mobility.max(initial=1e-300))
+    z = 1 / (dt * interface.weight[:, None] * mobility)
+    return (z[:, 0], z[:, -1])
+
+
+def advance_reference(
+    fault: Fault, law: TracedLaw, state: FaultState, displacement: np.ndarray, velocity: np.ndarray,
+    inverse_mass: np.ndarray, dt: float, time: float, threshold: float,
+) -> float:
+    """The explicit step in arrays; changes `state` and `velocity`, returns the energy dissipated on this rank [J]."""
+    face = fault.interface
+    opening, slip_jump = face.split(face.jump(displacement))
+    opening_velocity, slip_velocity = face.split(face.jump(velocity))
+    z_n, z_s = impedances(face, inverse_mass, dt)
+    slip = fault.components(state, "slip")
+    trial = fault.contact.trial(Point(
+        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.shear_traction_0.T),
+        opening_jump=opening, slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
+        slip_velocity=list(slip_velocity.T), slip=list(slip.T), dt=dt, normal_impedance=z_n, shear_impedance=z_s,
+    ))  # fmt: skip
+    rate_old = fault.components(state, "slip_rate")
+    traction_old = fault.components(state, "shear_traction")
+    law_state = {name: state[name] for name in law.state_names}
+    done = project(
+        law, law_state, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
+        trial.impedance, dt, np.linalg.norm(rate_old, axis=1), f"of fault '{fault.name}' at time {time:.6g} s",
+    )  # fmt: skip
+    power = fault.contact.dissipated(traction_old, done.shear_traction, rate_old, done.slip_rate).sum(axis=1)
+    speed = np.linalg.norm(done.slip_rate, axis=1)
+    state["normal_stress"][:] = done.normal_stress
+    state["opening"][:] = (done.normal_stress - trial.normal_stress) * trial.normal_compliance
+    state["peak_slip_rate"][:] = np.maximum(state["peak_slip_rate"], speed)
+    state["rupture_time"][np.isnan(state["rupture_time"]) & (speed > threshold)] = time
+    for k in range(fault.tangents):
+        for name, value in (
+            ("slip", slip + dt * done.slip_rate), ("slip_rate", done.slip_rate),
+            ("shear_traction", done.shear_traction),
+        ):
+            state[component_names(name, fault.tangents)[k]][:] = value[:, k]
+    for name in law.state_names:
+        state[name][:] = done.state[name]
+    change = [done.shear_traction - fault.shear_traction_0]
+    if face.has_normal:
+        change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
+    face.add_force(velocity, dt * np.concatenate(change, axis=1), scale=inverse_mass)
+    return float(np.sum(face.owned * face.weight * power) * dt)
+
+
+class FaultStep:
+    """The explicit step as compiled C: `FaultStep(fault, ...)(...)` does what `advance_reference` does.
+
+    Parameters
+    ----------
+    fault : Fault
+    inverse_mass : ndarray, shape (nodes * components,)
+        As for `impedances`.
+    dt : float
+        Time step [s].
+    threshold : float
+        Slip rate [m/s] whose first passing is the rupture time.
+    """
+
+    def __init__(self, fault: Fault, inverse_mass: np.ndarray, dt: float, threshold: float) -> None:
+        self.fault, self.dt, self.threshold = fault, dt, threshold
+        self.law = TracedLaw(fault.friction)
+        face = fault.interface
+        normal_impedance, shear_impedance = impedances(face, inverse_mass, dt)
+        contact_values, traced_contact = parameters_as_symbols(fault.contact, "c_")
+        given = self.law.parameters | contact_values
+        shape = face.weight.shape
+        self._fixed = {
+            "weight": face.weight, "q_normal_stress_0": fault.normal_stress_0,
+            "q_normal_impedance": normal_impedance, "q_shear_impedance": shear_impedance,
+            **{f"q_shear_traction_0_{k}": fault.shear_traction_0[:, k] for k in range(fault.tangents)},
+            **{name: value for name, value in given.items() if isinstance(value, np.ndarray)},
+        }  # fmt: skip
+        self._fixed = {k: np.ascontiguousarray(np.broadcast_to(v, shape)) for k, v in self._fixed.items()}
+        numbers = {name: float(value) for name, value in given.items() if not isinstance(value, np.ndarray)}
+        self._state_arrays = list(fault.initial_state())
+        source = _source(fault, self.law, traced_contact, list(self._fixed), list(numbers), self._state_arrays)
+        self._function = native.load("fault", source).update
+        self._function.restype = None
+        self._numbers = np.array([*numbers.values(), 0.0])
+        self._result = np.zeros(6)
+        self._owned = face.owned.astype(float)
+        self._inverse_mass = inverse_mass
+        self._index = [np.ascontiguousarray(side, dtype=np.int64) for side in (face.plus, face.minus)]
+        self._frame = np.ascontiguousarray(face.frame)
+        self._bound: tuple[Any, ...] = ()
+
+    def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray) -> None:
+        """Collect the pointers once; the arrays of a run keep their place."""
+        arrays = [self._fixed.get(name) if name in self._fixed else state[name] for name in self._arrays]
+        self._table = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+        pointers = [
+            *self._index, self._frame, self._owned, displacement, velocity, self._inverse_mass,
+        ]
+        self._pointers = [ctypes.c_void_p(array.ctypes.data) for array in pointers]
+        self._tail = [ctypes.byref(self._table), *(ctypes.c_void_p(a.ctypes.data) for a in (self._numbers, self._result))]
+        self._bound = (state, displacement, velocity)
+
+    @property
+    def _arrays(self) -> list[str]:
+        return [*self._fixed, *self._state_arrays]
+
+    def __call__(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, time: float) -> float:
+        """Advance `state` and `velocity` in place; returns the energy dissipated on this rank [J].
+
+        Raises
+        ------
+        ProjectionError
+            A point without an admissible traction; `state` and `velocity` are then of no use.
+        """
+        if not self._bound or any(a is not b for a, b in zip(self._bound, (state, displacement, velocity), strict=True)):
+            self._bind(state, displacement, velocity)
+        n = len(self._owned)
+        self._function(
+            ctypes.c_long(n), ctypes.c_double(self.dt), ctypes.c_double(time), ctypes.c_double(self.threshold),
+            *self._pointers, *self._tail,
+        )  # fmt: skip
+        if self._result[1] >= 0:
+            names = ("trial_normal_stress", "trial_shear_traction", "Z", "last_slip_rate")
+            values = dict(zip(names, map(float, self._result[2:]), strict=True))
+            self.fault.fail(state, int(self._result[1]), time, values)
+        return float(self._result[0])
+
+
+def _trace_contact(contact: ContactMethod, tangents: int, has_normal: bool) -> tuple[Trial, Expression]:
+    """The trial and the dissipation as expressions."""
+
+    def each(name: str) -> list[Expression]:
+        return [symbol(f"q_{name}_{k}") for k in range(tangents)]
+
+    def normal(name: str) -> Expression:
+        return symbol(f"q_{name}") if has_normal else constant(0)
+
+    trial = contact.trial(Point(
+        normal_stress_0=symbol("q_normal_stress_0"), shear_traction_0=each("shear_traction_0"),
+        opening_jump=normal("opening_jump"), slip_jump=each("slip_jump"),
+        opening_velocity=normal("opening_velocity"), slip_velocity=each("slip_velocity"), slip=each("slip"),
+        dt=symbol("dt"), normal_impedance=symbol("q_normal_impedance"), shear_impedance=symbol("q_shear_impedance"),
+    ))  # fmt: skip
+    power = contact.dissipated(*map(symbol, ("traction_old", "traction", "rate_old", "rate")))
+    return trial, power
+
+
+def _source(
+    fault: Fault, law: TracedLaw, contact: ContactMethod, fixed: list[str], numbers: list[str], state: list[str]
+) -> str:
+    """`fault.c` with its blanks filled."""
+    tangents, has_normal = fault.tangents, fault.interface.has_normal
+    trial, power = _trace_contact(contact, tangents, has_normal)
+    fields = {name: component_names(name, tangents) for name in ("slip", "slip_rate", "shear_traction")}
+    # Symbol of the traced code -> the array it is loaded from.
+    loaded = {name: name for name in fixed if name != "weight"}
+    loaded |= {f"q_slip_{k}": fields["slip"][k] for k in range(tangents)}
+    loaded |= {f"s_{name}": name for name in law.state_names}
+
+    def lines(texts: Any) -> str:
+        return "\n".join(texts)
+
+    jumps = {f"q_slip_jump_{k}": f"jump_u[{has_normal + k}][l]" for k in range(tangents)}
+    jumps |= {f"q_slip_velocity_{k}": f"jump_v[{has_normal + k}][l]" for k in range(tangents)}
+    if has_normal:
+        jumps |= {"q_opening_jump": "jump_u[0][l]", "q_opening_velocity": "jump_v[0][l]"}
+    bind = [f"const double {name} = L_{name}[l];" for name in loaded]
+    targets = {
+        "trial_n[l]": trial.normal_stress, "compliance[l]": trial.normal_compliance, "z[l]": trial.impedance,
+        **{f"trial_s[{k}][l]": shear for k, shear in enumerate(trial.shear_traction)},
+    }  # fmt: skip
+    pointers = {"rates": "slip_rate", "tractions": "shear_traction", "slips": "slip"}
+    load = [f"double L_{name}[LANES];" for name in loaded]
+    load += [f"double *{name}[TANGENTS][LANES];" for name in pointers]
+    load += ["double guess_rate[LANES], normal_stress_0[LANES], initial[TANGENTS][LANES];"]
+    load += ["for (int l = 0; l < LANES; l++) {"]
+    load += [f"    L_{name}[l] = A_{source}[at[l]];" for name, source in loaded.items()]
+    load += ["    normal_stress_0[l] = A_q_normal_stress_0[at[l]];", "    double square = 0;"]
+    for k in range(tangents):
+        load += [f"    {name}[{k}][l] = A_{fields[field][k]} + at[l];" for name, field in pointers.items()]
+        load += [f"    initial[{k}][l] = A_q_shear_traction_0_{k}[at[l]];"]
+        load += [f"    square += *rates[{k}][l] * *rates[{k}][l];"]
+    load += ["    guess_rate[l] = sqrt(square);", "}"]
+    unpack = [f"double *const A_{name} = array[{i}];" for i, name in enumerate([*fixed, *state])]
+    unpack += [f"const double {name} = number[{i}];" for i, name in enumerate(numbers)]
+    text = files("ruptfx").joinpath("fault.c").read_text()
+    return Template(text).substitute(
+        components=fault.interface.frame.shape[2], local=fault.interface.frame.shape[1], tangents=tangents,
+        has_normal=int(has_normal), tolerance=repr(TOLERANCE), max_iterations=MAX_ITERATIONS,
+        unpack=lines(unpack), load=lines(load),
+        bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
+        trial=to_c(_expressions(targets)), bind_law=lines(bind),
+        law_strength=to_c({"strength": law.outputs["strength"]}),
+        law_slope=to_c({name: law.outputs[name] for name in ("strength", "slope")}),
+        declare_new=lines(f"double N_{name}[LANES];" for name in law.state_names),
+        law_state=to_c(_expressions({f"N_{name}[l]": law.outputs[f"n_{name}"] for name in law.state_names})),
+        dissipated=to_c(_expressions({"power +": power})).replace("power + =", "power +="),
+        store_new=lines(f"A_{name}[i] = N_{name}[l];" for name in law.state_names),
+    )  # fmt: skip
+
+
+def _expressions(targets: Mapping[str, Any]) -> dict[str, Expression]:
+    return {name: v if isinstance(v, Expression) else constant(v) for name, v in targets.items()}

@@ -1,0 +1,216 @@
+"""An interface between two bodies: paired nodes, local frame, weights, the jump and its exact transpose.
+
+SIGN CONVENTION (converted here and nowhere else)
+
+* The normal n points from the minus to the plus body; in 2D the tangent is t = (n_y, -n_x), so that t = +x for n = +y.
+* Jump = plus minus minus. Local components are (normal, tangents...), in antiplane the single out-of-plane one.
+  Slip is the tangential jump, opening the normal jump.
+* Traction T is what the plus body exerts on the minus body, T = stress . n: positive shear traction resists positive
+  slip. The normal component of T is tension; `normal_stress` = -T_n is compression.
+* The bodies feel -J' W T: the plus side -w T, the minus side +w T.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ruptfx import RuptfxError, fem, parallel
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Jump operator J of the points this rank knows; shared points are known to every rank that shares them.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, dim)
+        Coordinates [m].
+    position : ndarray, shape (n,)
+        Arc length from the left end [m].
+    number : ndarray of int, shape (n,)
+        Place in the order along the whole interface, which does not depend on the partition.
+    plus, minus : ndarray of int, shape (n,)
+        Local nodes of both sides.
+    frame : ndarray, shape (n, local, components)
+        Rows are the local directions: normal and tangents.
+    weight : ndarray, shape (n,)
+        Area that belongs to the point [m], [m2] in 3D.
+    owned : ndarray of bool, shape (n,)
+        True on exactly one rank for every point; sums over points count these.
+    total : int
+        Points of the whole interface.
+    """
+
+    points: np.ndarray
+    position: np.ndarray
+    number: np.ndarray
+    plus: np.ndarray
+    minus: np.ndarray
+    frame: np.ndarray
+    weight: np.ndarray
+    owned: np.ndarray
+    total: int
+
+    @property
+    def has_normal(self) -> bool:
+        """False in antiplane, where nothing moves normal to the interface."""
+        return self.frame.shape[2] > 1
+
+    @property
+    def tangents(self) -> int:
+        return self.frame.shape[1] - self.has_normal
+
+    def jump(self, field: np.ndarray) -> np.ndarray:
+        """J field: the discontinuity in the local frame.
+
+        Parameters
+        ----------
+        field : ndarray, shape (nodes * components,)
+
+        Returns
+        -------
+        ndarray, shape (n, local)
+        """
+        nodal = field.reshape(-1, self.frame.shape[2])
+        return np.einsum("ikc,ic->ik", self.frame, nodal[self.plus] - nodal[self.minus])
+
+    def assemble(self, traction: np.ndarray, out: np.ndarray) -> None:
+        """out += J' W traction, with the traction in the local frame, shape (n, local)."""
+        vector = self.weight[:, None] * np.einsum("ikc,ik->ic", self.frame, traction)
+        nodal = out.reshape(-1, self.frame.shape[2])
+        np.add.at(nodal, self.plus, vector)
+        np.subtract.at(nodal, self.minus, vector)
+
+    def add_force(self, out: np.ndarray, traction: np.ndarray, scale: np.ndarray) -> None:
+        """out -= scale J' W traction: what the bodies feel, times e.g. the inverse mass of every degree of freedom."""
+        force = np.zeros_like(out)
+        self.assemble(traction, force)
+        out -= scale * force
+
+    def split(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normal and tangential part of local components, shapes (n,) and (n, tangents)."""
+        if not self.has_normal:
+            return np.zeros(len(local)), local
+        return local[:, 0], local[:, 1:]
+
+
+def build_interface(
+    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, plus_tag: int, minus_tag: int, name: str
+) -> Interface:
+    """Pair the nodes of the two sides of a named interface.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+        Blocked displacement space.
+    facets : MeshTags
+        Tags of the facets of both sides.
+    plus_tag, minus_tag : int
+    name : str
+        For error messages.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks, when a node of one side has no partner on the other.
+    """
+    mesh = space.mesh
+    comm, dim = mesh.comm, mesh.geometry.dim
+    components = space.dofmap.index_map_bs
+    coordinates = space.tabulate_dof_coordinates()[:, :dim]
+    sides = [
+        fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, facets.find(tag)) for tag in (plus_tag, minus_tag)
+    ]
+    plus, minus, error = _pair(coordinates, *sides, name)
+    parallel.raise_on_all(comm, error)
+    normal, weight = _normals_and_weights(space, facets, minus_tag, minus)
+    owned = plus < space.dofmap.index_map.size_local
+    points = coordinates[plus]
+    position, number, total = _order(comm, points, owned, normal)
+    frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))
+    # Points in order along the interface, for locality and readable files.
+    order = np.argsort(number)
+    return Interface(
+        points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
+        frame[order], weight[order], owned[order], total,
+    )  # fmt: skip
+
+
+def _pair(
+    x: np.ndarray, plus: np.ndarray, minus: np.ndarray, name: str
+) -> tuple[np.ndarray, np.ndarray, Exception | None]:
+    """Nodes of the two sides at the same place."""
+    if len(plus) == 0 and len(minus) == 0:
+        return plus, minus, None
+    if len(plus) == 0 or len(minus) == 0:
+        return plus, minus, RuptfxError(f"interface '{name}': this rank has one side only (a fault of the partition)")
+    extent = np.ptp(x, axis=0).max()
+    distance, partner = cKDTree(x[minus]).query(x[plus])
+    lonely = int(np.argmax(distance))
+    if distance[lonely] > 1e-8 * extent or len(plus) != len(minus):
+        where = ", ".join(f"{value:.6g}" for value in x[plus[lonely]])
+        return plus, minus, RuptfxError(
+            f"interface '{name}': the nodes of the two sides do not match ({len(plus)} on the plus, {len(minus)} on "
+            f"the minus side; the plus node at ({where}) m is {distance[lonely]:.3g} m from its nearest partner). "
+            "Mesh both sides with the same nodes along the interface"
+        )
+    return plus, minus[partner], None
+
+
+def _normals_and_weights(
+    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, tag: int, nodes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal out of the minus body and area of every node, summed over its facets and ranks."""
+    mesh, ufl = space.mesh, fem.ufl
+    dim, components = mesh.geometry.dim, space.dofmap.index_map_bs
+    ds = ufl.Measure(
+        "ds", domain=mesh, subdomain_data=facets, subdomain_id=tag,
+        metadata=fem.gll_metadata(mesh, space.element.basix_element.degree),
+    )
+    test, n = ufl.TestFunction(space), ufl.FacetNormal(mesh)
+
+    def nodal(form: ufl.Form) -> np.ndarray:
+        vector = fem.assemble_summed(space, form)
+        return vector.reshape(-1, components)[nodes]
+
+    if components == 1:
+        weight = nodal(test * ds)[:, 0]
+        normal = np.stack([nodal(n[i] * test * ds)[:, 0] for i in range(dim)], axis=1)
+    else:
+        weight = nodal(ufl.inner(ufl.as_vector([1.0] * dim), test) * ds)[:, 0]
+        normal = nodal(ufl.inner(n, test) * ds)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300), weight
+
+
+def local_frame(normal: np.ndarray) -> np.ndarray:
+    """Rows normal and tangents of every point, shape (n, dim, dim); in 3D the first tangent is closest to +x."""
+    if normal.shape[1] == 2:
+        return np.stack([normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)], axis=1)
+    toward = np.zeros_like(normal)
+    steep = np.abs(normal[:, 0]) > 0.9
+    toward[~steep, 0] = toward[steep, 1] = 1
+    first = toward - normal * np.sum(normal * toward, axis=1, keepdims=True)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([normal, first, np.cross(normal, first)], axis=1)
+
+
+def _order(
+    comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Arc length, place in the whole interface, and its number of points."""
+    everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
+    places, normals = np.split(everything, 2, axis=1)
+    mean = normals.mean(axis=0)
+    along = local_frame(mean[None] / np.linalg.norm(mean))[0, 1]
+    # Along the mean tangent, then by the other coordinates: the same on any number of ranks.
+    keys = np.round(np.stack([places @ along, *places.T[::-1]]) / np.ptp(places, axis=0).max(), 9)
+    places = places[np.lexsort(keys[::-1])]
+    step = np.linalg.norm(np.diff(places, axis=0), axis=1) if places.shape[1] == 2 else np.diff(places @ along)
+    length = np.concatenate([[0.0], np.cumsum(step)])
+    if len(points) == 0:
+        return np.zeros(0), np.zeros(0, dtype=np.int64), len(places)
+    _, number = cKDTree(places).query(points)
+    return length[number], number, len(places)

@@ -1,0 +1,59 @@
+"""Ways to make the bodies, one per file; the file name is the `kind` in a case.
+
+A mesh source fills a `RawMesh` on rank 0; `ruptfx.bodies` splits it over the ranks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ruptfx.schema import Alternative, alternative
+
+
+@dataclass
+class RawMesh:
+    """Bodies with their own nodes on either side of every interface, before partitioning.
+
+    Attributes
+    ----------
+    cell : str
+        quadrilateral, triangle, hexahedron or tetrahedron.
+    points : ndarray, shape (vertices, dim)
+        Coordinates [m].
+    cells : ndarray of int, shape (cells, vertices per cell)
+        In DOLFINx order (tensor order for quadrilaterals and hexahedra).
+    bodies : list of str
+    cell_body : ndarray of int, shape (cells,)
+        Index into `bodies`.
+    edges : dict of str to ndarray of int, shape (facets, vertices per facet)
+        Named boundary facets, ``"upper.left"``.
+    interfaces : dict of str to (ndarray, ndarray)
+        Facets of the plus and of the minus side in the same order, vertex by vertex at the same place.
+    """
+
+    cell: str
+    points: np.ndarray
+    cells: np.ndarray
+    bodies: list[str]
+    cell_body: np.ndarray
+    edges: dict[str, np.ndarray] = field(default_factory=dict)
+    interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+
+class MeshSource(Alternative):
+    """The contract of a way to make the bodies."""
+
+    def build(self) -> RawMesh:
+        """The mesh; called on rank 0 only.
+
+        Raises
+        ------
+        RuptfxError
+            A mesh that cannot be used, with what was found in it.
+        """
+        raise NotImplementedError
+
+
+AnyMesh = alternative("ruptfx.meshes")

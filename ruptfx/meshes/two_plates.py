@@ -1,0 +1,68 @@
+"""Two rectangular plates, one on the other."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.schema import Unit
+from ruptfx.units import Coordinate, Length
+
+
+class TwoPlates(MeshSource):
+    """Two rectangular plates of structured quadrilaterals that meet at y = 0, `upper` above `lower`.
+
+    The interface is called `main`; the edges are `upper.left`, `upper.right`, `upper.top`, `lower.left`,
+    `lower.right` and `lower.bottom`.
+    """
+
+    length: Length
+    height: Length
+    """Of each plate."""
+    element_size: Length
+    """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
+    growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
+    """Ratio of the heights of neighbouring elements away from the interface."""
+    left: Coordinate = 0.0
+    """x of the left end."""
+
+    def levels(self) -> np.ndarray:
+        """Heights of the element rows above the interface, shape (rows + 1,) [m]."""
+        if self.growth == 1:
+            rows = max(1, round(self.height / self.element_size))
+            return np.linspace(0, self.height, rows + 1)
+        sizes = [self.element_size]
+        while sum(sizes) < self.height:
+            sizes.append(sizes[-1] * self.growth)
+        heights = np.concatenate([[0.0], np.cumsum(sizes)])
+        return heights * self.height / heights[-1]
+
+    def build(self) -> RawMesh:
+        columns = max(1, round(self.length / self.element_size))
+        x = self.left + np.linspace(0, self.length, columns + 1)
+        levels = self.levels()
+        upper, upper_cells, upper_sides = _grid(x, levels)
+        lower, lower_cells, lower_sides = _grid(x, -levels[::-1])
+        shift = len(upper)
+        return RawMesh(
+            cell="quadrilateral", points=np.concatenate([upper, lower]),
+            cells=np.concatenate([upper_cells, lower_cells + shift]), bodies=["upper", "lower"],
+            cell_body=np.repeat([0, 1], [len(upper_cells), len(lower_cells)]),
+            edges={
+                **{f"upper.{side}": upper_sides[side] for side in ("left", "right", "top")},
+                **{f"lower.{side}": lower_sides[side] + shift for side in ("left", "right", "bottom")},
+            },
+            interfaces={"main": (upper_sides["bottom"], lower_sides["top"] + shift)},
+        )  # fmt: skip
+
+
+def _grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Points, cells in tensor order and the facets of the four sides of a rectangle."""
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    number = np.arange(len(points)).reshape(len(x), len(y))
+    cells = np.stack([number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]], axis=-1).reshape(-1, 4)
+    lines = {"left": number[0], "right": number[-1], "bottom": number[:, 0], "top": number[:, -1]}
+    return points, cells, {side: np.stack([line[:-1], line[1:]], axis=1) for side, line in lines.items()}

@@ -1,0 +1,59 @@
+"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ruptfx import RuptfxError
+
+
+def raise_on_all(comm: Any, error: Exception | None) -> None:
+    """Every rank calls this; if any rank has an error, all raise the one of the lowest such rank.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    error : Exception or None
+        What went wrong on this rank.
+
+    Raises
+    ------
+    RuptfxError
+        The first error's own type when it is one of ours, so that the caller can tell them apart.
+    """
+    found = comm.allgather(None if error is None else (type(error), str(error)))
+    first = next((item for item in found if item is not None), None)
+    if first is not None:
+        kind, message = first
+        raise (kind if issubclass(kind, RuptfxError) else RuptfxError)(message) from error
+
+
+def on_root(comm: Any, action: Callable[[], Any]) -> Any:
+    """The result of `action` on rank 0, on every rank; an error there is raised everywhere."""
+    result, error = None, None
+    if comm.rank == 0:
+        try:
+            result = action()
+        except Exception as caught:
+            error = caught
+    raise_on_all(comm, error)
+    return comm.bcast(result, root=0)
+
+
+def total(comm: Any, values: Any) -> np.ndarray:
+    """Sum over ranks of an array or a number."""
+    return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))
+
+
+def gather_rows(comm: Any, rows: np.ndarray) -> np.ndarray | None:
+    """Rows of all ranks, one below the other, on rank 0; None elsewhere."""
+    parts = comm.gather(np.ascontiguousarray(rows), root=0)
+    return np.concatenate(parts) if comm.rank == 0 else None
+
+
+def share_rows(comm: Any, rows: np.ndarray) -> np.ndarray:
+    """Rows of all ranks, one below the other, on every rank."""
+    return np.concatenate(comm.allgather(np.ascontiguousarray(rows)))
