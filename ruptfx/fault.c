@@ -1,4 +1,4 @@
-// One explicit step of an interface: jumps, trial traction, projection, force.  $-names are filled in by fault.py from
+// One explicit step of an interface: jumps, trial traction, projection, force.  The blanks are filled in by fault.py from
 // the traced contact method and friction law; the algorithm is that of projection.py, eight points at a time.
 #include <math.h>
 
@@ -23,7 +23,7 @@ static inline double next_rate(double v, double low, double high, double residua
 
 // result: [0] dissipated energy, [1] failing point or -1, [2..5] its trial normal stress, trial shear, Z, slip rate
 void update(long n, double dt, double time, double threshold, const long *plus, const long *minus,
-            const double *frame, const double *owned, const double *displacement, double *velocity,
+            const double *frame, const double *owned, const double *displacement, double *velocity, double *force,
             const double *inverse_mass, double *const *array, const double *number, double *result)
 {
 $unpack
@@ -140,11 +140,14 @@ $dissipated
 $store_new
             const double *r = frame + i * LOCAL * COMPONENTS;
             for (int c = 0; c < COMPONENTS; c++) {
-                double force = 0;
-                for (int k = 0; k < LOCAL; k++) force += r[k * COMPONENTS + c] * change[k];
+                double pull = 0;
+                for (int k = 0; k < LOCAL; k++) pull += A_weight[i] * r[k * COMPONENTS + c] * change[k];
                 const long p = plus[i] * COMPONENTS + c, q = minus[i] * COMPONENTS + c;
-                velocity[p] -= dt * A_weight[i] * inverse_mass[p] * force;
-                velocity[q] += dt * A_weight[i] * inverse_mass[q] * force;
+                velocity[p] -= dt * inverse_mass[p] * pull;
+                velocity[q] += dt * inverse_mass[q] * pull;
+                // For the reaction where an edge that meets the interface is driven.
+                force[p] -= pull;
+                force[q] += pull;
             }
         }
     }

@@ -78,12 +78,17 @@ class Fault:
         """Shear components of a field, shape (n, tangents)."""
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
-    def elastic_energy(self, state: FaultState) -> float:
-        """Energy held in the interface beyond that of the initial stress, points of this rank [J]."""
-        now = [state["normal_stress"], *self.components(state, "shear_traction").T]
-        before = [self.normal_stress_0, *self.shear_traction_0.T]
+    def elastic_energy(self, state: FaultState, added: np.ndarray) -> float:
+        """Energy held in the interface beyond that of the initial stress, points of this rank [J].
+
+        `added` is the displacement, shape (nodes * components,), since the tractions were computed [m].
+        """
         face = self.interface
-        return float(np.sum(face.owned * face.weight * (self.contact.stored(now) - self.contact.stored(before))))
+        opening, slip = face.split(face.jump(added))
+        shear = self.components(state, "shear_traction")
+        now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list(slip.T))
+        before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
+        return float(np.sum(face.owned * face.weight * (now - before)))
 
     def preload_work(self, displacement: np.ndarray) -> float:
         """Work of the initial stress on the displacement jump, points of this rank [J]."""
@@ -118,9 +123,10 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, dt: float) -> tup
 
 def advance_reference(
     fault: Fault, law: TracedLaw, state: FaultState, displacement: np.ndarray, velocity: np.ndarray,
-    inverse_mass: np.ndarray, dt: float, time: float, threshold: float,
+    force: np.ndarray, inverse_mass: np.ndarray, dt: float, time: float, threshold: float,
 ) -> float:
-    """The explicit step in arrays; changes `state` and `velocity`, returns the energy dissipated on this rank [J]."""
+    """The explicit step in arrays; changes `state`, `velocity` and `force`, returns the energy dissipated on this
+    rank [J]."""
     face = fault.interface
     opening, slip_jump = face.split(face.jump(displacement))
     opening_velocity, slip_velocity = face.split(face.jump(velocity))
@@ -156,6 +162,7 @@ def advance_reference(
     if face.has_normal:
         change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
     face.add_force(velocity, dt * np.concatenate(change, axis=1), scale=inverse_mass)
+    face.add_force(force, np.concatenate(change, axis=1), scale=np.ones_like(force))
     return float(np.sum(face.owned * face.weight * power) * dt)
 
 
@@ -201,31 +208,34 @@ class FaultStep:
         self._frame = np.ascontiguousarray(face.frame)
         self._bound: tuple[Any, ...] = ()
 
-    def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray) -> None:
+    def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
         arrays = [self._fixed.get(name) if name in self._fixed else state[name] for name in self._arrays]
         self._table = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
         pointers = [
-            *self._index, self._frame, self._owned, displacement, velocity, self._inverse_mass,
+            *self._index, self._frame, self._owned, displacement, velocity, force, self._inverse_mass,
         ]
         self._pointers = [ctypes.c_void_p(array.ctypes.data) for array in pointers]
         self._tail = [ctypes.byref(self._table), *(ctypes.c_void_p(a.ctypes.data) for a in (self._numbers, self._result))]
-        self._bound = (state, displacement, velocity)
+        self._bound = (state, displacement, velocity, force)
 
     @property
     def _arrays(self) -> list[str]:
         return [*self._fixed, *self._state_arrays]
 
-    def __call__(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, time: float) -> float:
-        """Advance `state` and `velocity` in place; returns the energy dissipated on this rank [J].
+    def __call__(
+        self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float
+    ) -> float:
+        """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
 
         Raises
         ------
         ProjectionError
             A point without an admissible traction; `state` and `velocity` are then of no use.
         """
-        if not self._bound or any(a is not b for a, b in zip(self._bound, (state, displacement, velocity), strict=True)):
-            self._bind(state, displacement, velocity)
+        given = (state, displacement, velocity, force)
+        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
+            self._bind(*given)
         n = len(self._owned)
         self._function(
             ctypes.c_long(n), ctypes.c_double(self.dt), ctypes.c_double(time), ctypes.c_double(self.threshold),

@@ -20,6 +20,7 @@ from pydantic import (
     Field,
     SerializeAsAny,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
     model_serializer,
     model_validator,
@@ -159,7 +160,7 @@ _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would r
 def alternative(package: str) -> Any:
     """Field type: any alternative of that folder, given as an object or as a table with ``kind``."""
 
-    def choose(value: Any) -> Any:
+    def choose(value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, str):
             value = {"kind": value}
         if not isinstance(value, Mapping):
@@ -170,7 +171,7 @@ def alternative(package: str) -> Any:
             raise PydanticCustomError(
                 "unknown_kind", "'kind' is required, one of: {known}", {"known": ", ".join(kinds(package))}
             )
-        return find(package, kind).model_validate(rest)
+        return find(package, kind).model_validate(rest, context=info.context)
 
     folder = package.rpartition(".")[2]
     return Annotated[

@@ -75,9 +75,17 @@ class ContactMethod(Alternative):
         """Frictional power [W/m2] of one shear component over the step that ends with this update."""
         raise NotImplementedError
 
-    def stored(self, traction: Array) -> Array:
-        """Elastic energy [J/m2] held in the interface by a traction of (normal, *shear) components [Pa]."""
-        return 0.0 * traction[0]
+    def stored(self, normal_stress: Array, shear_traction: list[Array], opening: Array, slip: list[Array]) -> Array:
+        """Elastic energy held in the interface [J/m2].
+
+        Parameters
+        ----------
+        normal_stress, shear_traction :
+            Tractions [Pa], at the time of the last update.
+        opening, slip :
+            Jumps added since then [m]: kinetic and strain energy belong to the middle of the following step.
+        """
+        return 0.0 * normal_stress
 
     def stiffness(self) -> tuple[float, float]:
         """Normal and shear stiffness [Pa/m] that the stable time step must respect; zero for rigid methods."""

@@ -30,9 +30,9 @@ class Compliant(ContactMethod):
         # Slip happens between the two tractions: the trapezoidal rule closes the energy budget exactly.
         return 0.5 * (traction_old + traction) * rate
 
-    def stored(self, traction: Array) -> Array:
-        normal, *shear = traction
-        return 0.5 * normal**2 / self.C_n + sum(0.5 * tau**2 / self.C_s for tau in shear)
+    def stored(self, normal_stress: Array, shear_traction: list[Array], opening: Array, slip: list[Array]) -> Array:
+        shear = sum(0.5 * tau**2 / self.C_s + tau * added for tau, added in zip(shear_traction, slip, strict=True))
+        return 0.5 * normal_stress**2 / self.C_n - normal_stress * opening + shear
 
     def stiffness(self) -> tuple[float, float]:
         return self.C_n, self.C_s

@@ -1,0 +1,235 @@
+"""Snapshots of the bodies for ParaView and for `Record`: `bulk.h5` with its descriptor `bulk.xdmf`.
+
+Every element is written as linear cells between its own nodes, so that any viewer shows all the nodes there are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from ruptfx import fem, parallel
+from ruptfx.operators import ufl_form
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model, State
+
+_UNITS = {"velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
+
+_GRID = Template("""\
+    <Grid Name="bodies" GridType="Uniform">
+      <Time Value="$time"/>
+      <Topology TopologyType="$shape" NumberOfElements="$cells">
+        <DataItem Dimensions="$cells $corners" NumberType="Int" Format="HDF">bulk.h5:/cells</DataItem>
+      </Topology>
+      <Geometry GeometryType="$geometry">
+        <DataItem Dimensions="$points $dim" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/points</DataItem>
+      </Geometry>
+$attributes
+    </Grid>
+""")
+_ATTRIBUTE = Template("""\
+      <Attribute Name="$name" AttributeType="Scalar" Center="Node">
+        <DataItem ItemType="HyperSlab" Dimensions="$points" Type="HyperSlab">
+          <DataItem Dimensions="3 $rank" Format="XML">$start $stride $count</DataItem>
+          <DataItem Dimensions="$total" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/$field</DataItem>
+        </DataItem>
+      </Attribute>""")
+
+
+class BulkFields:
+    """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._file: h5py.File | None = None
+        self._stress_forms: list[Any] | None = None
+        self._order: np.ndarray = np.zeros(0, np.int64)
+
+    def topology(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
+        """Points, cells and body of every point on rank 0, in an order that does not depend on the partition."""
+        model = self.model
+        index_map, comm = model.space.dofmap.index_map, model.comm
+        owned = model.owned_nodes
+        cells, cell_body = self._linear_cells()
+        body = np.zeros(model.nodes)
+        body[cells] = cell_body[:, None]
+        points = parallel.gather_rows(comm, np.column_stack([model.coordinates[:owned], body[:owned]]))
+        numbers = index_map.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
+        everything = parallel.gather_rows(comm, numbers)
+        if points is None or everything is None:
+            return None, None, None
+        # Global numbers are contiguous by rank, so gathered rows are in that order.
+        scale = np.ptp(points[:, :-1], axis=0).max()
+        keys = np.round(points / np.append(np.full(points.shape[1] - 1, scale), 1.0), 9)
+        self._order = np.lexsort(keys.T)
+        place = np.empty_like(self._order)
+        place[self._order] = np.arange(len(place))
+        linear = place[everything]
+        linear = linear[np.argsort(linear.min(axis=1) * len(points) + linear.max(axis=1))]
+        points = points[self._order]
+        return points[:, :-1], linear, points[:, -1].astype(np.int32)
+
+    def _linear_cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """Owned elements cut into linear cells at their nodes, and the body of each."""
+        model = self.model
+        count = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
+        dofs = model.space.dofmap.list[:count]
+        body = model.bodies.cell_body[:count]
+        name, p = model.mesh.basix_cell().name, model.case.order
+        if name in ("triangle", "tetrahedron"):
+            return dofs, body
+        dim = model.mesh.topology.dim
+        reference = np.round(model.space.element.basix_element.points, 9)
+        lattice = np.lexsort(reference.T[::-1]).reshape((p + 1,) * dim)  # [ix, iy, (iz)]
+        low, high = slice(None, -1), slice(1, None)
+        if dim == 2:
+            corners = [(low, low), (high, low), (high, high), (low, high)]
+        else:
+            square = [(low, low), (high, low), (high, high), (low, high)]
+            corners = [(*corner, level) for level in (low, high) for corner in square]  # type: ignore[misc]
+        local = np.stack([lattice[corner].ravel() for corner in corners], axis=1)
+        linear = dofs[:, local].reshape(-1, len(corners))
+        if dim == 2:
+            x = model.coordinates[linear]
+            a, b = x[:, 1] - x[:, 0], x[:, 3] - x[:, 0]
+            clockwise = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0
+            linear[clockwise] = linear[clockwise][:, ::-1]
+        return linear, np.repeat(body, len(local))
+
+    def create(self, out: Path, points: Any, cells: Any, body: Any) -> None:
+        """Open the file; rank 0 only."""
+        self._out = out
+        self._file = file = h5py.File(out / "bulk.h5", "w")
+        for name, values, unit in (("points", points, "m"), ("cells", cells, "1"), ("body", body, "1")):
+            file.create_dataset(name, data=values).attrs["units"] = unit
+        file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
+        file.attrs["bodies"] = self.model.bodies.names
+        file.flush()
+
+    def record(self, state: State) -> None:
+        """Append one snapshot; collective."""
+        model, c = self.model, self.model.components
+        stress = self._stress(state.displacement)
+        columns = np.column_stack([state.velocity.reshape(-1, c), state.displacement.reshape(-1, c), stress])
+        rows = parallel.gather_rows(model.comm, columns[: model.owned_nodes])
+        if rows is None or self._file is None:
+            return
+        velocity, displacement, stress = np.split(rows[self._order], [c, 2 * c], axis=1)
+        fields = {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
+        count = len(self._file["time"])
+        self._file["time"].resize(count + 1, axis=0)
+        self._file["time"][count] = state.time
+        for name, values in fields.items():
+            if name not in self._file:
+                data = self._file.create_dataset(name, (0, *values.shape), maxshape=(None, *values.shape), chunks=(1, *values.shape))
+                data.attrs["units"] = _UNITS[name]
+            self._file[name].resize(count + 1, axis=0)
+            self._file[name][count] = values
+        self._file.flush()
+        self._write_descriptor()
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def _stress(self, displacement: np.ndarray) -> np.ndarray:
+        """Total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
+        model, ufl = self.model, fem.ufl
+        space, c = model.space, model.components
+        if self._stress_forms is None:
+            self._displacement = fem.dolfinx.fem.Function(space)
+            test, dx = ufl.TestFunction(space), model.measure()
+            variable = ufl.variable(ufl_form.strain(self._displacement))
+            forms = []
+            entries = _entries(c)
+            for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
+                form = 0
+                for index, material in enumerate(model.materials):
+                    stress = ufl.diff(material.energy_density(variable, model.case.plane), variable)
+                    picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
+                    form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
+                forms.append((fem.dolfinx.fem.form(form), len(pair)))
+            self._stress_forms = forms
+            self._volume = fem.assemble_summed(space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials))))
+            self._initial = self._initial_stress(len(entries))
+        self._displacement.x.array[:] = displacement
+        columns = []
+        for form, used in self._stress_forms:
+            vector = np.zeros_like(displacement)
+            fem.dolfinx.fem.assemble_vector(vector, form)
+            model.sum_shared(vector)
+            columns.append((vector / self._volume).reshape(-1, c)[:, :used])
+        return np.concatenate(columns, axis=1) + self._initial
+
+    def _initial_stress(self, entries: int) -> np.ndarray:
+        """The uniform stress the first fault's initial traction stands for (its mean when it varies)."""
+        initial = np.zeros(entries)
+        if self.model.faults and self.model.components == 2:
+            fault = self.model.faults[0]
+            face = fault.interface
+            weight = face.owned * face.weight
+            normal = (face.frame[:, 0].T * weight).sum(axis=1)
+            sums = parallel.total(self.model.comm, [
+                *normal, weight.sum(), weight @ fault.normal_stress_0, weight @ fault.shear_traction_0[:, 0]
+            ])  # fmt: skip
+            n = sums[:2] / np.linalg.norm(sums[:2])
+            t = np.array([n[1], -n[0]])
+            sigma, tau = sums[3:] / sums[2]
+            tensor = -sigma * np.outer(n, n) + tau * (np.outer(n, t) + np.outer(t, n))
+            initial[:] = tensor[0, 0], tensor[1, 1], tensor[0, 1]
+        return initial
+
+    def _write_descriptor(self) -> None:
+        """The XDMF text, whole at any time: written aside and renamed."""
+        file = self._file
+        assert file is not None
+        (points, dim), (cells, corners) = file["points"].shape, file["cells"].shape
+        shape = {(2, 3): "Triangle", (2, 4): "Quadrilateral", (3, 4): "Tetrahedron", (3, 8): "Hexahedron"}[dim, corners]
+        grids = []
+        for index, time in enumerate(file["time"][:]):
+            attributes = []
+            for field in _UNITS:
+                data = file[field]
+                parts = [""] if data.ndim == 2 else [f"_{axis}" for axis in _labels(field, data.shape[2])]
+                for part, label in enumerate(parts):
+                    start, count = (f"{index} 0", f"1 {points}") if data.ndim == 2 else (f"{index} 0 {part}", f"1 {points} 1")
+                    attributes.append(_ATTRIBUTE.substitute(
+                        name=f"{field}{label}", points=points, rank=data.ndim, start=start, stride=" ".join("1" * data.ndim),
+                        count=count, total=" ".join(map(str, data.shape)), field=field,
+                    ))  # fmt: skip
+            grids.append(_GRID.substitute(
+                time=repr(float(time)), shape=shape, cells=cells, corners=corners, points=points, dim=dim,
+                geometry="XY" if dim == 2 else "XYZ", attributes="\n".join(attributes),
+            ))  # fmt: skip
+        head = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n  <Grid Name="run" GridType="Collection" CollectionType="Temporal">\n'
+        temporary = self._out / ".bulk.xdmf"
+        temporary.write_text(head + "".join(grids) + "  </Grid>\n </Domain>\n</Xdmf>\n")
+        temporary.replace(self._out / "bulk.xdmf")
+
+
+def _entries(components: int) -> list[Any]:
+    """Stress components saved: xz, yz in antiplane, else the symmetric ones."""
+    if components == 1:
+        return [0, 1]
+    if components == 2:
+        return [(0, 0), (1, 1), (0, 1)]
+    return [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
+
+
+def _labels(field: str, count: int) -> list[str]:
+    if field == "stress":
+        return {2: ["xz", "yz"], 3: ["xx", "yy", "xy"], 6: ["xx", "yy", "zz", "xy", "yz", "xz"]}[count]
+    return ["z"] if count == 1 else ["x", "y", "z"][:count]
+
+
+def fringe(stress: np.ndarray) -> np.ndarray:
+    """sigma_1 - sigma_2 in the plane [Pa]; in antiplane twice the shear stress."""
+    if stress.shape[1] == 2:
+        return 2 * np.hypot(stress[:, 0], stress[:, 1])
+    shear = stress[:, 2] if stress.shape[1] == 3 else stress[:, 3]
+    return np.hypot(stress[:, 0] - stress[:, 1], 2 * shear)

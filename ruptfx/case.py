@@ -1,0 +1,194 @@
+"""A case: everything one run needs, strict and cross-checked; TOML in and out, `--set` overrides, content hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from ruptfx.contact import AnyContact
+from ruptfx.friction import AnyFriction
+from ruptfx.loading import AnyBoundary, InitialStress
+from ruptfx.materials import AnyMaterial, Plane
+from ruptfx.meshes import AnyMesh
+from ruptfx.schema import CaseError, Name, Part, find, json_schema, kinds, nearest
+from ruptfx.steppers import AnyStepper
+from ruptfx.units import Duration, Rate, Speed
+
+FOLDERS = ["meshes", "materials", "contact", "friction", "steppers"]
+
+
+class FaultCase(Part):
+    """One interface of the mesh: how contact is enforced, which friction law, what it carries initially."""
+
+    contact: AnyContact
+    friction: AnyFriction
+    initial_stress: InitialStress
+
+
+class Output(Part):
+    """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots."""
+
+    interface_interval: Duration | None = None
+    bulk_interval: Duration | None = None
+    rupture_threshold: Speed = 1e-3
+    """Slip rate whose first passing is the rupture time."""
+    figures: bool = True
+
+
+class Damping(Part):
+    """Damping of the bodies."""
+
+    mass: Rate = 0.0
+    """Force per mass and velocity."""
+
+
+class Case(Part):
+    """Everything one run needs.
+
+    Raises
+    ------
+    CaseError
+        On anything that cannot be used: the key, its value and the remedy.
+    """
+
+    title: str = ""
+    plane: Plane
+    order: Annotated[int, Field(ge=1, le=8)] = 4
+    operator: str = "matrix_free"
+    duration: Duration
+    mesh: AnyMesh
+    materials: dict[Name, AnyMaterial]
+    """By body; `default` is for the bodies not listed."""
+    faults: dict[Name, FaultCase] = {}
+    boundaries: list[AnyBoundary] = []
+    damping: Damping = Damping()
+    stepper: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
+    output: Output = Output()
+
+    @field_validator("operator")
+    @classmethod
+    def _operator_exists(cls, name: str) -> str:
+        if name not in kinds("ruptfx.operators"):
+            raise ValueError(f"no such operator, {nearest(name, kinds('ruptfx.operators'))}")
+        return name
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Case:
+        allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}[self.plane]
+        for number, boundary in enumerate(self.boundaries):
+            component = getattr(boundary, "component", None)
+            if component is not None and component not in allowed:
+                raise ValueError(
+                    f"boundaries.{number}.component = '{component}': plane = '{self.plane}' moves in {allowed} only"
+                )
+            traction = getattr(boundary, "traction", None)
+            if traction is not None and len(traction) != len(allowed):
+                raise ValueError(f"boundaries.{number}.traction: {len(allowed)} components are needed ({allowed})")
+        return self
+
+    @property
+    def hash(self) -> str:
+        """Content hash: equal for cases that mean the same run."""
+        return hashlib.sha256(json.dumps(self.table(), sort_keys=True).encode()).hexdigest()[:16]
+
+    def table(self) -> dict[str, Any]:
+        """The resolved case as plain tables, ready for TOML."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def to_toml(self) -> str:
+        return tomli_w.dumps(self.table())
+
+    @property
+    def impact_speed(self) -> float:
+        """Largest driven velocity [m/s], 0 without driven edges."""
+        return max((abs(b.velocity) for b in self.boundaries if hasattr(b, "velocity")), default=0.0)
+
+
+def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:
+    """A case from tables; relative paths in it are relative to `directory`. A top-level ``kind`` names a lumped model.
+
+    Raises
+    ------
+    CaseError
+    """
+    table = dict(table)
+    try:
+        if "kind" in table:
+            kind = table.pop("kind")
+            if kind not in kinds("ruptfx.lumped"):
+                raise CaseError(f"kind = {kind!r}: unknown, {nearest(str(kind), kinds('ruptfx.lumped'))}")
+            return find("ruptfx.lumped", kind).model_validate(table, context={"directory": directory})
+        return Case.model_validate(table, context={"directory": directory})
+    except ValidationError as error:
+        raise CaseError.from_validation(error) from None
+
+
+def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Any:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file.
+    overrides : iterable of str
+        ``"faults.main.initial_stress.normal=30e6"``: dotted key and TOML value.
+
+    Raises
+    ------
+    CaseError
+        File missing or not TOML, unknown keys, wrong types or signs, inconsistent values.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CaseError(f"{path}: not valid TOML: {error}") from None
+    for item in overrides:
+        override(table, item)
+    try:
+        return parse_case(table, path.resolve().parent)
+    except CaseError as error:
+        raise CaseError("\n".join(f"{path}: {line}" for line in str(error).splitlines())) from None
+
+
+def override(table: dict[str, Any], item: str) -> None:
+    """Set one dotted key of the tables in place; list entries are addressed by number.
+
+    Raises
+    ------
+    CaseError
+    """
+    key, equals, text = item.partition("=")
+    if not equals or not key.strip():
+        raise CaseError(f"--set {item}: write KEY=VALUE, for example duration=60e-6")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()  # an unquoted word
+    *parents, last = key.strip().split(".")
+    node: Any = table
+    try:
+        for name in parents:
+            node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
+        if isinstance(node, list):
+            node[int(last)] = value
+        else:
+            node[last] = value
+    except (ValueError, IndexError, TypeError, AttributeError):
+        raise CaseError(f"--set {item}: '{key}' does not lead to a value of the case") from None
+
+
+def case_schema() -> dict[str, Any]:
+    """JSON schema of a case."""
+    return json_schema(Case, [f"ruptfx.{folder}" for folder in FOLDERS])

@@ -1,0 +1,286 @@
+"""The semi-discrete system: M a = -K u - C v - J' W (T - T_0) + boundary forces; and its state.
+
+Vectors hold the local degrees of freedom of a blocked Lagrange space, ghosts included, node by node. Diagonal
+quantities (mass, dashpots, edge forces) are complete at every local node, so that ranks update shared nodes alike and
+exchange nothing but the internal force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from ruptfx import RuptfxError, fem, operators, parallel
+from ruptfx.bodies import distribute
+from ruptfx.case import Case, FaultCase
+from ruptfx.fault import Fault, FaultState
+from ruptfx.interface import build_interface
+from ruptfx.loading import Loads
+from ruptfx.materials import Material, WaveSpeeds
+from ruptfx.operators import ufl_form
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, nearest
+
+
+@dataclass
+class State:
+    """Everything that changes during a run.
+
+    Attributes
+    ----------
+    time, step : float, int
+        Time [s] of the displacement and number of steps done.
+    displacement, velocity, force : ndarray, shape (nodes * components,)
+        Velocity is half a step behind the displacement in explicit runs; `force` is internal force under way.
+    faults : dict of str to dict of ndarray
+        Fields of every fault by name.
+    energy : dict of str to float
+        Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
+    """
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    faults: dict[str, FaultState]
+    time: float = 0.0
+    step: int = 0
+    energy: dict[str, float] = field(
+        default_factory=lambda: {"frictional_dissipation": 0.0, "damping": 0.0, "boundary_work": 0.0}
+    )
+
+
+class Model:
+    """The discrete problem of a case on the ranks of a communicator.
+
+    Parameters
+    ----------
+    case : Case
+    comm : MPI communicator
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: a mesh without the named interface, bodies without material, unknown edges.
+    """
+
+    def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
+        self.case = case
+        self.comm = comm or fem.MPI.COMM_WORLD
+        self.bodies = distribute(self.comm, case.mesh)
+        self.mesh = self.bodies.mesh
+        simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
+        if simplex and case.order > 1:
+            raise CaseError(f"order = {case.order}: on triangles and tetrahedra the mass is diagonal for order 1 only")
+        dim = self.mesh.geometry.dim
+        if (dim == 3) != (case.plane == "solid"):
+            raise CaseError(f"plane = '{case.plane}': the mesh has {dim} dimensions")
+        self.components = {"antiplane": 1, "solid": 3}.get(case.plane, 2)
+        self.space = fem.lagrange(self.mesh, case.order, self.components)
+        index_map = self.space.dofmap.index_map
+        self.owned_nodes = index_map.size_local
+        self.nodes = index_map.size_local + index_map.num_ghosts
+        self.total_nodes = index_map.size_global
+        self.coordinates = self.space.tabulate_dof_coordinates()[:, :dim]
+        self.materials = self._materials()
+        self.bulk = operators.Bulk(self.space, case.plane, self.materials, self.bodies.cell_body)
+        self.operator = operators.create(case.operator, self.bulk)
+        self._exchange = fem.dolfinx.fem.Function(self.space)
+        self.mass = self._mass()
+        self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
+        unknown = [name for name in self.bodies.interfaces if name not in case.faults]
+        if unknown:
+            raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
+        self.loads = Loads(self, case.boundaries)
+
+    def _materials(self) -> list[Material]:
+        """Material of every body, in the order of the bodies."""
+        given = self.case.materials
+        for name in given:
+            if name not in (*self.bodies.names, "default"):
+                raise CaseError(f"materials.{name}: no such body, {nearest(name, [*self.bodies.names, 'default'])}")
+        missing = [name for name in self.bodies.names if name not in given and "default" not in given]
+        if missing:
+            raise CaseError(f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]")
+        return [given.get(name, given.get("default")) for name in self.bodies.names]
+
+    def _mass(self) -> np.ndarray:
+        """Lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
+        ufl = fem.ufl
+        dx = self.measure()
+        density = [material.density for material in self.materials]
+        return fem.assemble_summed(
+            self.space, sum(rho * self.sum_of(ufl.TestFunction(self.space)) * dx(i) for i, rho in enumerate(density))
+        )
+
+    def measure(self) -> fem.ufl.Measure:
+        return fem.ufl.Measure(
+            "dx", domain=self.mesh, subdomain_data=ufl_form.material_tags(self.bulk),
+            metadata=fem.gll_metadata(self.mesh, self.case.order),
+        )
+
+    def sum_of(self, vector: fem.ufl.core.expr.Expr) -> fem.ufl.core.expr.Expr:
+        return vector if self.components == 1 else sum(vector[i] for i in range(self.components))
+
+    def _fault(self, name: str, fault: FaultCase) -> Fault:
+        if name not in self.bodies.interfaces:
+            known = ", ".join(self.bodies.interfaces) or "none"
+            raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
+        tags = self.bodies.tags
+        face = build_interface(self.space, self.bodies.facets, tags[f"{name}.plus"], tags[f"{name}.minus"], name)
+        normal = evaluate(fault.initial_stress.normal, face.position)
+        shear = np.zeros((len(face.plus), face.tangents))
+        shear[:, 0] = evaluate(fault.initial_stress.shear, face.position)
+        return Fault(name, face, fault.contact.at(face.position), fault.friction.at(face.position), normal, shear)
+
+    # -- what loads and steppers ask for ---------------------------------------------------------------------------
+
+    def component(self, name: str) -> int:
+        """Index of x, y or z among the displacement components."""
+        return 0 if self.components == 1 else "xyz".index(name)
+
+    def edge_nodes(self, tag: int) -> np.ndarray:
+        """Local nodes on a named edge."""
+        return fem.dolfinx.fem.locate_dofs_topological(self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag))
+
+    def _edge_measure(self, tag: int) -> fem.ufl.Measure:
+        return fem.ufl.Measure(
+            "ds", domain=self.mesh, subdomain_data=self.bodies.facets, subdomain_id=tag,
+            metadata=fem.gll_metadata(self.mesh, self.case.order),
+        )
+
+    def edge_force(self, tag: int, traction: list[float]) -> np.ndarray:
+        """Nodal force of a constant traction [Pa] on an edge [N]."""
+        test = fem.ufl.TestFunction(self.space)
+        density = traction[0] * test if self.components == 1 else fem.ufl.inner(fem.ufl.as_vector(traction), test)
+        return fem.assemble_summed(self.space, density * self._edge_measure(tag))
+
+    def edge_dashpot(self, tag: int) -> np.ndarray:
+        """Lysmer dashpot of every degree of freedom on an edge [N s/m]: rho c_p along the normal, rho c_s across."""
+        ufl = fem.ufl
+        cellwise = fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
+        impedance = [fem.dolfinx.fem.Function(cellwise) for _ in range(2)]
+        speeds = [material.wave_speeds(self.case.plane) for material in self.materials]
+        values = np.array([[m.density * c.c_p, m.density * c.c_s] for m, c in zip(self.materials, speeds, strict=True)])
+        cells = cellwise.dofmap.list[:, 0]
+        for k in range(2):
+            impedance[k].x.array[cells] = values[self.bodies.cell_body[: len(cells)], k]
+        z_p, z_s = impedance
+        test, n = ufl.TestFunction(self.space), ufl.FacetNormal(self.mesh)
+        if self.components == 1:
+            density = z_s * test
+        else:
+            # The diagonal of z_p n n' + z_s (1 - n n'), exact where the edge is along an axis.
+            density = sum((z_p * n[i] ** 2 + z_s * (1 - n[i] ** 2)) * test[i] for i in range(self.components))
+        return fem.assemble_summed(self.space, density * self._edge_measure(tag))
+
+    def sum_shared(self, vector: np.ndarray) -> None:
+        """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""
+        if self.comm.size > 1:
+            x = self._exchange.x
+            x.array[:] = vector
+            x.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+            x.scatter_forward()
+            vector[:] = x.array
+
+    @cached_property
+    def shared_nodes(self) -> np.ndarray:
+        """True for every local node that another rank knows too."""
+        if self.comm.size == 1:
+            return np.zeros(self.nodes, dtype=bool)
+        flag = self._exchange.x
+        flag.array[:] = 0
+        flag.array[self.owned_nodes * self.components :] = 1
+        flag.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+        flag.scatter_forward()
+        return flag.array.reshape(self.nodes, -1)[:, 0] > 0
+
+    def initial_state(self) -> State:
+        """At rest in the initial stress."""
+        zero = np.zeros(self.nodes * self.components)
+        return State(zero, zero.copy(), zero.copy(), {fault.name: fault.initial_state() for fault in self.faults})
+
+    def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Sum over the degrees of freedom this rank owns."""
+        owned = self.owned_nodes * self.components
+        return float(a[:owned] @ b[:owned])
+
+    def internal_force(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """-K u, summed over ranks [N]."""
+        force = np.zeros_like(displacement)
+        self.operator.add_internal_force(displacement, velocity, force)
+        self.sum_shared(force)
+        return force
+
+    def energies(self, state: State, dt: float) -> dict[str, float]:
+        """Energy budget over all ranks [J, per metre of thickness in 2D].
+
+        In the middle of the last step, where the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly.
+        `boundary_work` is that of driven edges, tractions and the initial stress.
+        """
+        half = 0.5 * dt * state.velocity
+        earlier, middle = state.displacement - 2 * half, state.displacement - half
+        force = self.internal_force(state.displacement, state.velocity)
+        here = {
+            "kinetic": 0.5 * self.owned_dot(state.velocity, self.mass * state.velocity),
+            "strain": -0.5 * self.owned_dot(earlier, force),
+            "interface_elastic": sum(fault.elastic_energy(state.faults[fault.name], half) for fault in self.faults),
+            "frictional_dissipation": state.energy["frictional_dissipation"],
+            "damping": state.energy["damping"],
+            "boundary_work": state.energy["boundary_work"]
+            + sum(fault.preload_work(middle) for fault in self.faults),
+        }
+        summed = parallel.total(self.comm, list(here.values()))
+        return dict(zip(here, summed.tolist(), strict=True))
+
+    def highest_frequency(self, free: np.ndarray) -> float:
+        """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
+
+        Parameters
+        ----------
+        free : ndarray, shape (nodes * components,)
+            Inverse lumped mass [1/kg], zero where the motion is prescribed.
+        """
+        root = np.sqrt(free)
+        stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in self.faults]
+
+        def apply(vector: np.ndarray) -> np.ndarray:
+            u = root * vector
+            force = self.internal_force(u, np.zeros_like(u))
+            for fault, (normal, shear) in stiffness:
+                if normal or shear:
+                    face = fault.interface
+                    spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
+                    face.add_force(force, spring * face.jump(u), scale=np.ones_like(u))
+            return -root * force
+
+        def dot(a: np.ndarray, b: np.ndarray) -> float:
+            return float(parallel.total(self.comm, self.owned_dot(a, b)))
+
+        # A start that every partition makes alike: pseudo-random in the coordinates.
+        x = np.repeat(self.coordinates @ (np.array([12.9898, 78.233, 37.719])[: self.coordinates.shape[1]]), self.components)
+        scale = parallel.total(self.comm, np.abs(x[: self.owned_nodes]).sum()) / self.total_nodes
+        vector = np.sin(4.3758e4 * x / scale) * (root > 0)
+        vector /= np.sqrt(dot(vector, vector))
+        before, beta, diagonal, off = np.zeros_like(vector), 0.0, [], []
+        highest = 0.0
+        for _ in range(200):
+            w = apply(vector) - beta * before
+            diagonal.append(dot(w, vector))
+            w -= diagonal[-1] * vector
+            beta = np.sqrt(dot(w, w))
+            if len(diagonal) % 10 == 0 or beta == 0:
+                last, highest = highest, eigh_tridiagonal(diagonal, off, eigvals_only=True)[-1]
+                if highest - last < 2e-3 * highest:
+                    break
+            off.append(beta)
+            before, vector = vector, w / beta
+        if not np.isfinite(highest) or highest <= 0:
+            raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
+        return float(np.sqrt(highest))
+
+    def wave_speeds(self) -> WaveSpeeds:
+        """Of the slowest body, the scale of the pictures."""
+        return min((m.wave_speeds(self.case.plane) for m in self.materials), key=lambda speeds: speeds.c_s)

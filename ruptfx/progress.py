@@ -1,0 +1,62 @@
+"""One progress line for a long run: simulated time, step, peak slip rate, time left."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+if TYPE_CHECKING:
+    from ruptfx.model import State
+
+
+class Progress:
+    """A bar on a terminal, a line every tenth of the run elsewhere.
+
+    Parameters
+    ----------
+    steps : int
+    duration : float
+        Simulated time of the whole run [s].
+    show : bool
+    """
+
+    def __init__(self, steps: int, duration: float, show: bool) -> None:
+        # Under mpiexec the launcher's terminal is what counts; `ruptfx run` passes its nature on.
+        terminal = True if os.environ.get("RUPTFX_TERMINAL") else None
+        self._console = Console(force_terminal=terminal, stderr=True)
+        self._steps, self._duration, self._show, self._tenth = steps, duration, show, 0
+        self._bar: Bar | None = None
+        if show and self._console.is_terminal:
+            self._bar = Bar(
+                TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn(),
+                console=self._console, transient=False,
+            )  # fmt: skip
+            self._task = self._bar.add_task(self._text(0.0, 0, 0.0), total=steps)
+
+    def _text(self, time: float, step: int, peak: float) -> str:
+        return f"t = {time:9.3g} s of {self._duration:.3g}  step {step:6d}  peak slip rate {peak:8.3g} m/s"
+
+    def __enter__(self) -> Progress:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def update(self, state: State) -> None:
+        """Show where the run is; the peak is that of the first rank's points."""
+        if not self._show:
+            return
+        peak = max((float(abs(fields[name]).max(initial=0)) for fields in state.faults.values() for name in fields if name.startswith("slip_rate")), default=0.0)
+        text = self._text(state.time, state.step, peak)
+        if self._bar:
+            self._bar.update(self._task, completed=state.step, description=text)
+        elif 10 * state.step // self._steps > self._tenth:
+            self._tenth = 10 * state.step // self._steps
+            self._console.print(f"{10 * self._tenth:3d} %  {text}", highlight=False)
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar:
+            self._bar.stop()

@@ -1,0 +1,163 @@
+"""From a case to a finished run directory: the only time loop."""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from ruptfx import RuptfxError, fem, parallel
+from ruptfx.case import Case
+from ruptfx.model import Model, State
+from ruptfx.progress import Progress
+from ruptfx.record import Record
+from ruptfx.recorder import Recorder, prepare_directory, versions, write_summary
+
+CHECK_EVERY = 25  # steps between checks that all ranks are well
+
+
+class Interrupted(RuptfxError):
+    """Stopped by a signal; what was written is readable."""
+
+
+def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bool = True) -> Record:
+    """Run a case and leave a complete run directory.
+
+    Parameters
+    ----------
+    case : Case
+    out : str or Path
+        Run directory; must not exist or be empty.
+    comm : MPI communicator, optional
+        All ranks of the job when left out; every rank calls this function.
+    progress : bool
+        Show a progress bar on rank 0.
+
+    Returns
+    -------
+    Record
+        The finished run, on every rank.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks. Files written so far are kept and readable.
+    """
+    comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
+    if not isinstance(case, Case):  # a lumped model
+        from ruptfx.lumped import simulate as simulate_lumped
+
+        return simulate_lumped(case, out)
+    prepare_directory(comm, out)
+    began = time.perf_counter()
+    model = Model(case, comm)
+    motion = case.stepper.bind(model)
+    state = model.initial_state()
+    with Recorder(model, out, motion.dt) as recorder, Signals() as signals, Progress(recorder.steps, case.duration, progress and comm.rank == 0) as bar:
+        recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
+        recorder.record(state)
+        stepping = time.perf_counter()
+        while state.step < recorder.steps:
+            error = _step(motion, state)
+            due = recorder.due(state)
+            if due or comm.size == 1 or state.step % CHECK_EVERY == 0:
+                if due or state.step % CHECK_EVERY == 0:
+                    error = error or _not_a_number(model, state)
+                _stop_together(comm, error, signals, state, recorder)
+            if due:
+                recorder.record(state)
+                bar.update(state)
+        stepping = time.perf_counter() - stepping
+    _finish(model, out, {
+        "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt, "nodes": model.total_nodes,
+        "node_updates_per_second": model.total_nodes * state.step / stepping, "ranks": comm.size,
+    })  # fmt: skip
+    return Record(out)
+
+
+def _step(motion: Any, state: State) -> RuptfxError | None:
+    """One step; an error of this rank is handed back, to be raised by all together."""
+    try:
+        motion.step(state)
+    except RuptfxError as error:
+        state.step += 1
+        return error
+    return None
+
+
+def _not_a_number(model: Model, state: State) -> RuptfxError | None:
+    """The first node whose velocity is not finite, if there is one."""
+    if np.isfinite(state.velocity @ state.velocity):
+        return None
+    bad = ~np.isfinite(state.velocity.reshape(model.nodes, -1)).all(axis=1)
+    node = int(np.argmax(bad)) if bad.any() else int(np.argmax(np.abs(state.velocity)) // model.components)
+    x = ", ".join(f"{value:.6g}" for value in model.coordinates[node])
+    return RuptfxError(
+        f"the motion is not a number or overflows at ({x}) m, time {state.time:.6g} s, step {state.step}; "
+        "reduce stepper.safety or stepper.time_step"
+    )
+
+
+def _stop_together(comm: Any, error: RuptfxError | None, signals: Signals, state: State, recorder: Recorder) -> None:
+    """Raise on all ranks if any of them failed or was told to stop."""
+    if error is None and signals.received:
+        error = Interrupted(
+            f"stopped by {signals.received} at {state.time:.6g} s, step {state.step} of {recorder.steps}; "
+            f"{recorder.records} records are kept in {recorder.out}"
+        )
+    if comm.size == 1:
+        if error is not None:
+            raise error
+    else:
+        parallel.raise_on_all(comm, error)
+
+
+class Signals:
+    """Turns SIGINT and SIGTERM into a flag that the time loop looks at; a second one acts at once."""
+
+    def __init__(self) -> None:
+        self.received = ""
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Signals:
+        try:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._receive)
+        except ValueError:  # not the main thread: leave signals alone
+            pass
+        return self
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self.received = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        signal.signal(number, self._before[number] or signal.SIG_DFL)
+
+    def __exit__(self, *_: Any) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def _finish(model: Model, out: Path, facts: dict[str, Any]) -> None:
+    """Analysis, figures and, last, the marker; rank 0 works, all ranks learn of an error."""
+
+    def finish() -> None:
+        from ruptfx import plots
+        from ruptfx.analysis import summarise
+
+        record = Record(out)
+        findings = summarise(record)
+        if model.case.output.figures:
+            plots.save_all(record)
+        record.close()
+        found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
+        write_summary(out, {
+            **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": found,
+            "host_cores": os.cpu_count(),
+        })  # fmt: skip
+
+    parallel.on_root(model.comm, finish)

@@ -1,0 +1,170 @@
+"""Explicit central differences with a diagonal mass."""
+
+from __future__ import annotations
+
+import ctypes
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ruptfx import native
+from ruptfx.fault import FaultStep
+from ruptfx.loading import ramp
+from ruptfx.schema import CaseError
+from ruptfx.steppers import Stepper
+from ruptfx.units import Duration, Fraction
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model, State
+
+
+class Leapfrog(Stepper):
+    """Central differences in leapfrog form: v(n+1/2) = v(n-1/2) + dt a(n), u(n+1) = u(n) + dt v(n+1/2).
+
+    Second order, conserves the discrete energy exactly, stable for dt <= 2 / omega_max. Dashpots and mass damping are
+    implicit, so they do not shorten the step.
+    """
+
+    safety: Fraction = 0.9
+    """Time step over the stable one."""
+    time_step: Duration | None = None
+    """Given instead of chosen; refused if it is not stable."""
+
+    def bind(self, model: Model) -> LeapfrogMotion:
+        free = LeapfrogMotion.free_inverse_mass(model)
+        stable = 2 / model.highest_frequency(free)
+        if self.time_step is None:
+            return LeapfrogMotion(model, _three_digits(self.safety * stable))
+        if self.time_step > stable:
+            raise CaseError(
+                f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, {what_limits(model, stable)}; "
+                "reduce it, or leave it out"
+            )
+        return LeapfrogMotion(model, self.time_step)
+
+
+def _three_digits(value: float) -> float:
+    """Rounded down, so that the step does not depend on the last digits of an eigenvalue and hence on the ranks."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / unit * (1 + 1e-9)) * unit)
+
+
+def what_limits(model: Model, stable: float) -> str:
+    """Whether elements or the stiffness of an interface set the stable step."""
+    inverse = LeapfrogMotion.free_inverse_mass(model)
+    worst, name = 0.0, ""
+    for fault in model.faults:
+        normal, shear = fault.contact.stiffness()
+        face = fault.interface
+        mobility = (inverse.reshape(model.nodes, -1)[face.plus] + inverse.reshape(model.nodes, -1)[face.minus]).max(axis=1)
+        local = float(np.max(face.weight * mobility, initial=0) * max(normal, shear))
+        worst, name = max((worst, name), (local, fault.name))
+    worst = max(model.comm.allgather(worst))
+    # omega^2 of the interface alone against that of the whole.
+    return f"set by the contact stiffness of faults.{name}" if worst > 0.5 * (2 / stable) ** 2 else "set by the elements"
+
+
+class LeapfrogMotion:
+    """Leapfrog bound to a model and a time step.
+
+    Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here.
+    """
+
+    def __init__(self, model: Model, dt: float) -> None:
+        self.model, self.dt = model, dt
+        c, mass = model.components, model.mass
+        loads = model.loads
+        decay = 0.5 * dt * (loads.dashpot + model.case.damping.mass * mass)
+        effective = 1 / (mass + decay)
+        prescribed = np.zeros(len(mass), dtype=bool)
+        for dofs, _ in loads.driven:
+            prescribed[dofs] = True
+        held = np.repeat(model.shared_nodes, c) | loads.acting
+        for fault in model.faults:
+            for side in (fault.interface.plus, fault.interface.minus):
+                held.reshape(-1, c)[side] = True
+        held_nodes = held.reshape(-1, c).any(axis=1)
+        # With mass damping every node loses energy that must be counted.
+        self._fused = hasattr(model.operator, "prepare_step") and model.case.damping.mass == 0
+        if self._fused:
+            model.operator.prepare_step(held_nodes)
+            self._plain_inverse_mass = np.ascontiguousarray(1 / mass.reshape(-1, c)[:, 0])
+        else:
+            held_nodes[:] = True
+        dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
+        self._dofs = dofs
+        self._keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]
+        self._push = np.where(prescribed, 0.0, dt * effective)[dofs]
+        self._mass, self._dashpot = mass[dofs], (2 * decay / dt)[dofs]
+        self._driven = prescribed[dofs].astype(float)
+        self._owned = (dofs < model.owned_nodes * c).astype(float)
+        self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
+        # Contact feels the mass with the dashpots in it, and cannot move what is driven.
+        self._inverse_mass = np.where(prescribed, 0.0, effective)
+        threshold = model.case.output.rupture_threshold
+        self._faults = [(f.name, FaultStep(f, self._inverse_mass, dt, threshold)) for f in model.faults]
+        self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
+
+    @staticmethod
+    def free_inverse_mass(model: Model) -> np.ndarray:
+        """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
+        inverse = 1 / model.mass
+        for dofs, _ in model.loads.driven:
+            inverse[dofs] = 0
+        return inverse
+
+    def step(self, state: State) -> None:
+        """One step; `state.time` becomes the time of the new displacement.
+
+        Raises
+        ------
+        ProjectionError
+            On the rank that owns the failing interface point.
+        """
+        self._bulk(state)
+        for force, load in self.model.loads.force:
+            # Work of the load by the mean velocity is added once the new one is known.
+            state.force += ramp(state.time, load.ramp) * force
+        pointer = _pointer
+        n = ctypes.c_long(len(self._dofs))
+        self._library.kick(
+            n, pointer(self._dofs), pointer(self._keep), pointer(self._push), pointer(state.force),
+            pointer(state.velocity), pointer(self._velocity_old),
+        )  # fmt: skip
+        for dofs, drive in self.model.loads.driven:
+            state.velocity[dofs] = drive.velocity * ramp(state.time + 0.5 * self.dt, drive.ramp)
+        for name, fault_step in self._faults:
+            state.energy["frictional_dissipation"] += fault_step(
+                state.faults[name], state.displacement, state.velocity, state.force, state.time
+            )
+        self._load_work(state)
+        self._library.drift(
+            n, pointer(self._dofs), ctypes.c_double(self.dt), pointer(self._mass), pointer(self._dashpot),
+            pointer(self._driven), pointer(self._owned), pointer(self._velocity_old), pointer(state.velocity),
+            pointer(state.displacement), pointer(state.force), pointer(self._work),
+        )  # fmt: skip
+        state.energy["damping"] += self._work[0]
+        state.energy["boundary_work"] += self._work[1]
+        self._work[:] = 0
+        state.step += 1
+        state.time = state.step * self.dt
+
+    def _bulk(self, state: State) -> None:
+        """Internal force at held nodes, complete over ranks; plain nodes advanced on the way."""
+        operator = self.model.operator
+        if self._fused:
+            operator.step(state.displacement, state.velocity, state.force, self._plain_inverse_mass, self.dt)
+        else:
+            operator.add_internal_force(state.displacement, state.velocity, state.force)
+        self.model.sum_shared(state.force)
+
+    def _load_work(self, state: State) -> None:
+        for force, load in self.model.loads.force:
+            mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
+            share = force[self._dofs] * self._owned * (1 - self._driven)
+            state.energy["boundary_work"] += float(share @ mean) * ramp(state.time, load.ramp) * self.dt
+
+
+def _pointer(array: np.ndarray) -> Any:
+    return ctypes.c_void_p(array.ctypes.data)
