@@ -1,0 +1,139 @@
+"""C compiled at first use with the compiler FFCx needs anyway, for the widest vectors here, and cached.
+
+NaN stays NaN: the flags allow contraction and explicit `omp simd` loops, never finite-math assumptions.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sysconfig
+import tempfile
+import warnings
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from ruptfx import RuptfxError
+
+FLAGS = (
+    "-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd",
+    "-fPIC", "-shared",
+)  # fmt: skip
+WIDEST = ("-march=native", "-mprefer-vector-width=512")
+"""Tried in this order, the fastest first; the last, empty one is the portable build."""
+_CHOICES = (WIDEST, WIDEST[:1], ("-mcpu=native",), ())
+
+_loaded: dict[str, ctypes.CDLL] = {}
+
+
+def load(name: str, source: str, defines: Mapping[str, object] | None = None) -> ctypes.CDLL:
+    """The compiled shared library of a C source; from the cache when it was compiled before.
+
+    Parameters
+    ----------
+    name : str
+        Readable part of the file name in the cache.
+    source : str
+        C source text.
+    defines : mapping, optional
+        Preprocessor macros, ``{"ORDER": 4}`` is ``#define ORDER 4``.
+
+    Raises
+    ------
+    RuptfxError
+        No compiler, or a source that does not compile (its messages are quoted).
+    """
+    # Macros are part of the text, so that the cached file shows all there is to know.
+    macros = "".join(f"#define {key} {value}\n" for key, value in (defines or {}).items())
+    text = f'{macros}#line 1 "{name}.c"\n{source}'
+    compiler = find_compiler()
+    identity = "\0".join([text, *FLAGS, *map(str, _CHOICES), *compiler, _version(compiler), _processor()])
+    key = f"{name}-{hashlib.sha256(identity.encode()).hexdigest()[:20]}"
+    if key not in _loaded:
+        file = cache_directory() / f"{key}.so"
+        if not file.exists():
+            _compile(compiler, text, file)
+        _loaded[key] = ctypes.CDLL(str(file))
+    return _loaded[key]
+
+
+@cache
+def find_compiler() -> tuple[str, ...]:
+    """Command of the C compiler: $CC, else what Python was built with, else gcc, cc or clang.
+
+    Raises
+    ------
+    RuptfxError
+        None of them is installed.
+    """
+    given = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "gcc", "cc", "clang")
+    for command in filter(None, given):
+        words = shlex.split(command)
+        if words and shutil.which(words[0]):
+            return tuple(words)
+    raise RuptfxError(
+        "no C compiler found, and explicit steps need one; install it with: apt install gcc libc6-dev "
+        "(or point the variable CC to one)"
+    )
+
+
+@cache
+def _version(compiler: tuple[str, ...]) -> str:
+    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
+
+
+@cache
+def _processor() -> str:
+    """What `-march=native` depends on, model and instruction sets: a cache may be on a shared disk."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    keys = ("vendor_id", "cpu family", "model", "model name", "flags", "Features", "CPU part")
+    return "\n".join(line for line in lines if line.partition(":")[0].strip() in keys)
+
+
+@cache
+def cache_directory() -> Path:
+    """$XDG_CACHE_HOME/ruptfx or ~/.cache/ruptfx, or a temporary directory where that cannot be written."""
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    try:
+        directory = Path(base).expanduser() / "ruptfx"
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return directory
+    except (OSError, RuntimeError):
+        return Path(tempfile.mkdtemp(prefix="ruptfx-"))
+
+
+def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
+    """Compile to a temporary name, then rename: several ranks may do this at the same time."""
+    with tempfile.TemporaryDirectory(dir=file.parent) as work:
+        source, built = Path(work) / f"{file.stem}.c", Path(work) / file.name
+        source.write_text(text)
+        refusals = []
+        # libmvec holds the vector versions of exp, log and pow; not every system has it.
+        for machine, libraries in ((m, li) for m in _CHOICES for li in (("-lmvec", "-lm"), ("-lm",))):
+            command = [*compiler, *FLAGS, *machine, str(source), "-o", str(built), *libraries]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                break
+            refusals.append(done.stderr.strip())
+        else:
+            message = refusals[-1][-2000:] or f"exit code {done.returncode}"
+            raise RuptfxError(f"{compiler[0]} cannot compile {file.stem.partition('-')[0]}.c:\n{message}")
+        if not machine:
+            reason = (refusals[0].splitlines() or ["no message"])[0]
+            warnings.warn(
+                f"{compiler[0]} refuses -march=native ({reason}); using a portable build, which is slower",
+                stacklevel=4,
+            )
+        kept = file.with_suffix(".c")
+        os.replace(source, kept)
+        os.replace(built, file)
