@@ -1,0 +1,104 @@
+"""What a run means: sliding mode, fronts, energies and fringes, from saved arrays; no DOLFINx and no MPI."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ruptfx.analysis.energy import budget
+from ruptfx.analysis.modes import Modes, classify
+
+if TYPE_CHECKING:
+    from ruptfx.record import Record
+
+__all__ = ["UNITS", "Modes", "classify", "modes_of", "rupture_origin", "summarise"]
+
+UNITS = {
+    "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
+    "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
+    "first_sliding": "s", "healing_time": "s",
+}  # of the summary; everything else is a name or a pure number
+
+
+def rupture_origin(record: Record) -> tuple[float, float]:
+    """Position [m] and time [s] from which the rupture runs.
+
+    With a driven boundary its end of the interface at time zero; without one where and when sliding began:
+    the median of the points that slid in the first hundredth of the time that the rupture took.
+    """
+    data = record.interface
+    position = data["position"].values
+    if data.attrs.get("V_imp", 0) > 0:
+        return float(data.attrs.get("loaded_end", position[0])), 0.0
+    arrival = np.asarray(data["rupture_time"].values, dtype=float)
+    if not np.isfinite(arrival).any():
+        return float(position[0]), 0.0
+    first, last = np.nanmin(arrival), np.nanmax(arrival)
+    return float(np.median(position[arrival <= first + 0.01 * (last - first)])), float(first)
+
+
+def modes_of(record: Record) -> Modes:
+    """Classify the sliding along the first interface of a run."""
+    data = record.interface
+    known: dict[str, Any] = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
+    known["loaded_end"] = rupture_origin(record)[0]
+    return classify(data["slip_rate"].values, data["time"].values, data["position"].values, **known)
+
+
+def summarise(record: Record) -> dict[str, Any]:
+    """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
+    data = record.interface
+    values = _of_sliding(record) if "slip_rate" in data else {}
+    for name in ("peak_slip_rate", "max_slip", "max_opening"):
+        field = name.removeprefix("max_")
+        values[name] = _largest(data[field]) if field in data else np.nan
+    if (record.path / "energy.csv").is_file():
+        values["energy_closure"] = budget(record.energy)["energy_closure"]
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _of_sliding(record: Record) -> dict[str, Any]:
+    """What the classification says, under the names of the summary."""
+    data, modes = record.interface, modes_of(record)
+    tip = modes.tip_speed
+    speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
+    # Points that start together have no front speed worth the name.
+    trailing = modes.trailing_speeds
+    trailing = trailing[np.abs(trailing) < 10 * np.nan_to_num(speeds["c_p"], nan=np.inf)]
+    return {
+        "mode": modes.mode,
+        "mode_at_half_threshold": modes.mode_at_half_threshold,
+        "mode_before_arrest": modes.pattern,
+        "mode_confidence": modes.confidence,
+        "tip_speed": tip.value,
+        "tip_speed_error": tip.error,
+        "tip_speed_over_c_R": tip.value / speeds["c_R"],
+        "tip_speed_over_c_s": tip.value / speeds["c_s"],
+        "tip_speed_over_c_l": tip.value / speeds["c_p"],
+        "speed_regime": modes.regime,
+        "reach": modes.reach,
+        "sliding_fraction": modes.sliding_fraction,
+        "zones": modes.zones,
+        "pulse_width": modes.pulse_width,
+        "pulse_width_scatter": modes.pulse_width_scatter,
+        "pulse_width_points": modes.zone_points,
+        "pulse_spacing": modes.pulse_spacing,
+        "pulse_spacing_scatter": modes.pulse_spacing_scatter,
+        "healing_time": modes.healing_time,
+        "trailing_fronts": len(trailing),
+        "fastest_trailing_speed": trailing.max(initial=-np.inf),
+        "trailing_fronts_faster_than_c_l": int((trailing > speeds["c_p"]).sum()),
+    }
+
+
+def _largest(values: Any) -> float:
+    numbers = np.abs(np.asarray(values))
+    return float(np.nanmax(numbers)) if np.isfinite(numbers).any() else float(np.nan)
+
+
+def _plain(value: Any) -> Any:
+    """JSON knows neither NumPy numbers nor NaN."""
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,46 @@
+"""Energy budget of a run: where the work of the boundaries went, and whether everything is accounted for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping")
+
+
+def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
+    """Energy that is not accounted for, as a fraction of the largest boundary work; shape (times,).
+
+    closure = (W - sum of the parts) / max |W|; without boundary work (a rupture that lives on its initial
+    stress) the largest part takes the place of W in the denominator.
+
+    Parameters
+    ----------
+    boundary_work : ndarray, shape (times,)
+        Work done by the boundaries [J].
+    parts : mapping of ndarray, shape (times,)
+        Energies it went to [J], as changes since the start.
+    """
+    values = np.array(list(parts.values()))
+    scale = np.abs(boundary_work).max(initial=0.0) or np.abs(values).max(initial=0.0)
+    return (boundary_work - values.sum(axis=0)) / (scale or 1.0)
+
+
+def budget(energy: Mapping[Any, Any]) -> dict[str, float]:
+    """Final energies [J] under their names, and `energy_closure`, the largest |closure| of the run.
+
+    Parameters
+    ----------
+    energy : mapping of arrays, shape (times,)
+        The columns of a run's energy table; `Record.energy` fits.
+    """
+    columns = {name: np.asarray(energy[name]) for name in (*PARTS, "boundary_work") if name in energy}
+    if not columns or not len(next(iter(columns.values()))):
+        return {"energy_closure": float(np.nan)}
+    final = {name: float(values[-1]) for name, values in columns.items()}
+    work = columns.pop("boundary_work")
+    return {**final, "energy_closure": float(np.abs(closure(work, columns)).max())}

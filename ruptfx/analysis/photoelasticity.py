@@ -1,0 +1,62 @@
+"""Photoelasticity: the isochromatic fringes that a polariscope shows of a plane stress field.
+
+The stress-optic law N = h (sigma_1 - sigma_2) / f_sigma counts fringes; a circular polariscope with crossed
+analyser (dark field) passes sin^2(pi N) of the light, with parallel analyser (light field) cos^2(pi N).
+Source: J. W. Dally and W. F. Riley, Experimental Stress Analysis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx import RuptfxError
+
+Array = np.ndarray
+
+# Commonly quoted for Homalite-100 in green light and the plates of the shear-impact experiments; not
+# calibrated.
+FRINGE_CONSTANT = 22.6e3  # N/m
+THICKNESS = 9.5e-3  # m
+
+
+def principal_difference(xx: Array, yy: Array, xy: Array) -> Array:
+    """sigma_1 - sigma_2 = sqrt((xx - yy)^2 + 4 xy^2) of the stresses in the plane [Pa]."""
+    return np.hypot(xx - yy, 2 * xy)
+
+
+def fringe_order(
+    difference: Array, fringe_constant: float = FRINGE_CONSTANT, thickness: float = THICKNESS
+) -> Array:
+    """Number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
+
+    Parameters
+    ----------
+    difference : ndarray
+        sigma_1 - sigma_2 [Pa].
+    fringe_constant : float
+        f_sigma of the material and the light [N/m]; the default is a commonly quoted value for Homalite-100.
+    thickness : float
+        Thickness of the plate [m].
+    """
+    return difference * (thickness / fringe_constant)
+
+
+def intensity(order: Array, field: str = "dark") -> Array:
+    """Transmitted light from 0 to 1: sin^2(pi N) in a dark field, cos^2(pi N) in a light field.
+
+    Parameters
+    ----------
+    order : ndarray
+        Fringe order N.
+    field : str
+        "dark" (no stress is black) or "light".
+
+    Raises
+    ------
+    RuptfxError
+        Another field.
+    """
+    if field not in ("dark", "light"):
+        raise RuptfxError(f"photoelasticity: field = '{field}': must be 'dark' or 'light'")
+    wave = np.sin if field == "dark" else np.cos
+    return wave(np.pi * order) ** 2

@@ -1,0 +1,228 @@
+"""Figures along the interface: slip rate in space and time, snapshots, slip profiles, speed of the front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from ruptfx.analysis import rupture_origin
+from ruptfx.analysis.front import local_speed
+from ruptfx.analysis.modes import LEVEL
+from ruptfx.plots.style import (
+    GUIDE,
+    RATE_MAP,
+    TIME_MAP,
+    WIDTH,
+    Array,
+    default_times,
+    direction,
+    letter,
+    nearest,
+    new_figure,
+    note,
+    scale,
+    styled,
+    wave_speeds,
+)
+from ruptfx.record import Record
+
+
+@styled
+def space_time(record: Record) -> Figure:
+    """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
+
+    Colours are logarithmic from the sliding threshold (2 % of the driven speed) on where rates span more than
+    a decade; white is slower. Lines are labelled where they leave the picture.
+    """
+    data = record.interface
+    position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(time, "s")
+    figure, axes = new_figure(1, 1, 3.6, 4.8)
+    ax = axes[0, 0]
+    ax.set(
+        xlabel=f"Position along the interface ({x_unit})", ylabel=f"Time ({t_unit})",
+        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, time.max(initial=1e-12) / t_size),
+    )
+    peak = rate.max(initial=0.0)
+    if peak > 0 and len(time) > 1:
+        low = LEVEL * (data.attrs.get("V_imp") or peak)
+        high = max(np.quantile(rate[rate > 0], 0.999), 1.01 * low)
+        norm = LogNorm(low, high) if high > 10 * low else Normalize(0, high)
+        colours = matplotlib.colormaps[RATE_MAP].with_extremes(under="white")
+        mesh = ax.pcolormesh(
+            _edges(position) / x_size, _edges(time) / t_size, rate, norm=norm, cmap=colours, rasterized=True
+        )
+        figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", extend="max", pad=0.03)
+    if peak <= LEVEL * data.attrs.get("V_imp", 0):
+        note(ax, "no sliding")
+    _rays(ax, record, x_size, t_size)
+    return figure
+
+
+def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
+    """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture."""
+    start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
+    (left, right), top = ax.get_xlim(), ax.get_ylim()[1]
+    for name, speed in wave_speeds(record).items():
+        slope = speed * t_size / x_size
+        for sign, room in ((1, right - start), (-1, start - left)):
+            if room < 0.02 * (right - left):
+                continue
+            reach = min(room, slope * (top - begin))
+            end = (start + sign * reach, begin + reach / slope)
+            ax.plot([start, end[0]], [begin, end[1]], "--", color=GUIDE, lw=0.8, gid="ray")
+            at_side = reach >= room
+            # c_R and c_s are close: above the picture their labels lean away from each other.
+            outwards = at_side or name != "$c_R$"
+            ax.annotate(
+                name, end, (3 * sign, 0) if at_side else (0, 3), textcoords="offset points", color=GUIDE,
+                ha="left" if (sign > 0) == outwards else "right", va="center" if at_side else "bottom",
+                annotation_clip=False,
+            )
+
+
+@styled
+def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
+    """Slip rate, shear traction and normal stress along the interface at several times, one row each.
+
+    Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are
+    positive in the direction of the slip.
+
+    Parameters
+    ----------
+    record : Record
+    times : sequence of float, optional
+        Times [s]; the nearest saved ones are drawn. Default: four while the rupture runs.
+    """
+    data = record.interface
+    saved = data["time"].values
+    rows = default_times(record, saved, 4) if times is None else nearest(saved, np.asarray(times))
+    if not len(rows):
+        return _empty("no time was saved")
+    position, sign = data["position"].values, direction(record)
+    x_size, x_unit = scale(np.ptp(position), "m")
+    names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
+             "normal_stress": ("Normal stress", "Pa")}
+    figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
+    axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
+    for column, (name, (title, unit)) in enumerate(names.items()):
+        values = data[name].isel(time=rows).values * (1.0 if name == "normal_stress" else sign)
+        size, printed = scale(values, unit)
+        for ax, row, line in zip(axes[:, column], rows, values / size, strict=True):
+            if name == "slip_rate":
+                ax.fill_between(position / x_size, line, color="#c1440e", alpha=0.25, lw=0)
+            ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
+            ax.set_ylabel(f"{title} ({printed})")
+            _marks(ax, record, saved[row], x_size, named=column > 0)
+        axes[-1, column].set_xlabel(f"Position ({x_unit})")
+    t_size, t_unit = scale(saved, "s")
+    for ax, row in zip(axes[:, 0], rows, strict=True):
+        ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
+    letter(axes.ravel())
+    return figure
+
+
+def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) -> None:
+    start, begin = rupture_origin(record)
+    left, right = ax.get_xlim()
+    for name, speed in wave_speeds(record).items():
+        if name not in ("$c_s$", "$c_l$"):
+            continue
+        for sign in (1, -1):
+            place = (start + sign * speed * (time - begin)) / x_size
+            if time > begin and left < place < right:
+                ax.axvline(place, color=GUIDE, lw=0.5, ls="--", zorder=0)
+                if named:
+                    ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
+                                textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
+
+
+@styled
+def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figure:
+    """Total slip and displacement jump along the interface at successive times, coloured by time.
+
+    The jump contains the elastic stretch of a compliant interface, the slip does not. Both are positive in
+    the direction of the slip.
+
+    Parameters
+    ----------
+    record : Record
+    times : sequence of float, optional
+        Times [s]; the nearest saved ones are drawn. Default: twelve over the run.
+    """
+    data = record.interface
+    saved = data["time"].values
+    if not len(saved):
+        return _empty("no time was saved")
+    wanted = np.linspace(saved[0], saved[-1], 13)[1:] if times is None else np.asarray(times)
+    rows = np.unique(nearest(saved, wanted))
+    position, sign = data["position"].values, direction(record)
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(saved, "s")
+    names = {"slip": "Slip", "displacement_jump": "Displacement jump"}
+    values = {name: sign * data[name].isel(time=rows).values for name in names if name in data}
+    size, unit = scale(np.array(list(values.values())), "m")
+    figure, axes = new_figure(1, len(values), 2.6, sharex=True, sharey=True)
+    colours = ScalarMappable(Normalize(0, max(saved[-1] / t_size, 1e-12)), TIME_MAP)
+    for ax, (name, lines) in zip(axes[0], values.items(), strict=True):
+        for row, line in zip(rows, lines, strict=True):
+            ax.plot(position / x_size, line / size, color=colours.to_rgba(saved[row] / t_size))
+        ax.set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"{names[name]} ({unit})")
+        ax.set_xlim(position[0] / x_size, position[-1] / x_size)
+    figure.colorbar(colours, ax=axes[0].tolist(), label=f"Time ({t_unit})")
+    letter(axes[0])
+    return figure
+
+
+@styled
+def front(record: Record) -> Figure:
+    """Arrival of the rupture and its local speed along the interface, with the wave speeds.
+
+    The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface.
+    """
+    data = record.interface
+    position, arrival = data["position"].values, data["rupture_time"].values
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(data["time"].values, "s")
+    figure, (axes,) = new_figure(1, 2, 2.6, sharex=True)
+    axes[0].plot(position / x_size, arrival / t_size, color="#1a1a1a")
+    axes[0].set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture time ({t_unit})")
+    axes[0].set_xlim(position[0] / x_size, position[-1] / x_size)
+    speeds = wave_speeds(record)
+    fastest = max(speeds.values(), default=1.0)
+    size, unit = scale(fastest, "m/s")
+    local = np.abs(local_speed(position, arrival, 0.05 * np.ptp(position)))
+    axes[1].plot(position / x_size, np.where(local < 3 * fastest, local, np.nan) / size, color="#1a1a1a")
+    for name, speed in speeds.items():
+        axes[1].axhline(speed / size, ls="--", color=GUIDE, lw=0.8)
+        axes[1].annotate(
+            name, (1, speed / size), (3, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
+            color=GUIDE, va={"$c_s$": "bottom", "$c_R$": "top"}.get(name, "center"), annotation_clip=False,
+        )
+    axes[1].set(
+        xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture speed ({unit})",
+        ylim=(0, 1.35 * fastest / size),
+    )
+    if not np.isfinite(arrival).any():
+        for ax in axes:
+            note(ax, "no sliding")
+    letter(axes)
+    return figure
+
+
+def _empty(text: str) -> Figure:
+    figure, axes = new_figure(1, 1, 2.0, WIDTH / 2)
+    axes[0, 0].set(xlabel="Position along the interface (m)", ylabel="Time (s)")
+    note(axes[0, 0], text)
+    return figure
+
+
+def _edges(centres: Array) -> Array:
+    """Cell edges half-way between the centres; the outer cells end at the outer centres."""
+    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])
+
+

@@ -1,0 +1,47 @@
+"""Figure of the energy budget."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.energy import PARTS, closure
+from ruptfx.plots.style import MUTED, letter, new_figure, note, scale, styled
+from ruptfx.record import Record
+
+_COLOURS = {
+    "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
+    "damping": "#e69f00",
+}  # safe for colour-blind readers
+_TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
+
+
+@styled
+def energy_budget(record: Record) -> Figure:
+    """Energies against time, and the part of the boundary work that is not accounted for."""
+    energy = record.energy
+    time = energy["time"].values
+    parts = {name: energy[name].values for name in PARTS if name in energy}
+    work = energy["boundary_work"].values
+    (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
+    figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[1.6, 1])
+    axes[0].plot(time / t_size, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
+    axes[0].plot(time / t_size, sum(parts.values()) / size, ":", color="#1a1a1a", label="sum of the others")
+    for name, values in parts.items():
+        axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
+    axes[0].set(xlabel=f"Time ({t_unit})", ylabel=f"Energy per thickness ({unit})")
+    axes[0].legend(loc="upper left")
+    missing = 100 * np.abs(closure(work, parts))
+    axes[1].semilogy(time / t_size, np.where(missing > 0, missing, np.nan), color="#1a1a1a")
+    axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
+    axes[1].set(xlabel=f"Time ({t_unit})", ylabel="Unaccounted (% of boundary work)")
+    axes[1].set_ylim(top=100 * max(10 * _TOLERANCE, 2 * missing.max(initial=0) / 100))
+    axes[1].annotate("tolerance", (0.02, 100 * _TOLERANCE), (0, 2), xycoords=("axes fraction", "data"),
+                     textcoords="offset points", color=MUTED)
+    for ax in axes:
+        if len(time) < 2:
+            note(ax, "fewer than two times were saved")
+        else:
+            ax.set_xlim(time[0] / t_size, time[-1] / t_size)
+    letter(axes)
+    return figure

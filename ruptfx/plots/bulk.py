@@ -1,0 +1,176 @@
+"""Figures of the two bodies: isochromatic fringes and particle velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.photoelasticity import FRINGE_CONSTANT, THICKNESS, fringe_order, intensity
+from ruptfx.plots.style import (
+    WAVE_MAP,
+    WIDTH,
+    Array,
+    default_times,
+    letter,
+    nearest,
+    new_figure,
+    note,
+    scale,
+    styled,
+)
+from ruptfx.record import Record
+
+PIXELS = 1000  # across a panel
+
+
+class Raster:
+    """Linear interpolation from a mesh of triangles or quadrilaterals to square pixels, set up once for all fields.
+
+    Interpolating the field and not its picture keeps fringes sharp where a cell holds a good part of one.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+    cells : ndarray, shape (m, 3) or (m, 4)
+        Corners of the cells, in order around each; quadrilaterals are cut along a diagonal.
+    pixels : int
+        Number of pixels along the longer side.
+    """
+
+    def __init__(self, points: Array, cells: Array, pixels: int = PIXELS) -> None:
+        triangles = cells if cells.shape[1] == 3 else np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
+        low, high = points.min(axis=0), points.max(axis=0)
+        pixel = (high - low).max() / pixels
+        self.shape = tuple(np.maximum(np.round((high - low) / pixel), 1).astype(int)[::-1])
+        self.extent = (low[0], high[0], low[1], high[1])
+        # Corners in units of pixels: pixel (i, j) has its centre at (i, j).
+        size = np.array(self.shape[::-1])
+        corners = ((points - low) / (high - low) * size - 0.5)[triangles]
+        first = np.maximum(np.ceil(corners.min(axis=1) - 1e-9), 0).astype(int)
+        last = np.minimum(np.floor(corners.max(axis=1) + 1e-9), size - 1).astype(int)
+        box = np.maximum(last - first + 1, 0)
+        # Every pixel in the bounding box of every triangle, as one flat list of candidates.
+        count = box.prod(axis=1)
+        triangle = np.repeat(np.arange(len(triangles)), count)
+        rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        i = first[triangle, 0] + rank % box[triangle, 0]
+        j = first[triangle, 1] + rank // box[triangle, 0]
+        a, b, c = corners[triangle].transpose(1, 2, 0)
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            second = ((i - a[0]) * (c[1] - a[1]) - (j - a[1]) * (c[0] - a[0])) / area
+            third = ((b[0] - a[0]) * (j - a[1]) - (b[1] - a[1]) * (i - a[0])) / area
+        weights = np.stack([1 - second - third, second, third])
+        inside = (weights > -1e-9).all(axis=0)
+        self.pixel = (j * size[0] + i)[inside]
+        self.corner = triangles[triangle[inside]]
+        self.weight = weights[:, inside].T
+
+    def __call__(self, values: Array) -> Array:
+        """Image of nodal values, shape (rows, columns), lowest row first; NaN outside the mesh."""
+        image = np.full(self.shape[0] * self.shape[1], np.nan)
+        image[self.pixel] = (values[self.corner] * self.weight).sum(axis=1)
+        return image.reshape(self.shape)
+
+
+@styled
+def fringes(
+    record: Record,
+    time: float | Sequence[float] | None = None,
+    fringe_constant: float = FRINGE_CONSTANT,
+    thickness: float = THICKNESS,
+    field: str = "dark",
+) -> Figure:
+    """Isochromatic fringes as a polariscope shows them, with the interface drawn.
+
+    Parameters
+    ----------
+    record : Record
+    time : float or sequence of float, optional
+        Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
+    fringe_constant, thickness : float
+        Material fringe constant [N/m] and plate thickness [m].
+    field : str
+        "dark" or "light" field of the polariscope.
+    """
+    if "fringe" not in record.bulk:
+        return _without("no fringes: no stress difference in the plane was saved")
+
+    def light(row: int, raster: Raster) -> Array:
+        order = fringe_order(record.bulk["fringe"].isel(time=row).values, fringe_constant, thickness)
+        return intensity(raster(order), field)
+
+    per_fringe, unit = scale(fringe_constant / thickness, "Pa")
+    label = f"{field.capitalize()}-field intensity; {fringe_constant / thickness / per_fringe:.3g} {unit} per fringe"
+    return _panels(record, time, light, label, cmap="gray", vmin=0, vmax=1)
+
+
+@styled
+def wavefield(record: Record, time: float | Sequence[float] | None = None) -> Figure:
+    """Particle speed in the two bodies, with the interface drawn: shear Mach fronts show as straight lines.
+
+    Parameters
+    ----------
+    record : Record
+    time : float or sequence of float, optional
+        Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
+    """
+    if "velocity" not in record.bulk:
+        return _without("no velocities were saved")
+
+    def speed(row: int, raster: Raster) -> Array:
+        return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
+
+    return _panels(record, time, speed, "Particle speed (m/s)", cmap=WAVE_MAP, vmin=0)
+
+
+def _panels(
+    record: Record,
+    time: float | Sequence[float] | None,
+    picture: Callable[[int, Raster], Array],
+    label: str,
+    **look: Any,
+) -> Figure:
+    """One panel per time, in two columns if there are several, with one common scale."""
+    bulk = record.bulk
+    saved = bulk["time"].values
+    rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
+    if not len(rows):
+        return _without("no snapshot was saved")
+    points = bulk["points"].values
+    raster = Raster(points, bulk["cells"].values)
+    images = [picture(int(row), raster) for row in rows]
+    if "vmax" not in look:
+        # A few bright pixels at the tip must not darken the waves.
+        look["vmax"] = max(np.nanquantile(image, 0.998) for image in images) or 1.0
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(points, axis=0), "m"), scale(saved, "s")
+    columns = min(len(rows), 2)
+    lines = -(-len(rows) // columns)
+    width = (WIDTH - 0.6) / columns
+    height = lines * (0.3 + width * raster.shape[0] / raster.shape[1]) + 0.9
+    figure, axes = new_figure(lines, columns, height, sharex=True, sharey=True)
+    extent = [value / x_size for value in raster.extent]
+    for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
+        shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
+        for data in record.interfaces.values():
+            ax.plot(data["x"].values / x_size, data["y"].values / x_size, color="#d9480f", lw=0.6)
+        ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
+    for ax in axes[-1]:
+        ax.set_xlabel(f"x ({x_unit})")
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"y ({x_unit})")
+    for ax in axes.ravel()[len(rows):]:
+        ax.set_visible(False)
+    figure.colorbar(shown, ax=axes.ravel().tolist(), label=label, location="bottom", shrink=0.4, aspect=30)
+    letter(axes.ravel()[: len(rows)])
+    return figure
+
+
+def _without(text: str) -> Figure:
+    figure, axes = new_figure(1, 1, 2.0, WIDTH / 2)
+    axes[0, 0].set(xlabel="x (m)", ylabel="y (m)")
+    note(axes[0, 0], text)
+    return figure

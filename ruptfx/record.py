@@ -1,0 +1,233 @@
+"""Record: reads the directory of a finished, running or killed run. Needs neither DOLFINx nor MPI.
+
+A run directory holds ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
+with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
+``run.log``, ``figures/`` and, written last, ``summary.json``: a run that has it is complete.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import h5netcdf
+import h5py
+import numpy as np
+import xarray
+from xarray.backends import BackendArray, H5NetCDFStore
+from xarray.core import indexing
+
+from ruptfx import RuptfxError
+
+# Labels of the last axis of a bulk quantity, by its length: in plane or antiplane.
+_LABELS = {
+    "component": {1: ["z"], 2: ["x", "y"], 3: ["x", "y", "z"]},
+    "stress_component": {2: ["xz", "yz"], 3: ["xx", "yy", "xy"]},
+}
+_MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "time": ("time",)}
+_AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"
+
+
+class RecordError(RuptfxError):
+    """A run directory, or a file of it, that cannot be read; the message names it and the remedy."""
+
+
+class _Stored(BackendArray):
+    """An HDF5 dataset that xarray reads piece by piece: snapshots of a large run do not fit in memory."""
+
+    def __init__(self, dataset: h5py.Dataset) -> None:
+        self.dataset, self.shape, self.dtype = dataset, dataset.shape, dataset.dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.OUTER_1VECTOR
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self.dataset.__getitem__)
+
+
+class Record:
+    """One run, read from its directory; every file is opened when first asked for.
+
+    Parameters
+    ----------
+    path : path of the run directory
+
+    Attributes
+    ----------
+    case : dict
+        The resolved case.
+    summary : dict or None
+        Scalars of the whole run; None until it is complete.
+    interface : xarray.Dataset
+        Histories against `time` [s] and `position` [m] along the first interface, read lazily.
+    interfaces : dict of xarray.Dataset
+        All interfaces by name.
+    bulk : xarray.Dataset
+        Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
+    energy : xarray.Dataset
+        Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
+
+    Raises
+    ------
+    RecordError
+        The directory is no run; or, on first use, a file is missing or damaged.
+
+    Examples
+    --------
+    >>> with Record("out/impact") as record:                                              # doctest: +SKIP
+    ...     record.interface.slip_rate.sel(position=0.03, method="nearest").plot()
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._open: list[Any] = []
+        if not self.path.is_dir():
+            raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
+        if not (self.path / "case.toml").is_file():
+            raise RecordError(f"{self.path}: no run directory: it holds no case.toml")
+
+    def _existing(self, name: str) -> Path:
+        path = self.path / name
+        if not path.is_file():
+            raise RecordError(f"{path}: missing; {_AGAIN}")
+        return path
+
+    @cached_property
+    def case(self) -> dict[str, Any]:
+        path = self._existing("case.toml")
+        try:
+            return tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise RecordError(f"{path}: damaged ({error}); copy the case file of the run there") from None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run ended by itself."""
+        return (self.path / "summary.json").is_file()
+
+    @property
+    def summary(self) -> dict[str, Any] | None:
+        if not self.complete:
+            return None
+        path = self.path / "summary.json"
+        try:
+            return json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise RecordError(f"{path}: damaged ({error}); run the case again") from None
+
+    @property
+    def figures(self) -> list[Path]:
+        """Pictures in ``figures/``, by name."""
+        return sorted(path for path in (self.path / "figures").glob("*.*") if path.is_file())
+
+    @property
+    def interface(self) -> xarray.Dataset:
+        if not self.interfaces:
+            raise RecordError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
+        return next(iter(self.interfaces.values()))
+
+    @cached_property
+    def interfaces(self) -> dict[str, xarray.Dataset]:
+        paths = sorted(self.path.glob("interface*.h5"))
+        opened = [(path, self._open_interface(path)) for path in paths]
+        return {str(data.attrs.get("fault", path.stem)): data for path, data in opened}
+
+    def _open_interface(self, path: Path) -> xarray.Dataset:
+        try:
+            # Without file locking a run that still writes is neither disturbed nor refused.
+            file = h5netcdf.File(path, "r", locking=False)
+            self._open.append(file)
+            data = xarray.open_dataset(H5NetCDFStore(file), decode_timedelta=False)
+            written = _written(data["time"].values)
+            data["position"], data["normal_stress"]
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
+        return data if written == data.sizes["time"] else data.isel(time=slice(written))
+
+    @cached_property
+    def bulk(self) -> xarray.Dataset:
+        path = self._existing("bulk.h5")
+        try:
+            file = h5py.File(path, "r", locking=False)
+            self._open.append(file)
+            variables = {name: _bulk_variable(name, item) for name, item in file.items()}
+            data = xarray.Dataset(variables, attrs=dict(file.attrs))
+            labels = {dim: names.get(data.sizes.get(dim, 0)) for dim, names in _LABELS.items()}
+            data = data.assign_coords({dim: names for dim, names in labels.items() if names})
+            return data.isel(time=slice(_written(data["time"].values)))
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
+
+    @cached_property
+    def energy(self) -> xarray.Dataset:
+        path = self._existing("energy.csv")
+        lines = path.read_text(encoding="utf-8").splitlines()
+        notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
+        names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
+        try:
+            # The last row of a killed run may be cut.
+            whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
+            table = np.array(whole, dtype=float).reshape(-1, len(names))
+            columns = dict(zip((name.strip() for name in names), table.T, strict=True))
+            time = xarray.Variable("time", columns.pop("time"), {"units": "s", "long_name": "time"})
+        except (ValueError, KeyError) as error:
+            raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
+        units = {name: "1" if name == "closure" else "J" for name in columns}
+        variables = {
+            name: ("time", values, {"units": units[name], "long_name": name.replace("_", " ")})
+            for name, values in columns.items()
+        }
+        return xarray.Dataset(variables, coords={"time": time}, attrs={"units": notes})
+
+    def close(self) -> None:
+        """Close the files; the record opens them again when asked."""
+        for data in self.__dict__.pop("interfaces", {}).values():
+            data.close()
+        self.__dict__.pop("bulk", None)
+        while self._open:
+            self._open.pop().close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        parts = {
+            "case": lambda: f"{self.case.get('title', '')}, {self.case.get('plane', '')}".strip(", "),
+            "interface": lambda: _extent(self.interface, "position"),
+            "bulk": lambda: _extent(self.bulk, "point"),
+            "energy": lambda: f"{self.energy.sizes['time']} times",
+            "summary": lambda: f"mode {self.summary.get('mode')}" if self.summary else "none yet",
+            "figures": lambda: ", ".join(path.name for path in self.figures) or "none",
+        }
+        lines = [f"Record {self.path} ({'complete' if self.complete else 'not complete'})"]
+        for name, describe in parts.items():
+            try:
+                text = describe()
+            except RecordError as error:
+                text = "missing" if ": missing;" in str(error) else "damaged"
+            lines.append(f"{'└──' if name == 'figures' else '├──'} {name:<10}{text}")
+        return "\n".join(lines)
+
+
+def _written(time: np.ndarray) -> int:
+    """How many saved times are real: a killed run may leave fill values behind."""
+    good = np.isfinite(time) & np.append(True, np.diff(time) > 0)
+    return int(good.argmin()) if not good.all() else len(time)
+
+
+def _bulk_variable(name: str, item: h5py.Dataset) -> xarray.Variable:
+    dims = _MESH.get(name, ("time", "point"))
+    if name not in _MESH and item.ndim == 3:
+        dims = (*dims, "stress_component" if name == "stress" else "component")
+    attrs = {key: str(value) for key, value in item.attrs.items()}
+    return xarray.Variable(dims, indexing.LazilyIndexedArray(_Stored(item)), attrs)
+
+
+def _extent(data: xarray.Dataset, along: str) -> str:
+    times = data["time"].values
+    until = f", until {float(times[-1]):.4g} s" if len(times) else ""
+    return f"{data.sizes[along]} points x {len(times)} times{until}: {', '.join(map(str, data.data_vars))}"

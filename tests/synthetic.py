@@ -1,0 +1,174 @@
+"""Run directories by construction: slip-rate fields whose mode, speeds and widths are known, in the files of a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import tomli_w
+import xarray
+
+Array = np.ndarray
+
+# Homalite in plane stress, rounded; the driven edge moves at V_IMP.
+C_P, C_S, C_R, V_IMP = 2200.0, 1255.0, 1155.0, 2.0
+LENGTH, DURATION = 0.1, 60e-6
+
+UNITS = {
+    "slip": "m", "slip_rate": "m/s", "displacement_jump": "m", "shear_traction": "Pa", "normal_stress": "Pa",
+    "opening": "m", "theta": "s", "peak_slip_rate": "m/s", "rupture_time": "s",
+}
+_GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
+
+
+def points(cells: int = 100, length: float = LENGTH) -> Array:
+    """Order-4 Gauss-Lobatto-Legendre points of equal cells: 4 per cell and the last end."""
+    return np.append((np.arange(cells)[:, None] + _GLL4).ravel(), cells) * (length / cells)
+
+
+def times(count: int = 301) -> Array:
+    return np.linspace(0.0, DURATION, count)
+
+
+def crack(time: Array, position: Array, speed: float = 2100.0, start: float = 5e-6, rate: float = 2.0) -> Array:
+    """All points behind the tip slide at `rate`; the rate rises over 1 mm behind the tip."""
+    tip = speed * (time[:, None] - start)
+    return rate * np.clip((tip - position) / 1e-3, 0, 1)
+
+
+def pulses(
+    time: Array,
+    position: Array,
+    lags: tuple[float, ...] = (0.0,),
+    speed: float | tuple[float, ...] = 2100.0,
+    width: float = 6e-3,
+    start: float = 5e-6,
+    rate: float = 2.0,
+) -> Array:
+    """Pulses of parabolic slip rate, `width` wide where it vanishes, that leave the left end one `lag` after another.
+
+    The k-th front (not the centre) is at ``speed_k (t - start - lag_k)``.
+    """
+    field = np.zeros((len(time), len(position)))
+    for lag, v in zip(lags, np.broadcast_to(speed, len(lags)), strict=True):
+        centre = v * (time[:, None] - start - lag) - width / 2
+        field = np.maximum(field, rate * (1 - ((position - centre) / (width / 2)) ** 2))
+    return field
+
+
+def train(time: Array, position: Array, count: int = 6, spacing: float = 12e-3, width: float = 6e-3) -> Array:
+    """Equal pulses, `spacing` apart, at 2100 m/s."""
+    return pulses(time, position, tuple(np.arange(count) * spacing / 2100.0), width=width)
+
+
+def mixed(time: Array, position: Array) -> Array:
+    """Two pulses that become a crack when the tip has run half of the interface."""
+    later = time > 5e-6 + 0.55 * LENGTH / 2100.0
+    two = pulses(time, position, (0.0, 12e-3 / 2100.0))
+    return np.where(later[:, None], crack(time, position), two)
+
+
+def arrested(time: Array, position: Array, stop: float = 0.04) -> Array:
+    """A pulse that dies at `stop`."""
+    return pulses(time, position) * (position < stop)
+
+
+def write_run(
+    path: Path,
+    slip_rate: Array,
+    time: Array,
+    position: Array,
+    *,
+    plane: str = "stress",
+    complete: bool = True,
+    snapshots: int = 6,
+    summary: dict | None = None,
+    V_imp: float = V_IMP,
+) -> Path:
+    """Write a run directory with this slip rate; everything else follows from it or is simple and known."""
+    path.mkdir(parents=True)
+    case = {"title": "Synthetic", "plane": plane, "order": 4, "duration": float(time[-1]), "mesh": {"kind": "none"}}
+    (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
+    (path / "run.log").write_text("synthetic\n", encoding="utf-8")
+    _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp)
+    _write_bulk(path / "bulk.h5", np.linspace(time[0], time[-1], snapshots), plane)
+    _write_energy(path / "energy.csv", time)
+    if complete:
+        (path / "summary.json").write_text(json.dumps(summary or {"mode": "crack"}), encoding="utf-8")
+    return path
+
+
+def _write_interface(
+    path: Path, slip_rate: Array, time: Array, position: Array, plane: str, complete: bool, V_imp: float
+) -> None:
+    slid = np.abs(slip_rate) > 1e-3
+    slip = np.vstack([np.zeros_like(position), np.cumsum(slip_rate[1:] * np.diff(time)[:, None], axis=0)])
+    histories = {
+        "slip": slip,
+        "slip_rate": slip_rate,
+        "displacement_jump": 1.05 * slip,
+        "shear_traction": -1e6 * np.tanh(slip_rate),
+        "normal_stress": np.full_like(slip_rate, 6e6),
+        "opening": np.zeros_like(slip_rate),
+        "theta": np.exp(-slip / 1e-5),
+    }
+    along = {
+        "peak_slip_rate": np.abs(slip_rate).max(axis=0),
+        "rupture_time": np.where(slid.any(axis=0), time[slid.argmax(axis=0)], np.nan),
+    }
+    data = xarray.Dataset(
+        {name: (("time", "position"), values) for name, values in histories.items()}
+        | {name: ("position", values) for name, values in along.items()},
+        coords={
+            "time": ("time", time, {"units": "s"}),
+            "position": ("position", position, {"units": "m"}),
+            "x": ("position", position, {"units": "m"}),
+            "y": ("position", np.zeros_like(position), {"units": "m"}),
+        },
+        attrs={
+            "fault": "main", "c_p": C_P, "c_s": C_S, "c_R": C_R, "plane": plane, "case_hash": "0" * 12,
+            "ruptfx_version": "0", "dolfinx_version": "0", "complete": int(complete), "loaded_end": 0.0, "V_imp": V_imp, "rupture_threshold": 1e-3,
+        },
+    )
+    for name in (*histories, *along):
+        data[name].attrs = {"units": UNITS[name], "long_name": name.replace("_", " ")}
+    data.to_netcdf(path, engine="h5netcdf")
+
+
+def _write_bulk(path: Path, time: Array, plane: str, columns: int = 101, rows: int = 21) -> None:
+    """Two bodies, 100 x 20 mm each, and a plane wave of shear that runs along them at C_S."""
+    x, y = np.meshgrid(np.linspace(0, LENGTH, columns), np.linspace(0, 0.02, rows))
+    body = np.column_stack([x.ravel(), y.ravel()])
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    quads = np.column_stack([corner, corner + 1, corner + columns + 1, corner + columns])
+    both = np.vstack([body, body * [1, -1]])
+    wave = np.where(both[:, 0] < C_S * time[:, None], np.sin(200 * (C_S * time[:, None] - both[:, 0])), 0.0)
+    zero = np.zeros_like(wave)
+    stress = [2e6 * wave, 0 * wave] if plane == "antiplane" else [zero, zero - 6e6, 2e6 * wave]
+    velocity = [wave] if plane == "antiplane" else [zero, wave]
+    with h5py.File(path, "w") as file:
+        file["points"], file["time"] = both, time
+        # Mirrored quadrilaterals are turned, so that all run counter-clockwise.
+        file["cells"] = np.vstack([quads, quads[:, ::-1] + len(body)]).astype(np.int32)
+        file["body"] = np.repeat([1, 0], len(body)).astype(np.int32)
+        file["velocity"] = np.stack(velocity, axis=-1)
+        file["displacement"] = 1e-5 * np.stack(velocity, axis=-1)
+        file["stress"] = np.stack(stress, axis=-1)
+        if plane != "antiplane":
+            file["fringe"] = np.hypot(6e6, 4e6 * wave)
+        units = {"points": "m", "time": "s", "velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
+        for name in units.keys() & file.keys():
+            file[name].attrs["units"] = units[name]
+
+
+def _write_energy(path: Path, time: Array) -> None:
+    """Boundary work 100 J/m x (t/T)^2, shared 0.4, 0.2, 0.1, 0.2, 0.0998: 2e-4 of it is not accounted for."""
+    work = 100.0 * (time / (time[-1] or 1.0)) ** 2
+    parts = np.outer(work, [0.4, 0.2, 0.1, 0.2, 0.0998])
+    closure = (work - parts.sum(axis=1)) / (work.max() or 1.0)
+    table = np.column_stack([time, parts, work, closure])
+    header = "time,kinetic,strain,interface_elastic,frictional_dissipation,damping,boundary_work,closure"
+    rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
+    path.write_text(f"# s, then J per metre of thickness; closure is a fraction\n{header}\n{rows}\n", encoding="utf-8")
