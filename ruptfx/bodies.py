@@ -14,12 +14,13 @@ from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.schema import nearest
 
 # Vertices of the facets of a cell in DOLFINx order.
-_FACETS = {
+FACETS = {
     "triangle": [(1, 2), (0, 2), (0, 1)],
     "quadrilateral": [(0, 1), (0, 2), (1, 3), (2, 3)],
     "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
     "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
 }
+VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
 
 
 @dataclass(frozen=True)
@@ -94,14 +95,11 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
             lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts))
         return getattr(lists, "_cpp_object", lists)
 
-    cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, len(_FACETS_VERTICES[cell])), np.int64)
+    cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, VERTICES[cell]), np.int64)
     points = raw.points if raw is not None else np.zeros((0, dim))
     mesh = fem.create_mesh(comm, cells, points, cell, partitioner)
     facets, tags = _tag_facets(mesh, named)
     return Bodies(mesh, bodies, cell_body[mesh.topology.original_cell_index].astype(np.int32), facets, tags, interfaces)
-
-
-_FACETS_VERTICES = {cell: sorted({v for facet in facets for v in facet}) for cell, facets in _FACETS.items()}
 
 
 def check_orientation(raw: RawMesh) -> None:
@@ -148,9 +146,9 @@ def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
 def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
     """Owner of every cell from a graph partitioner on the dual graph of the glued mesh."""
     count = len(cells)
-    facets = np.concatenate([np.sort(cells[:, list(facet)], axis=1) for facet in _FACETS[cell]])
+    facets = np.concatenate([np.sort(cells[:, list(facet)], axis=1) for facet in FACETS[cell]])
     _, label = np.unique(facets, axis=0, return_inverse=True)
-    incidence = sparse.csr_matrix((np.ones(len(facets), np.int8), (np.tile(np.arange(count), len(_FACETS[cell])), label.ravel())))
+    incidence = sparse.csr_matrix((np.ones(len(facets), np.int8), (np.tile(np.arange(count), len(FACETS[cell])), label.ravel())))
     dual = (incidence @ incidence.T).tocsr()
     dual.setdiag(0)
     dual.eliminate_zeros()

@@ -70,7 +70,7 @@ class BulkFields:
         place = np.empty_like(self._order)
         place[self._order] = np.arange(len(place))
         linear = place[everything]
-        linear = linear[np.argsort(linear.min(axis=1) * len(points) + linear.max(axis=1))]
+        linear = linear[np.lexsort(np.sort(linear, axis=1).T)]
         points = points[self._order]
         return points[:, :-1], linear, points[:, -1].astype(np.int32)
 
@@ -126,7 +126,8 @@ class BulkFields:
         self._file["time"][count] = state.time
         for name, values in fields.items():
             if name not in self._file:
-                data = self._file.create_dataset(name, (0, *values.shape), maxshape=(None, *values.shape), chunks=(1, *values.shape))
+                shape = values.shape
+                data = self._file.create_dataset(name, (0, *shape), float, maxshape=(None, *shape), chunks=(1, *shape))
                 data.attrs["units"] = _UNITS[name]
             self._file[name].resize(count + 1, axis=0)
             self._file[name][count] = values

@@ -128,7 +128,9 @@ def build_interface(
     parallel.raise_on_all(comm, error)
     normal, weight = _normals_and_weights(space, facets, minus_tag, minus)
     owned = plus < space.dofmap.index_map.size_local
-    points = coordinates[plus]
+    # The last digits depend on the cell a coordinate was computed from, hence on the partition.
+    extent = comm.allreduce(float(np.abs(coordinates).max(initial=0)), op=fem.MPI.MAX)
+    points = np.round(coordinates[plus] / extent, 13) * extent
     position, number, total = _order(comm, points, owned, normal)
     frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))
     # Points in order along the interface, for locality and readable files.

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
-
-if TYPE_CHECKING:
-    from ruptfx.model import State
 
 
 class Progress:
@@ -45,16 +42,24 @@ class Progress:
             self._bar.start()
         return self
 
-    def update(self, state: State) -> None:
-        """Show where the run is; the peak is that of the first rank's points."""
+    def update(self, time: float, step: int, peak: float) -> None:
+        """Show where the run is.
+
+        Parameters
+        ----------
+        time : float
+            Simulated time [s].
+        step : int
+        peak : float
+            Largest slip rate now [m/s].
+        """
         if not self._show:
             return
-        peak = max((float(abs(fields[name]).max(initial=0)) for fields in state.faults.values() for name in fields if name.startswith("slip_rate")), default=0.0)
-        text = self._text(state.time, state.step, peak)
+        text = self._text(time, step, peak)
         if self._bar:
-            self._bar.update(self._task, completed=state.step, description=text)
-        elif 10 * state.step // self._steps > self._tenth:
-            self._tenth = 10 * state.step // self._steps
+            self._bar.update(self._task, completed=step, description=text)
+        elif 10 * step // self._steps > self._tenth:
+            self._tenth = 10 * step // self._steps
             self._console.print(f"{10 * self._tenth:3d} %  {text}", highlight=False)
 
     def __exit__(self, *_: Any) -> None:

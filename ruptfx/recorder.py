@@ -77,6 +77,7 @@ class Recorder:
         self._every = _steps(case.output.interface_interval or case.duration / 300, dt)
         self._bulk_every = _steps(case.output.bulk_interval or case.duration / 6, dt)
         self.records = 0
+        self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self._files: dict[str, Any] = {}
@@ -151,6 +152,7 @@ class Recorder:
         return any(state.step % every == 0 for every in (self._every, self._bulk_every)) or state.step >= self.steps
 
     def _record_interface(self, state: State) -> None:
+        self.peak_slip_rate = 0.0
         for fault in self.model.faults:
             fields = dict(state.faults[fault.name])
             _, jump = fault.interface.split(fault.interface.jump(state.displacement))
@@ -162,6 +164,8 @@ class Recorder:
                 file.resize_dimension("time", count + 1)
                 file["time"][count] = state.time
                 for name, values in zip(fields, rows.T, strict=True):
+                    if name.startswith("slip_rate"):
+                        self.peak_slip_rate = max(self.peak_slip_rate, float(np.abs(values).max()))
                     variable = file[name]
                     variable[(count, slice(None)) if "time" in variable.dimensions else slice(None)] = values
                 file.flush()

@@ -10,7 +10,8 @@ import difflib
 import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Self
+from pathlib import Path
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import (
@@ -213,8 +214,11 @@ def unit_of(part: type[Part], name: str) -> str:
     return str(found[0]) if found else "1"
 
 
+def _resolve(path: Any, info: ValidationInfo) -> Any:
+    directory = (info.context or {}).get("directory")
+    return str(Path(directory, path)) if directory is not None and isinstance(path, str) else path
+
+
+CasePath = Annotated[str, BeforeValidator(_resolve)]
+"""A file named in a case, relative to the case file."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-__all__ = [
-    "Alternative", "CaseError", "Name", "Part", "Unit", "alternative", "alternatives", "find", "json_schema", "kinds",
-    "nearest", "unit_of",
-]

@@ -72,7 +72,7 @@ def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bo
                 _stop_together(comm, error, signals, state, recorder)
             if due:
                 recorder.record(state)
-                bar.update(state)
+                bar.update(state.time, state.step, recorder.peak_slip_rate)
         stepping = time.perf_counter() - stepping
     _finish(model, out, {
         "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt, "nodes": model.total_nodes,

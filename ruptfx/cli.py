@@ -1,0 +1,194 @@
+"""The command line: run | check | study | plot | bench | describe."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from ruptfx import RuptfxError, __version__
+
+app = typer.Typer(
+    help="Frictional contact and rupture on FEniCSx.", no_args_is_help=True, add_completion=False,
+    pretty_exceptions_enable=False,
+)  # fmt: skip
+screen = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
+
+CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. faults.main.initial_stress.normal=30e6; repeatable.")
+]
+EXIT_ERROR, EXIT_INTERRUPTED = 1, 130
+
+
+@contextmanager
+def _reported(comm: Any = None) -> Iterator[None]:
+    """Our errors are one message from one rank; a bug shows its traceback and ends all ranks."""
+    from ruptfx.schema import CaseError
+
+    try:
+        yield
+    except RuptfxError as error:
+        if comm is None or comm.rank == 0:
+            label = "case error" if isinstance(error, CaseError) else "error"
+            errors.print(f"[bold red]{label}:[/] ", end="")
+            errors.print(str(error), markup=False)
+        raise typer.Exit(EXIT_INTERRUPTED if type(error).__name__ == "Interrupted" else EXIT_ERROR) from None
+    except Exception:
+        if comm is None or comm.size == 1:
+            raise
+        traceback.print_exc()
+        sys.stderr.flush()
+        comm.Abort(EXIT_ERROR)
+
+
+@app.command()
+def run(
+    case: CaseFile,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
+    set_: Overrides = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
+) -> None:
+    """Run a case and leave a run directory with data, figures and a summary."""
+    from ruptfx import launch
+    from ruptfx.case import Case, read_case
+
+    out = out or Path("runs") / case.stem
+    if ranks > 1 and launch.RANKS not in os.environ:
+        with _reported():
+            read_case(case, set_ or [])  # a bad case needs no ranks to be refused
+        options = [item for value in set_ or [] for item in ("--set", value)] + (["--quiet"] if quiet else [])
+        raise typer.Exit(launch.run_on(ranks, ["run", str(case), "--out", str(out), *options]))
+    with _reported():
+        parsed = read_case(case, set_ or [])
+    if not isinstance(parsed, Case):
+        with _reported():
+            from ruptfx.lumped import simulate as simulate_lumped
+
+            simulate_lumped(parsed, out)
+            if not quiet:
+                _show_summary(out)
+        return
+    with _reported():
+        from ruptfx import fem
+    comm = fem.MPI.COMM_WORLD
+    with _reported(comm):
+        launch.check_size(comm.size)
+        from ruptfx.simulation import simulate
+
+        simulate(parsed, out, comm, progress=not quiet)
+        if comm.rank == 0 and not quiet:
+            _show_summary(out)
+
+
+def _show_summary(out: Path) -> None:
+    summary = json.loads((out / "summary.json").read_text())
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in summary.items():
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value))
+    screen.print(table)
+    screen.print(f"Run directory: {out}")
+    pictures = sorted((out / "figures").glob("*.png"))
+    screen.print(f"Pictures: {out / 'figures'} ({', '.join(p.name for p in pictures)})", soft_wrap=True)
+
+
+@app.command()
+def check(case: CaseFile, set_: Overrides = None) -> None:
+    """What a careful user computes by hand before a run; exits non-zero on an error."""
+    with _reported():
+        from ruptfx.case import Case, read_case
+
+        parsed = read_case(case, set_ or [])
+        if not isinstance(parsed, Case):
+            screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
+            return
+        from ruptfx.preflight import preflight
+
+        table = Table("quantity", "value", "unit", "note", title=parsed.title or str(case), title_justify="left")
+        failed = False
+        for row in preflight(parsed):
+            failed |= row.verdict == "error"
+            colour = {"error": "red", "warning": "yellow"}.get(row.verdict, "")
+            table.add_row(row.quantity, row.text, row.unit, row.note, style=colour)
+        screen.print(table)
+        if failed:
+            raise typer.Exit(EXIT_ERROR)
+
+
+@app.command()
+def plot(
+    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
+) -> None:
+    """Draw the figures of a run again; needs no DOLFINx."""
+    with _reported():
+        if (run / "result.nc").exists():
+            from ruptfx.lumped import redraw
+
+            for path in redraw(run, formats=tuple(format_)):
+                screen.print(str(path))
+            return
+        from ruptfx import plots
+        from ruptfx.record import Record
+
+        for path in plots.save_all(Record(run), formats=tuple(format_)):
+            screen.print(str(path))
+
+
+@app.command()
+def describe(
+    what: Annotated[str | None, typer.Argument(help="friction, contact, materials, meshes, steppers, operators, profiles, lumped.")] = None,
+    schema: Annotated[bool, typer.Option("--schema", help="JSON schema of a case, for editors.")] = False,
+) -> None:
+    """List the alternatives of a folder with their fields, units, formula and source."""
+    with _reported():
+        if schema:
+            from ruptfx.case import case_schema
+
+            print(json.dumps(case_schema(), indent=2))
+            return
+        from ruptfx.describe import FOLDERS, describe_folder
+
+        if what is None:
+            screen.print(f"ruptfx {__version__}. Choose one of: {', '.join(FOLDERS)}; or --schema.")
+            return
+        for block in describe_folder(what):
+            screen.print(block)
+
+
+@app.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="A benchmark, `all`, or `list`.")] = "list",
+    as_json: Annotated[bool, typer.Option("--json", help="Machine-readable rows.")] = False,
+    fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
+    out: Annotated[Path, typer.Option(help="Where figures go.")] = Path("bench"),
+) -> None:
+    """Run verification and speed benchmarks; exits non-zero when a check fails."""
+    with _reported():
+        from ruptfx.bench import run_benchmark
+
+        if not run_benchmark(name, as_json=as_json, fine=fine, out=out):
+            raise typer.Exit(EXIT_ERROR)
+
+
+@app.callback(invoke_without_command=True)
+def main(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(__version__)
+        raise typer.Exit
+
+
+if __name__ == "__main__":
+    app()

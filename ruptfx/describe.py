@@ -1,0 +1,77 @@
+"""What `ruptfx describe` prints: every alternative of a folder with its fields, units, formula and source."""
+
+from __future__ import annotations
+
+import importlib
+import typing
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic.fields import FieldInfo
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
+
+from ruptfx import RuptfxError, profiles
+from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
+
+FOLDERS = ("friction", "contact", "materials", "meshes", "steppers", "operators", "profiles", "lumped")
+
+
+def describe_folder(name: str) -> Iterator[Any]:
+    """Rich renderables, one per alternative.
+
+    Raises
+    ------
+    RuptfxError
+        No such folder.
+    """
+    if name not in FOLDERS:
+        raise RuptfxError(f"describe {name}: {nearest(name, list(FOLDERS))}")
+    if name == "profiles":
+        for kind, cls in profiles.KINDS.items():
+            yield _panel(kind, cls)
+    elif name == "operators":
+        for kind in kinds("ruptfx.operators"):
+            text = (importlib.import_module(f"ruptfx.operators.{kind}").__doc__ or "").strip().partition("\n")[0]
+            yield Panel(text, title=kind, title_align="left")
+    else:
+        for kind, cls in alternatives(f"ruptfx.{name}").items():
+            yield _panel(kind, cls)
+
+
+def _panel(kind: str, cls: type[Part]) -> Panel:
+    grid = Table.grid(padding=(0, 2))
+    grid.add_row("", (cls.__doc__ or "").strip().partition("\n")[0])
+    for label in ("formula", "source"):
+        if getattr(cls, label, ""):
+            grid.add_row(label, escape(getattr(cls, label)))
+    if getattr(cls, "state_fields", None):
+        grid.add_row("state", escape(", ".join(f"{key} [{unit}]" for key, unit in cls.state_fields.items())))  # type: ignore[attr-defined]
+    for key, field in cls.model_fields.items():
+        if key != "kind":
+            unit = unit_of(cls, key)
+            grid.add_row(key, escape(f"{'' if unit == '1' else unit}  {_bounds(field)}{_default(field)}".strip()))
+    return Panel(grid, title=kind, title_align="left")
+
+
+def _bounds(field: FieldInfo) -> str:
+    """`> 0`, `>= 0` ... from the metadata of the field or of its number when it may vary."""
+    found = [*field.metadata]
+    for member in typing.get_args(field.annotation):
+        found += [item for item in getattr(member, "__metadata__", ()) if not isinstance(item, Unit)]
+        for inner in typing.get_args(member):
+            for item in getattr(inner, "__metadata__", ()):
+                found += getattr(item, "metadata", None) or []
+        for item in list(found):
+            found += getattr(item, "metadata", None) or []
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    bounds = {f"{sign} {getattr(item, key):g}" for item in found for key, sign in signs.items() if getattr(item, key, None) is not None}
+    return ", ".join(sorted(bounds))
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "  required"
+    default = field.default
+    return f"  default {default.kind() if isinstance(default, Alternative) else default}"

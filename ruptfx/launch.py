@@ -1,0 +1,62 @@
+"""Starting a run on several ranks with the mpiexec that belongs to this environment's mpi4py."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from ruptfx import RuptfxError
+
+RANKS = "RUPTFX_RANKS"  # what the launcher asked for; the ranks compare it with what they got
+
+
+def find_mpiexec() -> str:
+    """`mpiexec` beside this Python, else the system's `mpirun`.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    # Not resolved: in a virtual environment sys.executable is a link that leads out of it.
+    beside = Path(sys.executable).parent / "mpiexec"
+    found = str(beside) if beside.exists() else shutil.which("mpirun") or shutil.which("mpiexec")
+    if found is None:
+        raise RuptfxError("no mpiexec found: install MPI (it comes with DOLFINx), or run on one rank")
+    return found
+
+
+def run_on(ranks: int, arguments: list[str]) -> int:
+    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code."""
+    environment = dict(os.environ, **{RANKS: str(ranks), "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1")})
+    # Open MPI: containers run as root on as many ranks as asked for, whatever the number of cores.
+    environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
+    environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+    environment.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
+    if sys.stderr.isatty():
+        environment["RUPTFX_TERMINAL"] = "1"
+        environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
+    command = [find_mpiexec(), "-n", str(ranks), sys.executable, "-m", "ruptfx", *arguments]
+    with subprocess.Popen(command, env=environment) as process:
+        while True:
+            try:
+                return process.wait()
+            except KeyboardInterrupt:
+                pass  # the ranks got it too, and finish their files
+
+
+def check_size(size: int) -> None:
+    """Refuse to run when the launcher and mpi4py are of different MPI libraries.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    asked = int(os.environ.get(RANKS, size))
+    if asked != size:
+        raise RuptfxError(
+            f"{asked} ranks were asked for, but mpi4py sees {size}: mpiexec is not the one of mpi4py's MPI library. "
+            f"Use the mpiexec beside {sys.executable}, or reinstall mpi4py for this MPI"
+        )
