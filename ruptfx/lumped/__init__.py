@@ -1,0 +1,129 @@
+"""Lumped models: a few masses and springs that explain the field, read from the same kind of case file.
+
+One model per file, the file name is the top-level `kind` of the case. They need neither DOLFINx nor MPI.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tomli_w
+
+from ruptfx import RuptfxError, __version__
+from ruptfx.schema import Alternative
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+Progress = Callable[[float, str], None]
+Summary = dict[str, Any]
+
+
+def silent(fraction: float, message: str) -> None:
+    """Progress that nobody watches."""
+
+
+class LumpedModel(Alternative):
+    """The contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
+
+    title: str = ""
+
+    def run(self, progress: Progress = silent) -> xarray.Dataset:
+        """The full result, with units and names; the same for the same case (random draws have a seed).
+
+        Parameters
+        ----------
+        progress : callable
+            Called with the finished fraction of the work and a line that says where it is.
+        """
+        raise NotImplementedError
+
+    @staticmethod
+    def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+        """Figures of a result by name."""
+        raise NotImplementedError
+
+    @staticmethod
+    def summarise(dataset: xarray.Dataset) -> Summary:
+        """Scalars of a result, ready for JSON: the dataset's 0-d variables and its attributes."""
+        scalars = {str(name): v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
+        return {**scalars, **dataset.attrs}
+
+    def table(self) -> dict[str, Any]:
+        """The resolved case as plain tables, ready for TOML."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def to_toml(self) -> str:
+        return tomli_w.dumps(self.table())
+
+    @property
+    def hash(self) -> str:
+        """Content hash: equal for cases that mean the same run."""
+        return hashlib.sha256(json.dumps(self.table(), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def variable(dims: Any, values: Any, units: str, long_name: str) -> tuple[Any, Any, dict[str, str]]:
+    """A variable of a dataset: dimensions, values, and the units and name that files and figures show."""
+    return dims, values, {"units": units, "long_name": long_name}
+
+
+def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -> xarray.Dataset:
+    """Run a model and write its directory: case, result, figures and, last, the summary that marks it complete.
+
+    Parameters
+    ----------
+    model : LumpedModel
+    out : str or Path
+        Directory to create; may exist if empty.
+    progress : callable
+        See `LumpedModel.run`.
+
+    Raises
+    ------
+    RuptfxError
+        The directory already holds something.
+    """
+    out = Path(out)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RuptfxError(f"{out}: already exists and is not empty; give another directory or delete this one")
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    (out / "case.toml").write_text(model.to_toml(), encoding="utf-8")
+    start = time.perf_counter()
+    dataset = model.run(progress)
+    elapsed = time.perf_counter() - start
+    dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
+    progress(1.0, "drawing figures")
+    for name, figure in model.figures(dataset).items():
+        figure.savefig(out / "figures" / f"{name}.png", dpi=200)
+    summary = model.summarise(dataset)
+    summary |= {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
+    partial = out / "summary.json.partial"
+    partial.write_text(json.dumps(_plain(summary), indent=2) + "\n", encoding="utf-8")
+    os.replace(partial, out / "summary.json")
+    return dataset
+
+
+def _compression(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
+    large = [name for name, values in dataset.variables.items() if values.size > 10_000 and values.dtype.kind in "fiu"]
+    return {name: {"zlib": True, "complevel": 4} for name in large}
+
+
+def _plain(value: Any) -> Any:
+    """JSON types only; numbers that are none become null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

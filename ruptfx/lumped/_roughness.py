@@ -1,0 +1,189 @@
+"""From measured roughness to the disorder of a Maxwell-slip ensemble, and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from scipy.ndimage import gaussian_filter1d
+
+from ruptfx import RuptfxError
+from ruptfx.schema import Part
+from ruptfx.units import Fraction, Length, Modulus, Positive
+
+Pressure = Modulus
+_GAUSSIAN_TO_RA = np.sqrt(2 / np.pi)  # R_a / R_q of Gaussian heights
+_ISO_SIGMA = np.sqrt(np.log(2) / 2) / np.pi  # standard deviation of the ISO 16610-21 filter over its cutoff
+
+
+class ContactLayer(Part):
+    """The sheared layer that turns heights into spring extensions; the real-contact fraction is uncertain."""
+
+    h: Length = 5e-5
+    """Thickness [m]."""
+    shear_modulus: Modulus = 1.1e9
+    pressure: Pressure = 2.67e6
+    """Nominal pressure p [Pa]; the contacts carry p / f."""
+    contact_fraction_min: Fraction = 0.011
+    contact_fraction_max: Fraction = 0.015
+    alpha_c: Positive = 22.0
+    """Shape parameter at the transition; 22 is the published value for mu_s = 0.3."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ContactLayer:
+        if self.contact_fraction_min > self.contact_fraction_max:
+            raise ValueError("contact_fraction_min must not exceed contact_fraction_max")
+        return self
+
+    def scale(self, mu_s: float, fraction: float, pressure: float | None = None) -> float:
+        """R_a sqrt(2 alpha + 1) [m] = 2 mu_s p / (f G sqrt(pi)) h."""
+        loaded = (self.pressure if pressure is None else pressure) / fraction
+        return 2 * mu_s * loaded * self.h / (self.shear_modulus * np.sqrt(np.pi))
+
+    def roughness(self, alpha: np.ndarray | float, mu_s: float, fraction: float, pressure: float | None = None):  # type: ignore[no-untyped-def]
+        """R_a [m] of a shape parameter.
+
+        Source: Baygeldi, Amireghbali, Gurel, Ozcan, Coker (2026), R_a = 2 mu_s p_e h / (G sqrt(pi (2 alpha + 1))).
+        """
+        return self.scale(mu_s, fraction, pressure) / np.sqrt(2 * np.asarray(alpha) + 1)
+
+    def critical(self, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
+        """Smallest and largest R_a,crit [m] over the range of the real-contact fraction."""
+        at = [self.roughness(self.alpha_c, mu_s, f, pressure) for f in self.fractions[::-1]]
+        return float(at[0]), float(at[1])
+
+    @property
+    def fractions(self) -> tuple[float, float]:
+        return self.contact_fraction_min, self.contact_fraction_max
+
+    def alpha(self, R_a: float, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
+        """Smallest and largest shape parameter over the range of the fraction; 0 if rougher than any ensemble."""
+        values = [((self.scale(mu_s, f, pressure) / R_a) ** 2 - 1) / 2 for f in self.fractions[::-1]]
+        return max(values[0], 0.0), max(values[1], 0.0)
+
+    def verdict(self, R_a: float, mu_s: float, pressure: float | None = None) -> str:
+        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else `undecided`."""
+        low, high = self.critical(mu_s, pressure)
+        return "stick-slip" if R_a < low else "steady" if R_a > high else "undecided"
+
+
+class Surface(Part):
+    """A surface to judge, by one of R_a, R_q or a measured height profile."""
+
+    name: str
+    R_a: Length | None = None
+    R_q: Length | None = None
+    """RMS height [m]; R_a = R_q sqrt(2 / pi), Gaussian heights."""
+    profile: str | None = None
+    """Text or CSV file: heights, or positions and heights."""
+    profile_unit: Length = 1.0
+    """Metres per unit of the file; 1e-6 for micrometres."""
+    cutoff: Length | None = None
+    """Waviness cutoff [m] of the Gaussian filter ISO 16610-21; needs positions."""
+    pressure: Pressure | None = None
+    """Nominal pressure [Pa], where it differs from the layer's."""
+    observed: Annotated[str, Field(pattern="^(stick-slip|steady|)$")] = ""
+    """Sliding seen in an experiment."""
+
+    @field_validator("profile")
+    @classmethod
+    def _found(cls, profile: str | None, info: ValidationInfo) -> str | None:
+        if profile is None:
+            return None
+        path = Path((info.context or {}).get("directory") or ".") / profile
+        if not path.is_file():
+            raise ValueError(f"no such file ({path}); give the path of a height profile")
+        return str(path.resolve())
+
+    @model_validator(mode="after")
+    def _one_measure(self) -> Surface:
+        if sum(value is not None for value in (self.R_a, self.R_q, self.profile)) != 1:
+            raise ValueError("give exactly one of R_a, R_q, profile")
+        if self.cutoff is not None and self.profile is None:
+            raise ValueError("cutoff filters a profile; give one")
+        return self
+
+    def roughness(self) -> float:
+        """R_a [m].
+
+        Raises
+        ------
+        RuptfxError
+            The profile cannot be read.
+        """
+        if self.R_a is not None:
+            return self.R_a
+        if self.R_q is not None:
+            return float(self.R_q * _GAUSSIAN_TO_RA)
+        position, height = read_profile(str(self.profile), self.profile_unit)
+        return roughness_of(height, position, self.cutoff)
+
+
+def read_profile(path: str | Path, unit: float = 1.0) -> tuple[np.ndarray | None, np.ndarray]:
+    """Positions (None if the file has heights only) and heights [m] of a text or CSV file, header lines skipped.
+
+    Raises
+    ------
+    RuptfxError
+        Not a table of one or two columns of at least 8 numbers, or positions that do not increase.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").replace(";", ",").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuptfxError(f"{path}: cannot be read: {error}") from None
+    rows = [row for row in (line.replace(",", " ").split() for line in lines) if row and not row[0].startswith("#")]
+    while rows and not _is_number(rows[0][0]):
+        rows.pop(0)  # header
+    try:
+        table = np.array(rows, dtype=float) * unit
+    except ValueError:
+        raise RuptfxError(f"{path}: not a table of numbers: every row needs the same one or two columns") from None
+    if table.ndim != 2 or table.shape[0] < 8 or table.shape[1] > 2 or not np.isfinite(table).all():
+        raise RuptfxError(f"{path}: a profile is at least 8 rows of heights, or of positions and heights")
+    if table.shape[1] == 1:
+        return None, table[:, 0]
+    if np.any(np.diff(table[:, 0]) <= 0):
+        raise RuptfxError(f"{path}: positions (first column) must increase")
+    return table[:, 0], table[:, 1]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff: float | None = None) -> float:
+    """R_a = (1/L) int |z| dx [m] about the mean line, after the waviness is filtered out if a cutoff is given.
+
+    Parameters
+    ----------
+    height : ndarray, shape (n,)
+    position : ndarray, shape (n,), optional
+        Equal spacing is assumed without it.
+    cutoff : float, optional
+        Cutoff wavelength [m].
+
+    Raises
+    ------
+    RuptfxError
+        A cutoff without positions, or one longer than the profile.
+    """
+    x = np.arange(len(height), dtype=float) if position is None else position
+    if cutoff is not None:
+        if position is None:
+            raise RuptfxError("cutoff needs a profile with positions (two columns)")
+        if cutoff >= np.ptp(x):
+            raise RuptfxError(f"cutoff = {cutoff:g} m must be shorter than the profile ({np.ptp(x):g} m)")
+        even = np.linspace(x[0], x[-1], len(x))
+        height, x = np.interp(even, x, height), even
+        height = height - gaussian_filter1d(height, _ISO_SIGMA * cutoff / (x[1] - x[0]), mode="nearest")
+    else:
+        height = height - np.polyval(np.polyfit(x - x[0], height, 1), x - x[0])
+    # The mean line is where the height averages to zero over length.
+    height = height - np.trapezoid(height, x) / np.ptp(x)
+    return float(np.trapezoid(np.abs(height), x) / np.ptp(x))
