@@ -54,7 +54,7 @@ for set_name, constants in SETS.items():
 
 # %%
 lines = [
-    "| set | case | Sigma_0, V_imp | published | found | at half threshold | tip / c_l | peak slip rate | energy closure |",
+    "| set | case | Sigma_0, V_imp | published | found | half threshold | tip / c_l | peak slip rate | closure |",
     "|---|---|---|---|---|---|---|---|---|",
 ]
 for (set_name, case_name), record in records.items():

@@ -1,4 +1,4 @@
-"""The bodies as a distributed mesh: partition that keeps interface pairs together, named facets, body of every cell."""
+"""The bodies as a distributed mesh: partition that keeps interface pairs together, named facets, body of each cell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.schema import nearest
 
 # Vertices of the facets of a cell in DOLFINx order.
-FACETS = {
+FACETS: dict[str, list[tuple[int, ...]]] = {
     "triangle": [(1, 2), (0, 2), (0, 1)],
     "quadrilateral": [(0, 1), (0, 2), (1, 3), (2, 3)],
     "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
@@ -83,7 +83,11 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
     parallel.raise_on_all(comm, error)
     described = None
     if raw is not None:
-        sides = {f"{n}.{side}": f for n, pair in raw.interfaces.items() for side, f in zip(("plus", "minus"), pair, strict=True)}
+        sides = {
+            f"{n}.{side}": f
+            for n, pair in raw.interfaces.items()
+            for side, f in zip(("plus", "minus"), pair, strict=True)
+        }
         named = raw.edges | sides
         described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, list(raw.interfaces), named)
     cell, dim, bodies, cell_body, interfaces, named = comm.bcast(described, root=0)
@@ -148,7 +152,9 @@ def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
     count = len(cells)
     facets = np.concatenate([np.sort(cells[:, list(facet)], axis=1) for facet in FACETS[cell]])
     _, label = np.unique(facets, axis=0, return_inverse=True)
-    incidence = sparse.csr_matrix((np.ones(len(facets), np.int8), (np.tile(np.arange(count), len(FACETS[cell])), label.ravel())))
+    incidence = sparse.csr_matrix(
+        (np.ones(len(facets), np.int8), (np.tile(np.arange(count), len(FACETS[cell])), label.ravel()))
+    )
     dual = (incidence @ incidence.T).tocsr()
     dual.setdiag(0)
     dual.eliminate_zeros()
@@ -161,13 +167,18 @@ def _cell_of_facets(raw: RawMesh) -> Any:
     """A function: facets by vertices -> the cell each belongs to."""
     sorted_cells = raw.cells
     touching = sparse.csr_matrix(
-        (np.ones(sorted_cells.size, np.int16), (np.repeat(np.arange(len(sorted_cells)), sorted_cells.shape[1]), sorted_cells.ravel())),
+        (
+            np.ones(sorted_cells.size, np.int16),
+            (np.repeat(np.arange(len(sorted_cells)), sorted_cells.shape[1]), sorted_cells.ravel()),
+        ),
         shape=(len(sorted_cells), len(raw.points)),
     )
 
     def find(facets: np.ndarray) -> np.ndarray:
         rows = np.repeat(np.arange(len(facets)), facets.shape[1])
-        chosen = sparse.csr_matrix((np.ones(facets.size, np.int16), (rows, facets.ravel())), shape=(len(facets), len(raw.points)))
+        chosen = sparse.csr_matrix(
+            (np.ones(facets.size, np.int16), (rows, facets.ravel())), shape=(len(facets), len(raw.points))
+        )
         shared = (chosen @ touching.T).tocsr()
         full = shared.multiply(shared == facets.shape[1]).tocoo()
         cell = np.full(len(facets), -1)

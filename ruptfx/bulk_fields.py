@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 _UNITS = {"velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
 
+_FILE = Template("""\
+<?xml version="1.0"?>
+<Xdmf Version="3.0">
+  <Domain>
+    <Grid Name="run" GridType="Collection" CollectionType="Temporal">
+$grids    </Grid>
+  </Domain>
+</Xdmf>
+""")
 _GRID = Template("""\
     <Grid Name="bodies" GridType="Uniform">
       <Time Value="$time"/>
@@ -84,7 +93,7 @@ class BulkFields:
         if name in ("triangle", "tetrahedron"):
             return dofs, body
         dim = model.mesh.topology.dim
-        reference = np.round(model.space.element.basix_element.points, 9)
+        reference = np.round(np.asarray(model.space.element.basix_element.points, dtype=float), 9)
         lattice = np.lexsort(reference.T[::-1]).reshape((p + 1,) * dim)  # [ix, iy, (iz)]
         low, high = slice(None, -1), slice(1, None)
         if dim == 2:
@@ -149,14 +158,16 @@ class BulkFields:
             forms = []
             entries = _entries(c)
             for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
-                form = 0
+                form: Any = 0
                 for index, material in enumerate(model.materials):
                     stress = ufl.diff(material.energy_density(variable, model.case.plane), variable)
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
                 forms.append((fem.dolfinx.fem.form(form), len(pair)))
             self._stress_forms = forms
-            self._volume = fem.assemble_summed(space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials))))
+            self._volume = fem.assemble_summed(
+                space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
+            )
             self._initial = self._initial_stress(len(entries))
         self._displacement.x.array[:] = displacement
         columns = []
@@ -198,18 +209,20 @@ class BulkFields:
                 data = file[field]
                 parts = [""] if data.ndim == 2 else [f"_{axis}" for axis in _labels(field, data.shape[2])]
                 for part, label in enumerate(parts):
-                    start, count = (f"{index} 0", f"1 {points}") if data.ndim == 2 else (f"{index} 0 {part}", f"1 {points} 1")
+                    vector = data.ndim == 3
+                    start = f"{index} 0 {part}" if vector else f"{index} 0"
+                    count = f"1 {points} 1" if vector else f"1 {points}"
                     attributes.append(_ATTRIBUTE.substitute(
-                        name=f"{field}{label}", points=points, rank=data.ndim, start=start, stride=" ".join("1" * data.ndim),
+                        name=f"{field}{label}", points=points, rank=data.ndim, start=start,
+                        stride=" ".join("1" * data.ndim),
                         count=count, total=" ".join(map(str, data.shape)), field=field,
                     ))  # fmt: skip
             grids.append(_GRID.substitute(
                 time=repr(float(time)), shape=shape, cells=cells, corners=corners, points=points, dim=dim,
                 geometry="XY" if dim == 2 else "XYZ", attributes="\n".join(attributes),
             ))  # fmt: skip
-        head = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n  <Grid Name="run" GridType="Collection" CollectionType="Temporal">\n'
         temporary = self._out / ".bulk.xdmf"
-        temporary.write_text(head + "".join(grids) + "  </Grid>\n </Domain>\n</Xdmf>\n")
+        temporary.write_text(_FILE.substitute(grids="".join(grids)))
         temporary.replace(self._out / "bulk.xdmf")
 
 

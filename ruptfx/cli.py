@@ -149,7 +149,7 @@ def plot(
 
 @app.command()
 def describe(
-    what: Annotated[str | None, typer.Argument(help="friction, contact, materials, meshes, steppers, operators, profiles, lumped.")] = None,
+    what: Annotated[str | None, typer.Argument(help="A folder: friction, contact, materials, meshes, ...")] = None,
     schema: Annotated[bool, typer.Option("--schema", help="JSON schema of a case, for editors.")] = False,
 ) -> None:
     """List the alternatives of a folder with their fields, units, formula and source."""

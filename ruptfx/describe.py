@@ -66,7 +66,12 @@ def _bounds(field: FieldInfo) -> str:
         for item in list(found):
             found += getattr(item, "metadata", None) or []
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-    bounds = {f"{sign} {getattr(item, key):g}" for item in found for key, sign in signs.items() if getattr(item, key, None) is not None}
+    bounds = {
+        f"{sign} {getattr(item, key):g}"
+        for item in found
+        for key, sign in signs.items()
+        if getattr(item, key, None) is not None
+    }
     return ", ".join(sorted(bounds))
 
 

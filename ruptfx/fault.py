@@ -63,12 +63,16 @@ class Fault:
         n = len(self.interface.plus)
         shear = np.linalg.norm(self.shear_traction_0, axis=1)
         state: FaultState = {
-            "normal_stress": self.normal_stress_0.copy(), "opening": np.zeros(n),
-            "peak_slip_rate": np.zeros(n), "rupture_time": np.full(n, np.nan),
+            "normal_stress": self.normal_stress_0.copy(),
+            "opening": np.zeros(n),
+            "peak_slip_rate": np.zeros(n),
+            "rupture_time": np.full(n, np.nan),
         }
         for k in range(self.tangents):
             for name, value in (
-                ("slip", np.zeros(n)), ("slip_rate", np.zeros(n)), ("shear_traction", self.shear_traction_0[:, k]),
+                ("slip", np.zeros(n)),
+                ("slip_rate", np.zeros(n)),
+                ("shear_traction", self.shear_traction_0[:, k]),
             ):
                 state[component_names(name, self.tangents)[k]] = value.copy()
         law_state = self.friction.initial_state(self.normal_stress_0, shear, np.zeros(n))
@@ -122,8 +126,16 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, dt: float) -> tup
 
 
 def advance_reference(
-    fault: Fault, law: TracedLaw, state: FaultState, displacement: np.ndarray, velocity: np.ndarray,
-    force: np.ndarray, inverse_mass: np.ndarray, dt: float, time: float, threshold: float,
+    fault: Fault,
+    law: TracedLaw,
+    state: FaultState,
+    displacement: np.ndarray,
+    velocity: np.ndarray,
+    force: np.ndarray,
+    inverse_mass: np.ndarray,
+    dt: float,
+    time: float,
+    threshold: float,
 ) -> float:
     """The explicit step in arrays; changes `state`, `velocity` and `force`, returns the energy dissipated on this
     rank [J]."""
@@ -152,7 +164,8 @@ def advance_reference(
     state["rupture_time"][np.isnan(state["rupture_time"]) & (speed > threshold)] = time
     for k in range(fault.tangents):
         for name, value in (
-            ("slip", slip + dt * done.slip_rate), ("slip_rate", done.slip_rate),
+            ("slip", slip + dt * done.slip_rate),
+            ("slip_rate", done.slip_rate),
             ("shear_traction", done.shear_traction),
         ):
             state[component_names(name, fault.tangents)[k]][:] = value[:, k]
@@ -210,13 +223,22 @@ class FaultStep:
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
-        arrays = [self._fixed.get(name) if name in self._fixed else state[name] for name in self._arrays]
+        arrays = [self._fixed[name] if name in self._fixed else state[name] for name in self._arrays]
         self._table = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
         pointers = [
-            *self._index, self._frame, self._owned, displacement, velocity, force, self._inverse_mass,
+            *self._index,
+            self._frame,
+            self._owned,
+            displacement,
+            velocity,
+            force,
+            self._inverse_mass,
         ]
         self._pointers = [ctypes.c_void_p(array.ctypes.data) for array in pointers]
-        self._tail = [ctypes.byref(self._table), *(ctypes.c_void_p(a.ctypes.data) for a in (self._numbers, self._result))]
+        self._tail = [
+            ctypes.byref(self._table),
+            *(ctypes.c_void_p(a.ctypes.data) for a in (self._numbers, self._result)),
+        ]
         self._bound = (state, displacement, velocity, force)
 
     @property

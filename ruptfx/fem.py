@@ -3,24 +3,24 @@
 Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself.
 """
 
-# ruff: noqa: E402, I001
+# ruff: noqa: I001
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import h5py  # noqa: F401  before DOLFINx: with numba installed the other order breaks HDF5
 
-try:
-    import dolfinx_solver  # noqa: F401  the wheel: puts its own libraries in place before petsc4py looks for them
-except ModuleNotFoundError:
-    pass
+with suppress(ModuleNotFoundError):
+    # The wheel: puts its own libraries in place before petsc4py looks for them.
+    import dolfinx_solver  # noqa: F401
 
 from ruptfx import RuptfxError
 
 try:
     from mpi4py import MPI
-    from petsc4py import PETSc
+    from petsc4py import PETSc  # noqa: F401
     import basix
     import basix.ufl
     import dolfinx
@@ -73,12 +73,16 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
 
 
 def create_mesh(
-    comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, cell: str,
-    partitioner: Callable[..., Any], order: int = 1,
+    comm: MPI.Comm,
+    cells: np.ndarray,
+    points: np.ndarray,
+    cell: str,
+    partitioner: Callable[..., Any],
+    order: int = 1,
 ) -> dolfinx.mesh.Mesh:
     """Mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
-    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)
+    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)  # type: ignore[arg-type]
 
 
 def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndarray:

@@ -98,7 +98,11 @@ class Interface:
 
 
 def build_interface(
-    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, plus_tag: int, minus_tag: int, name: str
+    space: fem.dolfinx.fem.FunctionSpace,
+    facets: fem.dolfinx.mesh.MeshTags,
+    plus_tag: int,
+    minus_tag: int,
+    name: str,
 ) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
@@ -121,10 +125,8 @@ def build_interface(
     comm, dim = mesh.comm, mesh.geometry.dim
     components = space.dofmap.index_map_bs
     coordinates = space.tabulate_dof_coordinates()[:, :dim]
-    sides = [
-        fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, facets.find(tag)) for tag in (plus_tag, minus_tag)
-    ]
-    plus, minus, error = _pair(coordinates, *sides, name)
+    sides = [fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, facets.find(tag)) for tag in (plus_tag, minus_tag)]
+    plus, minus, error = _pair(coordinates, sides[0], sides[1], name)
     parallel.raise_on_all(comm, error)
     normal, weight = _normals_and_weights(space, facets, minus_tag, minus)
     owned = plus < space.dofmap.index_map.size_local
@@ -154,10 +156,14 @@ def _pair(
     lonely = int(np.argmax(distance))
     if distance[lonely] > 1e-8 * extent or len(plus) != len(minus):
         where = ", ".join(f"{value:.6g}" for value in x[plus[lonely]])
-        return plus, minus, RuptfxError(
-            f"interface '{name}': the nodes of the two sides do not match ({len(plus)} on the plus, {len(minus)} on "
-            f"the minus side; the plus node at ({where}) m is {distance[lonely]:.3g} m from its nearest partner). "
-            "Mesh both sides with the same nodes along the interface"
+        return (
+            plus,
+            minus,
+            RuptfxError(
+                f"interface '{name}': the nodes of the two sides do not match ({len(plus)} on the plus, "
+                f"{len(minus)} on the minus side; the plus node at ({where}) m is {distance[lonely]:.3g} m from its nearest partner). "
+                "Mesh both sides with the same nodes along the interface"
+            ),
         )
     return plus, minus[partner], None
 
@@ -169,7 +175,10 @@ def _normals_and_weights(
     mesh, ufl = space.mesh, fem.ufl
     dim, components = mesh.geometry.dim, space.dofmap.index_map_bs
     ds = ufl.Measure(
-        "ds", domain=mesh, subdomain_data=facets, subdomain_id=tag,
+        "ds",
+        domain=mesh,
+        subdomain_data=facets,
+        subdomain_id=tag,
         metadata=fem.gll_metadata(mesh, space.element.basix_element.degree),
     )
     test, n = ufl.TestFunction(space), ufl.FacetNormal(mesh)

@@ -7,13 +7,14 @@ their initial load.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from ruptfx.schema import Part, Unit
-from ruptfx.units import Time, Velocity, VaryingPressure, VaryingStress
+from ruptfx.units import Time, VaryingPressure, VaryingStress, Velocity
 
 Component = Literal["x", "y", "z"]
 Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
@@ -106,7 +107,7 @@ class Loads:
         Nodal force of the full traction [N].
     """
 
-    def __init__(self, model: Any, boundaries: list[_Edge]) -> None:
+    def __init__(self, model: Any, boundaries: Sequence[_Edge]) -> None:
         self._model = model
         self.driven: list[tuple[np.ndarray, Driven]] = []
         self.force: list[tuple[np.ndarray, Traction]] = []

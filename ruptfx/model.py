@@ -103,8 +103,10 @@ class Model:
                 raise CaseError(f"materials.{name}: no such body, {nearest(name, [*self.bodies.names, 'default'])}")
         missing = [name for name in self.bodies.names if name not in given and "default" not in given]
         if missing:
-            raise CaseError(f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]")
-        return [given.get(name, given.get("default")) for name in self.bodies.names]
+            raise CaseError(
+                f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]"
+            )
+        return [given[name] if name in given else given["default"] for name in self.bodies.names]
 
     def _mass(self) -> np.ndarray:
         """Lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
@@ -117,7 +119,9 @@ class Model:
 
     def measure(self) -> fem.ufl.Measure:
         return fem.ufl.Measure(
-            "dx", domain=self.mesh, subdomain_data=ufl_form.material_tags(self.bulk),
+            "dx",
+            domain=self.mesh,
+            subdomain_data=ufl_form.material_tags(self.bulk),
             metadata=fem.gll_metadata(self.mesh, self.case.order),
         )
 
@@ -143,11 +147,16 @@ class Model:
 
     def edge_nodes(self, tag: int) -> np.ndarray:
         """Local nodes on a named edge."""
-        return fem.dolfinx.fem.locate_dofs_topological(self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag))
+        return fem.dolfinx.fem.locate_dofs_topological(
+            self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag)
+        )
 
     def _edge_measure(self, tag: int) -> fem.ufl.Measure:
         return fem.ufl.Measure(
-            "ds", domain=self.mesh, subdomain_data=self.bodies.facets, subdomain_id=tag,
+            "ds",
+            domain=self.mesh,
+            subdomain_data=self.bodies.facets,
+            subdomain_id=tag,
             metadata=fem.gll_metadata(self.mesh, self.case.order),
         )
 
@@ -229,8 +238,7 @@ class Model:
             "interface_elastic": sum(fault.elastic_energy(state.faults[fault.name], half) for fault in self.faults),
             "frictional_dissipation": state.energy["frictional_dissipation"],
             "damping": state.energy["damping"],
-            "boundary_work": state.energy["boundary_work"]
-            + sum(fault.preload_work(middle) for fault in self.faults),
+            "boundary_work": state.energy["boundary_work"] + sum(fault.preload_work(middle) for fault in self.faults),
         }
         summed = parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
@@ -260,11 +268,15 @@ class Model:
             return float(parallel.total(self.comm, self.owned_dot(a, b)))
 
         # A start that every partition makes alike: pseudo-random in the coordinates.
-        x = np.repeat(self.coordinates @ (np.array([12.9898, 78.233, 37.719])[: self.coordinates.shape[1]]), self.components)
+        x = np.repeat(
+            self.coordinates @ (np.array([12.9898, 78.233, 37.719])[: self.coordinates.shape[1]]), self.components
+        )
         scale = parallel.total(self.comm, np.abs(x[: self.owned_nodes]).sum()) / self.total_nodes
         vector = np.sin(4.3758e4 * x / scale) * (root > 0)
         vector /= np.sqrt(dot(vector, vector))
-        before, beta, diagonal, off = np.zeros_like(vector), 0.0, [], []
+        before, beta = np.zeros_like(vector), 0.0
+        diagonal: list[float] = []
+        off: list[float] = []
         highest = 0.0
         for _ in range(200):
             w = apply(vector) - beta * before

@@ -108,11 +108,15 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     face, label = fault.interface, f"faults.{fault.name}"
     if len(face.plus) == 0:
         return
-    yield Row(f"{label}: points", face.total, "", f"mean spacing {np.ptp(face.position) / max(face.total - 1, 1):.4g} m")
+    yield Row(
+        f"{label}: points", face.total, "", f"mean spacing {np.ptp(face.position) / max(face.total - 1, 1):.4g} m"
+    )
     middle = int(np.argmin(np.abs(face.position - 0.5 * face.position.max())))
     sigma, tau = float(fault.normal_stress_0[middle]), float(np.linalg.norm(fault.shear_traction_0[middle]))
     law = TracedLaw(fault.friction)
-    state = fault.friction.initial_state(fault.normal_stress_0, np.abs(fault.shear_traction_0[:, 0]), np.zeros(len(face.plus)))
+    state = fault.friction.initial_state(
+        fault.normal_stress_0, np.abs(fault.shear_traction_0[:, 0]), np.zeros(len(face.plus))
+    )
     zero = np.zeros(len(face.plus))
     peak = float(law(zero, fault.normal_stress_0, state, 0.0)[0][middle])
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
@@ -135,14 +139,22 @@ def _slip_weakening_rows(
     material = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
     modulus = material.density * material.wave_speeds(model.case.plane).c_s ** 2
     nu = getattr(material, "poisson_ratio", 0.0)
-    effective = modulus if model.case.plane == "antiplane" else modulus / (1 - nu) if model.case.plane == "strain" else modulus * (1 + nu)
+    effective = (
+        modulus
+        if model.case.plane == "antiplane"
+        else modulus / (1 - nu)
+        if model.case.plane == "strain"
+        else modulus * (1 + nu)
+    )
     if tau > residual:
         ratio = (peak - tau) / (tau - residual)
         limit = 1.77 if model.case.plane != "antiplane" else np.inf
         yield Row(f"{label}: S", ratio, "", "may go supershear" if ratio < limit else "stays sub-Rayleigh (S > 1.77)")
         # Half-length at which a uniformly loaded crack grows: a_c = Gamma E' / (pi dtau^2), E' = 2 G*.
         energy = 0.5 * drop * slip
-        yield Row(f"{label}: critical half-length", 2 * effective * energy / (np.pi * (tau - residual) ** 2), "m", "Griffith")
+        yield Row(
+            f"{label}: critical half-length", 2 * effective * energy / (np.pi * (tau - residual) ** 2), "m", "Griffith"
+        )
     # Static process zone of linear slip weakening: 9 pi / 32 G* D_c / (tau_p - tau_r)  (Palmer and Rice 1973).
     zone = 9 * np.pi / 32 * effective * slip / drop if drop > 0 else np.inf
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))  # type: ignore[attr-defined]
@@ -164,4 +176,6 @@ def _cost(model: Model, motion: object, steps: int) -> Iterator[Row]:
     each = (time.perf_counter() - begin) / 5
     vectors = 8 * 8 * model.nodes * model.components
     yield Row("memory of the vectors", vectors / 1e6, "MB", "per rank, without the mesh")
-    yield Row("expected run time", each * steps, "s", f"{each:.3g} s per step on {model.comm.size} rank(s), without output")
+    yield Row(
+        "expected run time", each * steps, "s", f"{each:.3g} s per step on {model.comm.size} rank(s), without output"
+    )

@@ -150,8 +150,13 @@ class Table(Part):
 
 
 KINDS: dict[str, type[Part]] = {
-    "constant": Constant, "boxcar": Boxcar, "gaussian": Gaussian, "taper": Taper, "random": Random,
-    "random_classes": RandomClasses, "table": Table,
+    "constant": Constant,
+    "boxcar": Boxcar,
+    "gaussian": Gaussian,
+    "taper": Taper,
+    "random": Random,
+    "random_classes": RandomClasses,
+    "table": Table,
 }
 
 
@@ -161,13 +166,14 @@ def varying(number: Any) -> Any:
     def tag(value: Any) -> str:
         if isinstance(value, Mapping):
             return f"<{value.get('kind')}>"
-        return f"<{value.kind}>" if isinstance(value, tuple(KINDS.values())) else "<number>"
+        return f"<{getattr(value, 'kind')}>" if isinstance(value, tuple(KINDS.values())) else "<number>"  # noqa: B009
 
     members = [Annotated[number, Tag("<number>")], *(Annotated[cls, Tag(f"<{kind}>")] for kind, cls in KINDS.items())]
     return Annotated[
         Union[tuple(members)],  # noqa: UP007
         Discriminator(
-            tag, custom_error_type="unknown_kind",
+            tag,
+            custom_error_type="unknown_kind",
             custom_error_message=f"a profile needs a 'kind', one of: {', '.join(KINDS)}",
         ),
     ]

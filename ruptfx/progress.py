@@ -29,7 +29,8 @@ class Progress:
         self._bar: Bar | None = None
         if show and self._console.is_terminal:
             self._bar = Bar(
-                TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeRemainingColumn(),
+                TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+                TimeRemainingColumn(),
                 console=self._console, transient=False,
             )  # fmt: skip
             self._task = self._bar.add_task(self._text(0.0, 0, 0.0), total=steps)

@@ -89,7 +89,11 @@ class TracedLaw:
         return to_c(self.outputs)
 
     def __call__(
-        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: dict[str, np.ndarray], dt: float,
+        self,
+        slip_rate: np.ndarray,
+        normal_stress: np.ndarray,
+        state: dict[str, np.ndarray],
+        dt: float,
         points: Any = slice(None),
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """Strength [Pa] at the end of a step, its derivatives with respect to slip rate [Pa s/m] and normal stress,
@@ -98,12 +102,13 @@ class TracedLaw:
         def pick(value: Any) -> Any:
             return value[points] if isinstance(value, np.ndarray) else value
 
-        values = [pick(state[name]) for name in self.state_names] + [pick(v) for v in self.parameters.values()]
+        values = [pick(value) for value in (*(state[name] for name in self.state_names), *self.parameters.values())]
         with np.errstate(all="ignore"):
             strength, slope, *new, stress_slope = self._function(slip_rate, normal_stress, dt, *values)
         shape = np.shape(slip_rate)
         states = {name: np.broadcast_to(v, shape) for name, v in zip(self.state_names, new, strict=True)}
-        return tuple(np.broadcast_to(v, shape) for v in (strength, slope, stress_slope)) + (states,)  # type: ignore
+        strength, slope, stress_slope = (np.broadcast_to(v, shape) for v in (strength, slope, stress_slope))
+        return strength, slope, stress_slope, states
 
 
 @dataclass
@@ -139,8 +144,14 @@ def explain(law: FrictionLaw, point: int, where: str, values: dict[str, float]) 
 
 
 def project(
-    law: TracedLaw, state: dict[str, np.ndarray], trial_normal: np.ndarray, trial_shear: np.ndarray,
-    impedance: np.ndarray, dt: float, guess: np.ndarray | None = None, where: str = "",
+    law: TracedLaw,
+    state: dict[str, np.ndarray],
+    trial_normal: np.ndarray,
+    trial_shear: np.ndarray,
+    impedance: np.ndarray,
+    dt: float,
+    guess: np.ndarray | None = None,
+    where: str = "",
 ) -> Projected:
     """Bring trial tractions back to what the law admits.
 
@@ -186,8 +197,13 @@ def project(
 
 
 def _solve(
-    law: TracedLaw, state: dict[str, np.ndarray], sigma: np.ndarray, trial: np.ndarray, impedance: np.ndarray,
-    dt: float, guess: np.ndarray | None,
+    law: TracedLaw,
+    state: dict[str, np.ndarray],
+    sigma: np.ndarray,
+    trial: np.ndarray,
+    impedance: np.ndarray,
+    dt: float,
+    guess: np.ndarray | None,
 ) -> np.ndarray:
     """Slip rate of every point, shape (n,); not a number where there is none."""
     at_rest, *_ = law(np.zeros_like(trial), sigma, state, dt)

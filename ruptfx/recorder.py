@@ -33,6 +33,7 @@ _FIELDS = {
     "normal_stress": ("Pa", "normal stress, positive in compression"),
     "opening": ("m", "opening"),
 }
+_TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
 
 
 def prepare_directory(comm: fem.MPI.Comm, out: Path) -> None:
@@ -84,7 +85,9 @@ class Recorder:
 
     def __enter__(self) -> Recorder:
         parallel.on_root(self.model.comm, self._open)
-        places = [_gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T]) for f in self.model.faults]
+        places = [
+            _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T]) for f in self.model.faults
+        ]
         points, cells, body = self._bulk.topology()
         if self.model.comm.rank == 0:
             for fault, place in zip(self.model.faults, places, strict=True):
@@ -100,7 +103,9 @@ class Recorder:
         self.log.setLevel(logging.INFO)
         self.log.propagate = False
         self._energy = (self.out / "energy.csv").open("w", newline="")
-        self._energy.write("# seconds, then joules per metre of thickness in 2D; closure relative to the largest work\n")
+        self._energy.write(
+            "# time in s, energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
+        )
         self._table = csv.writer(self._energy)
         self._table.writerow(["time", *ENERGIES, "closure"])
         self._largest_work = 0.0
@@ -111,11 +116,13 @@ class Recorder:
         file.dimensions = {"time": None, "position": fault.interface.total}
         coordinates = dict(zip(("position", "x", "y", "z"), place.T, strict=False))
         for key, values in coordinates.items():
-            _variable(file, key, ("position",), "m", "position along the interface" if key == "position" else key, values)
+            _variable(
+                file, key, ("position",), "m", "position along the interface" if key == "position" else key, values
+            )
         _variable(file, "time", ("time",), "s", "time")
         fields = {
             entry: (unit, text) for name, (unit, text) in _FIELDS.items()
-            for entry in (component_names(name, fault.tangents) if name in ("slip", "slip_rate", "shear_traction", "displacement_jump") else [name])
+            for entry in (component_names(name, fault.tangents) if name in _TANGENTIAL else [name])
         }  # fmt: skip
         fields |= {key: (unit, f"state variable {key}") for key, unit in fault.friction.all_state_fields().items()}
         for key, (unit, text) in fields.items():
@@ -207,7 +214,11 @@ def write_summary(out: Path, summary: dict[str, Any]) -> None:
 
 
 def versions() -> dict[str, str]:
-    return {"ruptfx_version": __version__, "dolfinx_version": fem.dolfinx.__version__, "hdf5_version": h5py.version.hdf5_version}
+    return {
+        "ruptfx_version": __version__,
+        "dolfinx_version": fem.dolfinx.__version__,
+        "hdf5_version": h5py.version.hdf5_version,
+    }
 
 
 def _steps(interval: float, dt: float) -> int:

@@ -11,7 +11,7 @@ import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -64,7 +64,7 @@ def nearest(word: str, known: Iterator[str] | list[str]) -> str:
 class _Reworded(ModelMetaclass):
     """Makes ``Coulomb(mu_d=-1.0)`` in Python raise the same `CaseError` as a case file does."""
 
-    def __call__(cls, *args: Any, **values: Any) -> Any:
+    def __call__(cls, *args: Any, **values: Any) -> Any:  # noqa: N805
         try:
             return super().__call__(*args, **values)
         except ValidationError as error:
@@ -75,7 +75,11 @@ class Part(BaseModel, metaclass=_Reworded):
     """One table of a case: frozen, numbers are numbers, an unknown key is an error that names the nearest one."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True,
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
         validate_default=True,
     )
 
@@ -142,7 +146,8 @@ def find(package: str, kind: str) -> type[Alternative]:
         )
     module = importlib.import_module(f"{package}.{kind}")
     classes = [
-        value for value in vars(module).values()
+        value
+        for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Alternative) and value.__module__ == module.__name__
     ]
     if len(classes) != 1:
@@ -176,7 +181,9 @@ def alternative(package: str) -> Any:
 
     folder = package.rpartition(".")[2]
     return Annotated[
-        SerializeAsAny[Alternative], BeforeValidator(choose), WithJsonSchema({_FOLDER: folder}),
+        SerializeAsAny[Alternative],
+        BeforeValidator(choose),
+        WithJsonSchema({_FOLDER: folder}),
     ]
 
 
@@ -210,7 +217,10 @@ class Unit(str):
 
 def unit_of(part: type[Part], name: str) -> str:
     """Unit of a field, `1` when it has none."""
-    found = [item for item in part.model_fields[name].metadata if isinstance(item, Unit)]
+    field = part.model_fields[name]
+    # The unit of an optional field is inside its union with None.
+    inner = [item for member in get_args(field.annotation) for item in getattr(member, "__metadata__", ())]
+    found = [item for item in (*field.metadata, *inner) if isinstance(item, Unit)]
     return str(found[0]) if found else "1"
 
 

@@ -22,7 +22,7 @@ from ruptfx.recorder import Recorder, prepare_directory, versions, write_summary
 CHECK_EVERY = 25  # steps between checks that all ranks are well
 
 
-class Interrupted(RuptfxError):
+class Interrupted(RuptfxError):  # noqa: N818
     """Stopped by a signal; what was written is readable."""
 
 
@@ -59,7 +59,11 @@ def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bo
     model = Model(case, comm)
     motion = case.stepper.bind(model)
     state = model.initial_state()
-    with Recorder(model, out, motion.dt) as recorder, Signals() as signals, Progress(recorder.steps, case.duration, progress and comm.rank == 0) as bar:
+    with (
+        Recorder(model, out, motion.dt) as recorder,
+        Signals() as signals,
+        Progress(recorder.steps, case.duration, progress and comm.rank == 0) as bar,
+    ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         recorder.record(state)
         stepping = time.perf_counter()
@@ -75,7 +79,8 @@ def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bo
                 bar.update(state.time, state.step, recorder.peak_slip_rate)
         stepping = time.perf_counter() - stepping
     _finish(model, out, {
-        "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt, "nodes": model.total_nodes,
+        "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt,
+        "nodes": model.total_nodes,
         "node_updates_per_second": model.total_nodes * state.step / stepping, "ranks": comm.size,
     })  # fmt: skip
     return Record(out)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 
-Derivatives = tuple["Expression | float", ...]
+Derivatives = tuple[Any, ...]
 
 
 class Expression(np.lib.mixins.NDArrayOperatorsMixin):
@@ -181,7 +181,7 @@ def _ordered(roots: Iterable[Expression]) -> list[Expression]:
 def to_c(outputs: Mapping[str, Expression], indent: str = "    ") -> str:
     """C statements that assign every output from variables named like the symbols."""
     names: dict[Expression, str] = {}
-    lines = []
+    lines: list[str] = []
     for node in _ordered(outputs.values()):
         if node.op == "symbol":
             names[node] = node.args[0]
@@ -198,7 +198,7 @@ def to_c(outputs: Mapping[str, Expression], indent: str = "    ") -> str:
 def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[..., tuple[np.ndarray, ...]]:
     """A function of arrays, in the order of `inputs`, that returns the outputs in their order."""
     names: dict[Expression, str] = {}
-    lines = []
+    lines: list[str] = []
     for node in _ordered(outputs.values()):
         if node.op == "symbol":
             names[node] = node.args[0]

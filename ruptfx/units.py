@@ -5,7 +5,7 @@ SI everywhere. Types ending in a profile (`Varying...`) accept a number or a tab
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
@@ -29,12 +29,24 @@ Stiffness = Annotated[float, Field(gt=0), Unit("Pa/m")]
 Rate = Annotated[float, Field(ge=0), Unit("1/s")]
 Fraction = Annotated[float, Field(gt=0, le=1), Unit("1")]
 
-VaryingStress = Annotated[varying(float), Unit("Pa")]
-VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
-VaryingCoefficient = Annotated[varying(NonNegative), Unit("1")]
-VaryingExponent = Annotated[varying(Positive), Unit("1")]
-VaryingRatio = Annotated[varying(NonNegative), Unit("1")]
-VaryingLength = Annotated[varying(Positive), Unit("m")]
-VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
-VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
-VaryingTime = Annotated[varying(Positive), Unit("s")]
+if TYPE_CHECKING:
+    # A number or a profile in a case, an array at the points, an expression while a law is traced.
+    VaryingStress = Any
+    VaryingPressure = Any
+    VaryingCoefficient = Any
+    VaryingExponent = Any
+    VaryingRatio = Any
+    VaryingLength = Any
+    VaryingSpeed = Any
+    VaryingVelocity = Any
+    VaryingTime = Any
+else:
+    VaryingStress = Annotated[varying(float), Unit("Pa")]
+    VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
+    VaryingCoefficient = Annotated[varying(NonNegative), Unit("1")]
+    VaryingExponent = Annotated[varying(Positive), Unit("1")]
+    VaryingRatio = Annotated[varying(NonNegative), Unit("1")]
+    VaryingLength = Annotated[varying(Positive), Unit("m")]
+    VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
+    VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
+    VaryingTime = Annotated[varying(Positive), Unit("s")]

@@ -7,7 +7,7 @@ its trial back to what the friction law admits.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ruptfx.schema import Alternative, alternative
 
@@ -92,4 +92,7 @@ class ContactMethod(Alternative):
         return 0.0, 0.0
 
 
-AnyContact = alternative("ruptfx.contact")
+if TYPE_CHECKING:
+    AnyContact = ContactMethod
+else:
+    AnyContact = alternative("ruptfx.contact")

@@ -9,7 +9,7 @@ solvers need and the C code of the explicit path, so a new law is fast and consi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -65,4 +65,7 @@ class FrictionLaw(Alternative):
         raise NotImplementedError
 
 
-AnyFriction = alternative("ruptfx.friction")
+if TYPE_CHECKING:
+    AnyFriction = FrictionLaw
+else:
+    AnyFriction = alternative("ruptfx.friction")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from ruptfx.schema import Alternative, alternative
 from ruptfx.units import Density
@@ -40,4 +40,7 @@ class Material(Alternative):
         raise NotImplementedError
 
 
-AnyMaterial = alternative("ruptfx.materials")
+if TYPE_CHECKING:
+    AnyMaterial = Material
+else:
+    AnyMaterial = alternative("ruptfx.materials")

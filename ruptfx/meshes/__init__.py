@@ -6,6 +6,7 @@ A mesh source fills a `RawMesh` on rank 0; `ruptfx.bodies` splits it over the ra
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,4 +57,7 @@ class MeshSource(Alternative):
         raise NotImplementedError
 
 
-AnyMesh = alternative("ruptfx.meshes")
+if TYPE_CHECKING:
+    AnyMesh = MeshSource
+else:
+    AnyMesh = alternative("ruptfx.meshes")

@@ -57,11 +57,15 @@ class GmshFile(MeshSource):
         raw = RawMesh(cell, points, cells, bodies, cell_body, {}, {})
         for name, sides in self.interfaces.items():
             _check_names(str(self.file), name, sides, named, bodies)
-            raw.interfaces[name] = self._split(raw, name, named.pop(name), bodies.index(sides.plus), bodies.index(sides.minus))
+            raw.interfaces[name] = self._split(
+                raw, name, named.pop(name), bodies.index(sides.plus), bodies.index(sides.minus)
+            )
         raw.edges = {name: _on_body(raw, found) for name, found in named.items()}
         return raw
 
-    def _split(self, raw: RawMesh, name: str, facets: np.ndarray, plus: int, minus: int) -> tuple[np.ndarray, np.ndarray]:
+    def _split(
+        self, raw: RawMesh, name: str, facets: np.ndarray, plus: int, minus: int
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Give the minus body its own nodes along the interface; facets of both sides, vertex by vertex."""
         on_plus = np.isin(facets, raw.cells[raw.cell_body == plus]).all(axis=1)
         on_minus = np.isin(facets, raw.cells[raw.cell_body == minus]).all(axis=1)
@@ -81,7 +85,8 @@ class GmshFile(MeshSource):
 
 def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray], bodies: list[str]) -> None:
     if name not in named:
-        raise RuptfxError(f"{file}: no interface '{name}' among the named facets; it has: {', '.join(sorted(named)) or 'none'}")
+        found = ", ".join(sorted(named)) or "none"
+        raise RuptfxError(f"{file}: no interface '{name}' among the named facets; it has: {found}")
     for side in (sides.plus, sides.minus):
         if side not in bodies:
             raise RuptfxError(f"{file}: interface '{name}': no body '{side}'; the file has: {', '.join(bodies)}")
@@ -90,7 +95,9 @@ def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray
 def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus: np.ndarray) -> np.ndarray:
     """The minus facets in the order of the plus facets, when the nodes coincide."""
     if len(plus) == 0 or len(minus) == 0:
-        raise RuptfxError(f"{file}: interface '{name}' has {len(plus)} facets on its plus and {len(minus)} on its minus side")
+        raise RuptfxError(
+            f"{file}: interface '{name}' has {len(plus)} facets on its plus and {len(minus)} on its minus side"
+        )
     minus_nodes, plus_nodes = np.unique(minus), np.unique(plus)
     distance, nearest = cKDTree(points[minus_nodes]).query(points[plus_nodes])
     size = np.linalg.norm(points[plus[:, 1]] - points[plus[:, 0]], axis=1).min()
@@ -142,23 +149,26 @@ def _read(path: Path) -> tuple[Any, ...]:
     except (meshio.ReadError, OSError, SystemExit) as error:
         raise RuptfxError(f"{path}: not a mesh that can be read: {error}") from None
     kinds = {block.type for block in mesh.cells}
-    for type_, cell, order, facet in _CELLS:
-        if type_ in kinds:
-            break
-    else:
-        raise RuptfxError(f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra; it has: {', '.join(sorted(kinds))}")
+    known = [entry for entry in _CELLS if entry[0] in kinds]
+    if not known:
+        found = ", ".join(sorted(kinds))
+        raise RuptfxError(f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra; it has: {found}")
+    type_, cell, order, facet = known[0]
     if (cell == "quadrilateral" and "triangle" in kinds) or (cell == "hexahedron" and "tetra" in kinds):
         raise RuptfxError(f"{path}: mixes cell types ({', '.join(sorted(kinds))}); mesh it with one")
     groups = mesh.cell_data_dict.get("gmsh:physical", {})
     if type_ not in groups:
-        raise RuptfxError(f"{path}: no physical groups; name the bodies and the interface (Physical Surface, Physical Curve)")
+        raise RuptfxError(
+            f"{path}: no physical groups; name the bodies and the interface (Physical Surface, Physical Curve)"
+        )
     names = {int(number): name for name, (number, dim) in mesh.field_data.items()}
     facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64)).astype(np.int64)
     cells = mesh.cells_dict[type_][:, order].astype(np.int64)
     used, cells = np.unique(cells, return_inverse=True)
     renumber = np.full(len(mesh.points), -1)
     renumber[used] = np.arange(len(used))
-    return mesh.points[used], cell, cells.reshape(-1, len(order)), renumber[facets], names, groups[type_], groups.get(facet, np.zeros(0))
+    facet_group = groups.get(facet, np.zeros(0))
+    return mesh.points[used], cell, cells.reshape(-1, len(order)), renumber[facets], names, groups[type_], facet_group
 
 
 def _generate(path: Path, folder: Path) -> Path:

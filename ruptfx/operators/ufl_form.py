@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ruptfx import fem
@@ -21,15 +23,19 @@ def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
     return fem.dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, bulk.cell_material)
 
 
-def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr) -> fem.ufl.Form:
-    """Strain energy of the bodies [J, per metre of thickness in 2D]."""
+def measure(bulk: Bulk) -> fem.ufl.Measure:
+    """Cells by material, with the quadrature that belongs to the element."""
     mesh = bulk.space.mesh
     order = bulk.space.element.basix_element.degree
-    dx = fem.ufl.Measure(
+    return fem.ufl.Measure(
         "dx", domain=mesh, subdomain_data=material_tags(bulk), metadata=fem.gll_metadata(mesh, order)
     )
+
+
+def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr, dx: fem.ufl.Measure, factor: Any = 1) -> fem.ufl.Form:
+    """Strain energy of the bodies [J, per metre of thickness in 2D], its density times a factor."""
     return sum(
-        material.energy_density(strain(displacement), bulk.plane) * dx(index)
+        factor * material.energy_density(strain(displacement), bulk.plane) * dx(index)
         for index, material in enumerate(bulk.materials)
     )
 
@@ -44,14 +50,16 @@ class UflForm:
         if bulk.viscosity_time is not None:
             cellwise = fem.dolfinx.fem.functionspace(space.mesh, ("DG", 0))
             self._viscosity = fem.dolfinx.fem.Function(cellwise)
-            self._viscosity.x.array[:] = bulk.viscosity_time[: len(self._viscosity.x.array)]
+            dofs = cellwise.dofmap.list[:, 0]
+            self._viscosity.x.array[dofs] = bulk.viscosity_time[: len(dofs)]
             self._velocity = fem.dolfinx.fem.Function(space)
         test = fem.ufl.TestFunction(space)
-        form = fem.ufl.derivative(energy(bulk, self._displacement), self._displacement, test)
+        dx, u = measure(bulk), self._displacement
+        form = fem.ufl.derivative(energy(bulk, u, dx), u, test)
         if self._viscosity is not None:
             # Linear viscosity: the force of the velocity field, cell by cell scaled by eta.
-            rate = fem.ufl.derivative(form, self._displacement, self._viscosity * self._velocity)
-            form = form + rate
+            damped = fem.ufl.derivative(energy(bulk, u, dx, self._viscosity), u, test)
+            form = form + fem.ufl.derivative(damped, u, self._velocity)
         self._force = fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS)
 
     def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:

@@ -6,7 +6,7 @@ another.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ruptfx.schema import Alternative, alternative
 
@@ -35,4 +35,7 @@ class Stepper(Alternative):
         raise NotImplementedError
 
 
-AnyStepper = alternative("ruptfx.steppers")
+if TYPE_CHECKING:
+    AnyStepper = Stepper
+else:
+    AnyStepper = alternative("ruptfx.steppers")

@@ -38,8 +38,8 @@ class Leapfrog(Stepper):
             return LeapfrogMotion(model, _three_digits(self.safety * stable))
         if self.time_step > stable:
             raise CaseError(
-                f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, {what_limits(model, stable)}; "
-                "reduce it, or leave it out"
+                f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, "
+                f"{what_limits(model, stable)}; reduce it, or leave it out"
             )
         return LeapfrogMotion(model, self.time_step)
 
@@ -57,12 +57,16 @@ def what_limits(model: Model, stable: float) -> str:
     for fault in model.faults:
         normal, shear = fault.contact.stiffness()
         face = fault.interface
-        mobility = (inverse.reshape(model.nodes, -1)[face.plus] + inverse.reshape(model.nodes, -1)[face.minus]).max(axis=1)
+        mobility = (inverse.reshape(model.nodes, -1)[face.plus] + inverse.reshape(model.nodes, -1)[face.minus]).max(
+            axis=1
+        )
         local = float(np.max(face.weight * mobility, initial=0) * max(normal, shear))
         worst, name = max((worst, name), (local, fault.name))
     worst = max(model.comm.allgather(worst))
     # omega^2 of the interface alone against that of the whole.
-    return f"set by the contact stiffness of faults.{name}" if worst > 0.5 * (2 / stable) ** 2 else "set by the elements"
+    return (
+        f"set by the contact stiffness of faults.{name}" if worst > 0.5 * (2 / stable) ** 2 else "set by the elements"
+    )
 
 
 class LeapfrogMotion:
@@ -86,9 +90,10 @@ class LeapfrogMotion:
                 held.reshape(-1, c)[side] = True
         held_nodes = held.reshape(-1, c).any(axis=1)
         # With mass damping every node loses energy that must be counted.
-        self._fused = hasattr(model.operator, "prepare_step") and model.case.damping.mass == 0
+        operator: Any = model.operator
+        self._fused = hasattr(operator, "prepare_step") and model.case.damping.mass == 0
         if self._fused:
-            model.operator.prepare_step(held_nodes)
+            operator.prepare_step(held_nodes)
             self._plain_inverse_mass = np.ascontiguousarray(1 / mass.reshape(-1, c)[:, 0])
         else:
             held_nodes[:] = True
@@ -152,7 +157,7 @@ class LeapfrogMotion:
 
     def _bulk(self, state: State) -> None:
         """Internal force at held nodes, complete over ranks; plain nodes advanced on the way."""
-        operator = self.model.operator
+        operator: Any = self.model.operator
         if self._fused:
             operator.step(state.displacement, state.velocity, state.force, self._plain_inverse_mass, self.dt)
         else:
