@@ -1,0 +1,361 @@
+// Internal force of isotropic linear elasticity without a matrix, LANES elements at a time, and the leapfrog update of
+// the nodes that need nothing else.  Dimension, components and order are compile-time constants; DERIVATIVE, POINT and
+// WEIGHT (Gauss-Lobatto-Legendre points on [0, 1]) are written in front of this file by matrix_free.py.
+//
+// Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
+// other (sum factorisation), stress, transposed gradient, scatter.
+
+#ifdef __AVX512F__
+#define LANES 8
+#else
+#define LANES 4
+#endif
+#define N (ORDER + 1)
+#if SIMPLEX
+#define NODES (DIM + 1)
+#elif DIM == 2
+#define NODES (N * N)
+#else
+#define NODES (N * N * N)
+#endif
+#define INLINE static inline __attribute__((always_inline))
+#define UNROLL _Pragma("GCC unroll 16")
+#define KEEP _Pragma("GCC unroll 1")
+
+typedef double lanes __attribute__((vector_size(8 * LANES)));
+typedef long long_lanes __attribute__((vector_size(8 * LANES)));
+typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
+typedef double couple __attribute__((vector_size(16), aligned(8)));
+
+enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS };  // kind of a batch: one of four geometries, plus VISCOUS
+
+struct plan {
+    const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
+    const unsigned char *kind;     // [batch]
+    const long *start;             // [batch]: where its numbers begin, in vectors
+    const lanes *number;           // viscosity time if VISCOUS, lambda, shear modulus, geometry
+    const int *block;              // [blocks + 1]: first batch of every block
+    const int *run_start;          // [blocks + 1]: first run of every block
+    const int *run;                // [runs][2]: first and one past the last of nodes that no later element touches
+};
+
+int lanes_per_batch(void) { return LANES; }
+
+// -- geometry and material ------------------------------------------------------------------------------------------
+
+// Scaled inverse Jacobian g[d][a] = d xi_d / d x_a sqrt(det J) from J, but for a factor given back: 1 / det J.
+INLINE lanes adjugate(lanes j[DIM][DIM], lanes g[DIM][DIM])
+{
+#if DIM == 2
+    g[0][0] = j[1][1], g[0][1] = -j[1][0];
+    g[1][0] = -j[0][1], g[1][1] = j[0][0];
+    const lanes det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+#else
+    UNROLL for (int d = 0; d < 3; d++) {
+        const int e = (d + 1) % 3, f = (d + 2) % 3;
+        UNROLL for (int a = 0; a < 3; a++) {
+            const int b = (a + 1) % 3, c = (a + 2) % 3;
+            g[d][a] = j[e][b] * j[f][c] - j[e][c] * j[f][b];
+        }
+    }
+    const lanes det = j[0][0] * g[0][0] + j[0][1] * g[0][1] + j[0][2] * g[0][2];
+#endif
+    return 1.0 / det;
+}
+
+// Tangent vectors j[d] = dx / d xi_d of a cell with straight edges; geometry holds the coefficients of its corners' map.
+INLINE void tangents(const lanes *geometry, const double xi[DIM], lanes j[DIM][DIM])
+{
+    UNROLL for (int a = 0; a < DIM; a++) {
+#if DIM == 2
+        j[0][a] = geometry[a] + xi[1] * geometry[4 + a];
+        j[1][a] = geometry[2 + a] + xi[0] * geometry[4 + a];
+#else
+        const lanes xy = geometry[9 + a], xz = geometry[12 + a], yz = geometry[15 + a], xyz = geometry[18 + a];
+        j[0][a] = geometry[a] + xi[1] * xy + xi[2] * xz + (xi[1] * xi[2]) * xyz;
+        j[1][a] = geometry[3 + a] + xi[0] * xy + xi[2] * yz + (xi[0] * xi[2]) * xyz;
+        j[2][a] = geometry[6 + a] + xi[0] * xz + xi[1] * yz + (xi[0] * xi[1]) * xyz;
+#endif
+    }
+}
+
+// Reference gradient g_u[d][c] to reference flux, in place: G C G' with Hooke's law C.
+INLINE void flux(const int box, lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
+{
+    lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
+    UNROLL for (int c = 0; c < COMPONENTS; c++)
+        UNROLL for (int a = 0; a < DIM; a++) {
+            h[c][a] = g[a][a] * p[a][c];
+            if (!box)
+                UNROLL for (int d = 0; d < DIM; d++)
+                    if (d != a) h[c][a] += g[d][a] * p[d][c];
+        }
+#if COMPONENTS == 1
+    UNROLL for (int a = 0; a < DIM; a++) s[0][a] = shear * h[0][a];
+#else
+    lanes pressure = h[0][0];
+    UNROLL for (int a = 1; a < DIM; a++) pressure += h[a][a];
+    pressure *= lambda;
+    UNROLL for (int c = 0; c < DIM; c++) {
+        s[c][c] = pressure + (shear + shear) * h[c][c];
+        UNROLL for (int a = 0; a < c; a++) s[c][a] = s[a][c] = shear * (h[c][a] + h[a][c]);
+    }
+#endif
+    UNROLL for (int c = 0; c < COMPONENTS; c++)
+        UNROLL for (int d = 0; d < DIM; d++) {
+            p[d][c] = g[d][d] * s[c][d];
+            if (!box)
+                UNROLL for (int a = 0; a < DIM; a++)
+                    if (a != d) p[d][c] += g[d][a] * s[c][a];
+        }
+}
+
+struct cell {
+    lanes lambda, shear, g[DIM][DIM];
+    const lanes *geometry;
+};
+
+INLINE struct cell open_cell(const int geometry, const lanes *number)
+{
+    struct cell cell = {.lambda = number[0], .shear = number[1], .geometry = number + 2};
+    if (geometry == BOX)
+        UNROLL for (int d = 0; d < DIM; d++) cell.g[d][d] = cell.geometry[d];
+    if (geometry == AFFINE)
+        UNROLL for (int d = 0; d < DIM; d++)
+            UNROLL for (int a = 0; a < DIM; a++) cell.g[d][a] = cell.geometry[d * DIM + a];
+    return cell;
+}
+
+INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes p[DIM][COMPONENTS])
+{
+    lanes lambda = cell->lambda, shear = cell->shear;
+    if (geometry == MULTILINEAR) {
+        lanes j[DIM][DIM];
+        tangents(cell->geometry, xi, j);
+        const lanes inverse = adjugate(j, cell->g);
+        lambda *= inverse, shear *= inverse;
+    }
+    if (geometry == POINTWISE)
+        UNROLL for (int d = 0; d < DIM; d++)
+            UNROLL for (int a = 0; a < DIM; a++) cell->g[d][a] = cell->geometry[(node * DIM + d) * DIM + a];
+    flux(geometry == BOX, cell->g, lambda, shear, p);
+}
+
+// -- gather and scatter ---------------------------------------------------------------------------------------------
+
+#if COMPONENTS > 1
+INLINE couple load_couple(const double *x) { return *(const couple *)x; }
+
+// Two neighbouring numbers at LANES places: x[0][lane], x[1][lane].
+INLINE void gather_couples(const double *field, const int *dof, lanes x[2])
+{
+#if LANES == 8
+    typedef double four __attribute__((vector_size(32)));
+#define PAIR(a, b) __builtin_shufflevector(load_couple(field + dof[a]), load_couple(field + dof[b]), 0, 1, 2, 3)
+    const four a = PAIR(0, 2), b = PAIR(4, 6), c = PAIR(1, 3), d = PAIR(5, 7);
+    const lanes even = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+    const lanes odd = __builtin_shufflevector(c, d, 0, 1, 2, 3, 4, 5, 6, 7);
+    x[0] = __builtin_shufflevector(even, odd, 0, 8, 2, 10, 4, 12, 6, 14);
+    x[1] = __builtin_shufflevector(even, odd, 1, 9, 3, 11, 5, 13, 7, 15);
+#else
+    const couple a = load_couple(field + dof[0]), b = load_couple(field + dof[1]);
+    const couple c = load_couple(field + dof[2]), d = load_couple(field + dof[3]);
+    x[0] = (lanes){a[0], b[0], c[0], d[0]};
+    x[1] = (lanes){a[1], b[1], c[1], d[1]};
+#endif
+}
+
+INLINE void scatter_couples(double *field, const int *dof, const lanes x[2])
+{
+#if LANES == 8
+    const lanes even = __builtin_shufflevector(x[0], x[1], 0, 8, 2, 10, 4, 12, 6, 14);
+    const lanes odd = __builtin_shufflevector(x[0], x[1], 1, 9, 3, 11, 5, 13, 7, 15);
+#define ADD(lane, from, at) \
+    *(couple *)(field + dof[lane]) += (couple)__builtin_shufflevector(from, from, at, at + 1)
+    ADD(0, even, 0), ADD(1, odd, 0), ADD(2, even, 2), ADD(3, odd, 2);
+    ADD(4, even, 4), ADD(5, odd, 4), ADD(6, even, 6), ADD(7, odd, 6);
+#else
+    UNROLL for (int l = 0; l < LANES; l++) *(couple *)(field + dof[l]) += (couple){x[0][l], x[1][l]};
+#endif
+}
+#endif
+
+INLINE lanes gather_single(const double *field, const int *dof)
+{
+    lanes x;
+    UNROLL for (int l = 0; l < LANES; l++) x[l] = field[dof[l]];
+    return x;
+}
+
+INLINE void gather(const double *field, const int *dof, lanes x[COMPONENTS])
+{
+#if COMPONENTS > 1
+    gather_couples(field, dof, x);
+#endif
+    if (COMPONENTS != 2) x[COMPONENTS - 1] = gather_single(field + COMPONENTS - 1, dof);
+}
+
+// Lane after lane: elements of one batch may share nodes.
+INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS])
+{
+#if COMPONENTS > 1
+    scatter_couples(field, dof, x);
+#endif
+    if (COMPONENTS != 2)
+        UNROLL for (int l = 0; l < LANES; l++) field[dof[l] + COMPONENTS - 1] += x[COMPONENTS - 1][l];
+}
+
+// -- gradient and its transpose -------------------------------------------------------------------------------------
+
+#if SIMPLEX
+INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+{
+    struct cell cell = open_cell(geometry, number);
+    lanes p[DIM][COMPONENTS];
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c] = u[c][d + 1] - u[c][0];
+    flux_at(geometry, &cell, 0, 0, p);
+    UNROLL for (int c = 0; c < COMPONENTS; c++) {
+        u[c][0] = p[0][c];
+        UNROLL for (int d = 1; d < DIM; d++) u[c][0] += p[d][c];
+        u[c][0] *= VOLUME;
+        UNROLL for (int d = 0; d < DIM; d++) u[c][d + 1] = -VOLUME * p[d][c];
+    }
+}
+#else
+// out[i] (+)= sum_j matrix[i][j] in[j] along a line of nodes `stride` apart.
+INLINE void along(const int add, const double matrix[N][N], const lanes *in, lanes *out, const int stride)
+{
+    lanes line[N];
+    UNROLL for (int j = 0; j < N; j++) line[j] = in[j * stride];
+    UNROLL for (int i = 0; i < N; i++) {
+        lanes sum = matrix[i][0] * line[0];
+        if (add) sum += out[i * stride];
+        UNROLL for (int j = 1; j < N; j++) sum += matrix[i][j] * line[j];
+        out[i * stride] = sum;
+    }
+}
+
+// The same for all lines of one direction.
+INLINE void along_all(const int add, const double matrix[N][N], const lanes *in, lanes *out, const int stride)
+{
+    KEEP for (int a = 0; a < NODES; a += N * stride)
+        KEEP for (int b = 0; b < stride; b++) along(add, matrix, in + a + b, out + a + b, stride);
+}
+
+// From displacements to minus the internal force, in place.  The last direction, where nodes are neighbours, is done
+// line by line together with the stress.
+INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
+{
+    struct cell cell = open_cell(geometry, number);
+    lanes g[DIM - 1][COMPONENTS][NODES];
+    UNROLL for (int d = 0; d < DIM - 1; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            along_all(0, DERIVATIVE, u[c], g[d][c], DIM == 3 && d == 0 ? N * N : N);
+    KEEP for (int line = 0; line < NODES; line += N) {
+        lanes last[COMPONENTS][N];
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, DERIVATIVE, u[c] + line, last[c], 1);
+        UNROLL for (int q = 0; q < N; q++) {
+            lanes p[DIM][COMPONENTS];
+            UNROLL for (int c = 0; c < COMPONENTS; c++) {
+                UNROLL for (int d = 0; d < DIM - 1; d++) p[d][c] = g[d][c][line + q];
+                p[DIM - 1][c] = last[c][q];
+            }
+#if DIM == 2
+            const double xi[2] = {POINT[line / N], POINT[q]};
+#else
+            const double xi[3] = {POINT[line / (N * N)], POINT[line / N % N], POINT[q]};
+#endif
+            flux_at(geometry, &cell, line + q, xi, p);
+            UNROLL for (int c = 0; c < COMPONENTS; c++) {
+                UNROLL for (int d = 0; d < DIM - 1; d++) g[d][c][line + q] = p[d][c];
+                last[c][q] = p[DIM - 1][c];
+            }
+        }
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, TRANSPOSED, last[c], u[c] + line, 1);
+    }
+    UNROLL for (int d = 0; d < DIM - 1; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            along_all(1, TRANSPOSED, g[d][c], u[c], DIM == 3 && d == 0 ? N * N : N);
+    UNROLL for (int c = 0; c < COMPONENTS; c++)
+        KEEP for (int node = 0; node < NODES; node++) u[c][node] *= MINUS_WEIGHT[node];
+}
+#endif
+
+INLINE void batch_force(const int geometry, const int viscous, const int *dof, const lanes *number,
+                        const double *displacement, const double *velocity, double *force)
+{
+    lanes u[COMPONENTS][NODES];
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes x[COMPONENTS];
+        gather(displacement, dof + node * LANES, x);
+        if (viscous) {
+            lanes v[COMPONENTS];
+            gather(velocity, dof + node * LANES, v);
+            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] += number[0] * v[c];
+        }
+        UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
+    }
+    apply(geometry, number + viscous, u);
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes x[COMPONENTS];
+        UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = u[c][node];
+        scatter_add(force, dof + node * LANES, x);
+    }
+}
+
+// -- what Python calls ----------------------------------------------------------------------------------------------
+
+void add_internal_force(const struct plan *plan, long first, long last, const double *u, const double *v, double *force)
+{
+    for (long b = first; b < last; b++) {
+        const int *dof = plan->dof + b * NODES * LANES;
+        const lanes *number = plan->number + plan->start[b];
+        switch (plan->kind[b]) {
+#define CASE(geometry) \
+    case geometry: batch_force(geometry, 0, dof, number, u, v, force); break; \
+    case geometry + VISCOUS: batch_force(geometry, 1, dof, number, u, v, force); break;
+            CASE(AFFINE)
+#if !SIMPLEX
+            CASE(BOX)
+            CASE(MULTILINEAR)
+            CASE(POINTWISE)
+#endif
+        }
+    }
+}
+
+// v = decay v + dt f / m, u += dt v, f = 0 for a run of nodes.
+INLINE void update(long first, long last, double *u, double *v, double *force, const double *inverse_mass, double dt,
+                   double decay)
+{
+    long node = first;
+    for (; node + LANES <= last; node += LANES) {
+        const lanes m = dt * *(const loose *)(inverse_mass + node);
+        UNROLL for (int k = 0; k < COMPONENTS; k++) {
+            long_lanes pick;
+            UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
+            const long i = node * COMPONENTS + k * LANES;
+            const lanes faster = decay * *(loose *)(v + i) + __builtin_shuffle(m, pick) * *(loose *)(force + i);
+            *(loose *)(v + i) = faster;
+            *(loose *)(u + i) += dt * faster;
+            *(loose *)(force + i) = (lanes){0};
+        }
+    }
+    for (long i = node * COMPONENTS; i < last * COMPONENTS; i++) {
+        v[i] = decay * v[i] + dt * inverse_mass[i / COMPONENTS] * force[i];
+        u[i] += dt * v[i];
+        force[i] = 0;
+    }
+}
+
+// Elements of some blocks; after each block the nodes that no later element reads move on.
+void step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
+          const double *inverse_mass, double dt, double decay)
+{
+    for (long block = first; block < last; block++) {
+        add_internal_force(plan, plan->block[block], plan->block[block + 1], u, v, force);
+        for (long r = plan->run_start[block]; r < plan->run_start[block + 1]; r++)
+            update(plan->run[2 * r], plan->run[2 * r + 1], u, v, force, inverse_mass, dt, decay);
+    }
+}
