@@ -1,0 +1,26 @@
+"""Shared by all tests: what to skip without DOLFINx, and what goes to the same place for all of them."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+
+import matplotlib
+import pytest
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+matplotlib.use("Agg")
+
+if find_spec("dolfinx") is not None:
+    # First of all imports: the order of h5py, DOLFINx's own libraries and petsc4py matters.
+    import ruptfx.fem  # noqa: F401
+
+
+@pytest.fixture(scope="session")
+def shared_tmp_path(tmp_path_factory: pytest.TempPathFactory):
+    """A directory that all ranks of an MPI job agree on."""
+    from ruptfx import fem
+
+    comm = fem.MPI.COMM_WORLD
+    path = tmp_path_factory.mktemp("shared") if comm.rank == 0 else None
+    return comm.bcast(path, root=0)

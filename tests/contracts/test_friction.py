@@ -1,0 +1,179 @@
+"""Every law of the folder keeps the contract of a friction law; a new file is tested without an edit here."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+from examples import friction, friction_laws
+from pydantic import TypeAdapter
+
+from ruptfx.friction import AnyFriction, FrictionLaw
+from ruptfx.projection import TracedLaw, project
+from ruptfx.schema import alternatives
+
+LAWS = friction_laws()
+SEEDS = (0, 1, 2)
+every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+every_example = pytest.mark.parametrize("seed", SEEDS)
+
+N = 400
+
+
+def histories(law: FrictionLaw, seed: int, steps: int = 6) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Slip rates, normal stresses and states the law can be in: what a few arbitrary steps lead to."""
+    random = np.random.default_rng(seed)
+    rate = 10 ** random.uniform(-9, 3, N)
+    sigma = 10 ** random.uniform(4, 8.5, N)
+    state = law.initial_state(sigma, 0.3 * sigma, rate)
+    for _ in range(steps):
+        v, s = 10 ** random.uniform(-12, 3, N), 10 ** random.uniform(4, 8.5, N)
+        state = law.advance(state, v, s, 10 ** random.uniform(-9, -4, N))
+    return rate, sigma, {name: np.broadcast_to(value, N).astype(float) for name, value in state.items()}
+
+
+@pytest.mark.parametrize("kind", list(alternatives("ruptfx.friction")))
+def test_a_law_says_what_it_is(kind: str) -> None:
+    cls = alternatives("ruptfx.friction")[kind]
+    assert cls.formula and cls.source and cls.summary()
+    assert all(unit for unit in cls.state_fields.values())
+    assert set(cls.state_fields).isdisjoint(cls.model_fields)
+
+
+@every_law
+def test_toml_round_trip(kind: str, held: str | None) -> None:
+    for profiles in (False, True):
+        law = friction(kind, held, profiles=profiles)
+        written = tomli_w.dumps({"friction": law.model_dump(mode="json", exclude_none=True)})
+        assert TypeAdapter(AnyFriction).validate_python(tomllib.loads(written)["friction"]) == law
+
+
+@every_law
+def test_initial_state_and_advance_have_the_declared_fields(kind: str, held: str | None) -> None:
+    law = friction(kind, held)
+    sigma = np.array([1e6, 0.0, 3e6])
+    state = law.initial_state(sigma, 0.4 * sigma, np.zeros(3))
+    assert set(state) == set(law.all_state_fields())
+    assert set(law.advance(state, np.ones(3), sigma, 1e-6)) == set(state)
+    assert all(np.shape(value) == (3,) and np.isfinite(value).all() for value in state.values())
+
+
+@every_law
+@every_example
+def test_strength_is_finite_and_not_negative(kind: str, held: str | None, seed: int) -> None:
+    law = friction(kind, held, seed)
+    rate, sigma, state = histories(law, seed)
+    # Arbitrary points, at rest, open, at rest and open; each after steps of any size.
+    for v in (rate, 0 * rate):
+        for s in (sigma, 0 * sigma):
+            for dt in (0.0, 1e-12, 1e-7, 1.0, 1e12):
+                new = law.advance(state, v, s, dt)
+                assert all(np.isfinite(value).all() for value in new.values())
+                strength = law.strength(v, s, new)
+                assert np.isfinite(strength).all()
+                assert (np.asarray(strength) >= 0).all()
+
+
+@every_law
+@every_example
+def test_traced_values_and_derivatives(kind: str, held: str | None, seed: int) -> None:
+    law = friction(kind, held, seed)
+    rate, sigma, state = histories(law, seed)
+    dt = 1e-7
+
+    def direct(v: np.ndarray, s: np.ndarray) -> np.ndarray:
+        return law.strength(v, s, law.advance(state, v, s, dt)) + 0 * v
+
+    strength, slope, stress_slope, new = TracedLaw(law)(rate, sigma, state, dt)
+    np.testing.assert_allclose(strength, direct(rate, sigma), rtol=1e-12)
+    for name, value in law.advance(state, rate, sigma, dt).items():
+        np.testing.assert_allclose(new[name], value, rtol=1e-12)
+    # Central differences of step h: error h^2 from the third derivative, 1e-16 / h from rounding; h = 1e-5.
+    h = 1e-5
+    by_rate = (direct(rate * (1 + h), sigma) - direct(rate * (1 - h), sigma)) / (2 * h * rate)
+    by_stress = (direct(rate, sigma * (1 + h)) - direct(rate, sigma * (1 - h))) / (2 * h * sigma)
+    assert np.max(np.abs(slope - by_rate) * rate / strength) < 1e-8
+    assert np.max(np.abs(stress_slope - by_stress) * sigma / strength) < 1e-8
+
+
+@every_law
+@every_example
+def test_a_step_is_consistent(kind: str, held: str | None, seed: int) -> None:
+    """One step and two half steps differ by O(dt^2), and the change over a step is O(dt)."""
+    law = friction(kind, held, seed)
+    if not law.all_state_fields():
+        pytest.skip("no state")
+    # Rates at which something happens within the step, so that differences are well above round-off.
+    random = np.random.default_rng(seed)
+    v, sigma = 10 ** random.uniform(-1, 1, N), 10 ** random.uniform(5, 7, N)
+    state = law.initial_state(sigma, 0.3 * sigma, v)
+    state = law.advance(state, 0.1 * v, 2 * sigma, 1e-5)
+
+    def gap(dt: float) -> dict[str, np.ndarray]:
+        one, half = law.advance(state, v, sigma, dt), law.advance(state, v, sigma, dt / 2)
+        two = law.advance(half, v, sigma, dt / 2)
+        return {name: np.abs(one[name] - two[name]) for name in one}
+
+    for name in law.all_state_fields():
+        rounding = 1e-11 * np.abs(state[name])
+        coarse, fine = gap(4e-9)[name], gap(1e-9)[name]
+        # (4e-9 / 1e-9)^2 = 16 for a first-order step, more for a better one; 12 leaves room for the next order.
+        assert np.all((coarse <= rounding) | (fine <= coarse / 12)), name
+        change = [law.advance(state, v, sigma, dt)[name] - state[name] for dt in (2e-9, 1e-9)]
+        assert np.all(np.abs(change[0] - 2 * change[1]) <= rounding + 0.01 * np.abs(change[0])), name
+
+
+@every_law
+@every_example
+def test_long_sliding_ends_at_the_steady_strength(kind: str, held: str | None, seed: int) -> None:
+    law = friction(kind, held, seed)
+    rate, sigma, state = histories(law, seed)
+    try:
+        steady = law.steady_strength(rate, sigma)
+    except NotImplementedError:
+        pytest.skip("the law has no steady state")
+    for _ in range(3):  # a slip of 1e9 m in each step, against lengths below 1 mm
+        state = law.advance(state, rate, sigma, 1e9 / rate)
+    np.testing.assert_allclose(law.strength(rate, sigma, state), steady + 0 * rate, rtol=1e-6)
+
+
+@every_law
+@every_example
+def test_friction_dissipates(kind: str, held: str | None, seed: int) -> None:
+    law = friction(kind, held, seed)
+    _, sigma, state = histories(law, seed)
+    random = np.random.default_rng(seed)
+    trial = random.normal(size=(N, 2)) * sigma[:, None]
+    sigma = sigma * np.where(random.random(N) < 0.2, -1, 1)
+    done = project(TracedLaw(law), state, sigma, trial, 10 ** random.uniform(5, 8, N), 1e-8)
+    power = np.sum(done.shear_traction * done.slip_rate, axis=1)
+    carried = np.linalg.norm(done.shear_traction, axis=1)
+    size = np.linalg.norm(trial, axis=1)
+    assert np.all(power >= -1e-12 * size * np.linalg.norm(done.slip_rate, axis=1))
+    assert np.all(carried <= size * (1 + 1e-12))
+    # Where the interface is open it carries nothing.
+    assert np.all(carried[sigma < 0] <= 1e-12 * size[sigma < 0])
+
+
+@every_law
+def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> None:
+    varying = friction(kind, held, profiles=True)
+    position = np.linspace(0, 1, 5)
+    law = varying.at(position)
+    sigma, rate = np.full(5, 2e6), np.full(5, 0.3)
+    state = law.initial_state(sigma, 0.3 * sigma, rate)
+    new = law.advance(state, rate, sigma, 1e-6)
+    strength = law.strength(rate, sigma, new)
+    traced = TracedLaw(law)
+    np.testing.assert_allclose(traced(rate, sigma, state, 1e-6)[0], strength, rtol=1e-12)
+    some = np.array([3, 1])
+    np.testing.assert_allclose(traced(rate[some], sigma[some], state, 1e-6, some)[0], strength[some], rtol=1e-12)
+    for i, x in enumerate(position):
+        one = varying.at(np.array([x]))
+        here = one.initial_state(sigma[:1], 0.3 * sigma[:1], rate[:1])
+        alone = one.strength(rate[:1], sigma[:1], one.advance(here, rate[:1], sigma[:1], 1e-6))
+        np.testing.assert_allclose(strength[i], alone[0], rtol=1e-12)
+    # The amplitude of the examples' profiles is 30 %, so that the points do differ.
+    assert np.ptp(strength) > 0.01 * strength.max()

@@ -1,0 +1,103 @@
+"""Valid examples of any part of a case, made from its field types, so that a new file needs no edit in the tests."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+
+from ruptfx.schema import Part, alternatives, unit_of
+
+Array = np.ndarray
+
+# Decades from which a field is drawn, by its unit.
+DECADES = {
+    "1": (-1.0, 0.0), "m": (-5.0, -3.0), "m/s": (-2.0, 1.0), "s": (-5.0, -2.0), "Pa": (5.0, 8.0), "Pa/m": (10.0, 12.0),
+    "1/s": (0.0, 3.0), "kg/m3": (3.0, 3.7),
+}  # fmt: skip
+
+
+def number(seed: int, name: str, unit: str, schema: dict[str, Any]) -> float:
+    """A number within the bounds of a field, the same for the same seed and name."""
+    random = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    value = float(10 ** random.uniform(*DECADES.get(unit, (-1.0, 0.0))))
+    above = max(schema.get("minimum", -np.inf), schema.get("exclusiveMinimum", -np.inf))
+    below = min(schema.get("maximum", np.inf), schema.get("exclusiveMaximum", np.inf))
+    if above < value < below:
+        return value
+    return 0.5 * (above + below) if np.isfinite(above + below) else (2 * above + 1 if np.isfinite(above) else below - 1)
+
+
+def choices(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    return schema.get("anyOf") or schema.get("oneOf") or [schema]
+
+
+def varies(schema: dict[str, Any]) -> bool:
+    """Whether a field accepts a profile."""
+    return any("$ref" in item or "discriminator" in item or "oneOf" in item for item in choices(schema))
+
+
+def folder(schema: dict[str, Any]) -> str | None:
+    """Folder of alternatives that a field chooses from."""
+    return next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
+
+
+def flat(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Alternatives of alternatives, in one list."""
+    inner = choices(schema)
+    return [schema] if inner == [schema] else [item for entry in inner for item in flat(entry)]
+
+
+def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: bool = False) -> dict[str, Any]:
+    """A table of a case with a value for every field.
+
+    Parameters
+    ----------
+    cls : type
+    seed : int
+        Other numbers for other seeds.
+    held : str, optional
+        Kind of the alternative that a wrapper holds.
+    profiles : bool
+        Give every field that may vary along an interface as a profile.
+    """
+    result: dict[str, Any] = {}
+    for name, schema in cls.model_json_schema()["properties"].items():
+        inner = folder(schema)
+        options = flat(schema)
+        if inner is not None:
+            known = {kind: c for kind, c in alternatives(f"ruptfx.{inner}").items() if not holds(c)}
+            kind = held or min(known)
+            result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
+        elif any(item.get("type") == "number" for item in options):
+            limits = next(item for item in options if item.get("type") == "number")
+            value = number(seed, name, unit_of(cls, name), limits)
+            if profiles and any("$ref" in item for item in options):
+                value = {"kind": "gaussian", "background": value, "amplitude": 0.3 * value, "center": 0.4, "width": 0.2}
+            result[name] = value
+        elif any(item.get("type") == "boolean" for item in options):
+            result[name] = bool(seed % 2)
+        elif any("enum" in item for item in options):
+            result[name] = next(item["enum"][0] for item in options if "enum" in item)
+        elif "default" not in schema:
+            raise NotImplementedError(f"{cls.__name__}.{name}: examples.py knows no value for {schema}")
+    return result
+
+
+def holds(cls: type[Part]) -> bool:
+    """Whether an alternative holds another one (a wrapper)."""
+    return any(folder(schema) for schema in cls.model_json_schema()["properties"].values())
+
+
+def friction_laws() -> list[tuple[str, str | None]]:
+    """Every law of the folder, wrappers around every plain law."""
+    laws = alternatives("ruptfx.friction")
+    plain = [kind for kind, cls in laws.items() if not holds(cls)]
+    return [(kind, inner) for kind, cls in laws.items() for inner in (plain if holds(cls) else [None])]
+
+
+def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Any:
+    """An example law."""
+    cls = alternatives("ruptfx.friction")[kind]
+    return cls.model_validate(table(cls, seed, held, profiles))
