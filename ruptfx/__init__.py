@@ -7,8 +7,13 @@ The pipeline, one module per arrow::
 Nothing heavy is imported here: the lumped models, `Record`, `analysis` and `plots` work without DOLFINx.
 """
 
+import os
 from importlib import import_module
 from typing import Any
+
+# MPI ranks are the parallelism: threads inside NumPy would only get in each other's way. Before NumPy is imported.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 __version__ = "0.1.0"
 

@@ -120,19 +120,21 @@ class BulkFields:
         file.attrs["bodies"] = self.model.bodies.names
         file.flush()
 
-    def record(self, state: State) -> None:
-        """Append one snapshot; collective."""
+    def gather(self, state: State) -> dict[str, np.ndarray]:
+        """All fields at all points on rank 0; collective."""
         model, c = self.model, self.model.components
         stress = self._stress(state.displacement)
         columns = np.column_stack([state.velocity.reshape(-1, c), state.displacement.reshape(-1, c), stress])
         rows = parallel.gather_rows(model.comm, columns[: model.owned_nodes])
-        if rows is None or self._file is None:
-            return
+        if rows is None:
+            return {}
         velocity, displacement, stress = np.split(rows[self._order], [c, 2 * c], axis=1)
-        fields = {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
+        return {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
+
+    def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
+        """Write one snapshot; rank 0 only."""
+        assert self._file is not None
         count = len(self._file["time"])
-        self._file["time"].resize(count + 1, axis=0)
-        self._file["time"][count] = state.time
         for name, values in fields.items():
             if name not in self._file:
                 shape = values.shape
@@ -140,6 +142,8 @@ class BulkFields:
                 data.attrs["units"] = _UNITS[name]
             self._file[name].resize(count + 1, axis=0)
             self._file[name][count] = values
+        self._file["time"].resize(count + 1, axis=0)
+        self._file["time"][count] = time
         self._file.flush()
         self._write_descriptor()
 

@@ -161,7 +161,8 @@ def _pair(
             minus,
             RuptfxError(
                 f"interface '{name}': the nodes of the two sides do not match ({len(plus)} on the plus, "
-                f"{len(minus)} on the minus side; the plus node at ({where}) m is {distance[lonely]:.3g} m from its nearest partner). "
+                f"{len(minus)} on the minus side; the plus node at ({where}) m is {distance[lonely]:.3g} m from "
+                "its nearest partner). "
                 "Mesh both sides with the same nodes along the interface"
             ),
         )

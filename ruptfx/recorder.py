@@ -10,30 +10,23 @@ import csv
 import json
 import logging
 import os
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5netcdf
 import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, __version__, fem, parallel
 from ruptfx.bulk_fields import BulkFields
 from ruptfx.fault import Fault, component_names
+from ruptfx.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
     from ruptfx.model import Model, State
 
 ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "boundary_work")
-_FIELDS = {
-    "slip": ("m", "slip"),
-    "slip_rate": ("m/s", "slip rate"),
-    "displacement_jump": ("m", "tangential displacement jump"),
-    "shear_traction": ("Pa", "shear traction"),
-    "normal_stress": ("Pa", "normal stress, positive in compression"),
-    "opening": ("m", "opening"),
-}
-_TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
 
 
 def prepare_directory(comm: fem.MPI.Comm, out: Path) -> None:
@@ -81,21 +74,17 @@ class Recorder:
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
-        self._files: dict[str, Any] = {}
+        self._files: dict[str, InterfaceFile] = {}
 
     def __enter__(self) -> Recorder:
-        parallel.on_root(self.model.comm, self._open)
         places = [
             _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T]) for f in self.model.faults
         ]
-        points, cells, body = self._bulk.topology()
-        if self.model.comm.rank == 0:
-            for fault, place in zip(self.model.faults, places, strict=True):
-                self._files[fault.name] = self._open_interface(fault, place)
-            self._bulk.create(self.out, points, cells, body)
+        topology = self._bulk.topology()
+        self._on_root(lambda: self._open(places, topology))
         return self
 
-    def _open(self) -> None:
+    def _open(self, places: list[np.ndarray], topology: Any) -> None:
         (self.out / "case.toml").write_text(self.model.case.to_toml())
         handler = logging.FileHandler(self.out / "run.log")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
@@ -109,97 +98,85 @@ class Recorder:
         self._table = csv.writer(self._energy)
         self._table.writerow(["time", *ENERGIES, "closure"])
         self._largest_work = 0.0
+        for fault, place in zip(self.model.faults, places, strict=True):
+            name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
+            self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
+        self._bulk.create(self.out, *topology)
 
-    def _open_interface(self, fault: Fault, place: np.ndarray) -> h5netcdf.File:
-        name = "interface.h5" if len(self.model.faults) == 1 else f"interface_{fault.name}.h5"
-        file = h5netcdf.File(self.out / name, "w")
-        file.dimensions = {"time": None, "position": fault.interface.total}
-        coordinates = dict(zip(("position", "x", "y", "z"), place.T, strict=False))
-        for key, values in coordinates.items():
-            _variable(
-                file, key, ("position",), "m", "position along the interface" if key == "position" else key, values
-            )
-        _variable(file, "time", ("time",), "s", "time")
-        fields = {
-            entry: (unit, text) for name, (unit, text) in _FIELDS.items()
-            for entry in (component_names(name, fault.tangents) if name in _TANGENTIAL else [name])
-        }  # fmt: skip
-        fields |= {key: (unit, f"state variable {key}") for key, unit in fault.friction.all_state_fields().items()}
-        for key, (unit, text) in fields.items():
-            _variable(file, key, ("time", "position"), unit, text)
-        _variable(file, "peak_slip_rate", ("position",), "m/s", "largest slip rate of all steps")
-        _variable(file, "rupture_time", ("position",), "s", "first time the slip rate passed rupture_threshold")
-        file.attrs.update(self._attributes(fault, coordinates))
-        file.flush()
-        return file
-
-    def _attributes(self, fault: Fault, place: dict[str, np.ndarray]) -> dict[str, Any]:
+    def _attributes(self, fault: Fault, place: np.ndarray) -> dict[str, Any]:
         case, speeds = self.model.case, self.model.wave_speeds()
-        attributes: dict[str, Any] = {
-            "fault": fault.name, "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
-            "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
-            "case_hash": case.hash, "complete": 0, **versions(),
-        }  # fmt: skip
-        # The end of the interface where a driven edge is; the left one when there is none or it is not an end.
+        # The end of the interface where an edge is driven; the left one when there is none.
         driven = [boundary.edge for boundary in case.boundaries if boundary.kind == "driven"]
         right = any(edge.endswith(".right") for edge in driven)
-        attributes["loaded_end"] = float(place["position"][-1 if right else 0])
-        return attributes
+        return {
+            "fault": fault.name, "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
+            "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
+            "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0, **versions(),
+        }  # fmt: skip
+
+    def _on_root(self, write: Callable[[], None]) -> None:
+        """Write on rank 0; a full or vanished disk stops all ranks with a message."""
+
+        def guarded() -> None:
+            try:
+                write()
+            except OSError as error:
+                raise RuptfxError(
+                    f"{self.out}: cannot be written ({error.strerror or error}); free some space and run again, "
+                    f"{self.records} records are there"
+                ) from None
+
+        parallel.on_root(self.model.comm, guarded)
+
+    def due(self, state: State) -> bool:
+        """Whether something is to be saved at this step."""
+        return any(state.step % every == 0 for every in (self._every, self._bulk_every)) or state.step >= self.steps
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
-        if state.step % self._every == 0 or state.step >= self.steps:
-            self._record_interface(state)
-            self._record_energy(state)
+        last = state.step >= self.steps
+        if state.step % self._every == 0 or last:
+            fields = {fault.name: self._gather(fault, state) for fault in self.model.faults}
+            energy = self.model.energies(state, self.dt)
+            self._on_root(lambda: self._append(state.time, fields, energy))
             self.records += 1
-        if state.step > 0 and (state.step % self._bulk_every == 0 or state.step >= self.steps):
-            self._bulk.record(state)
+        if state.step > 0 and (state.step % self._bulk_every == 0 or last):
+            snapshot = self._bulk.gather(state)
+            self._on_root(lambda: self._bulk.append(state.time, snapshot))
 
-    def due(self, state: State) -> bool:
-        return any(state.step % every == 0 for every in (self._every, self._bulk_every)) or state.step >= self.steps
+    def _gather(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
+        """Every field of a fault in order along the interface, on rank 0."""
+        fields = dict(state.faults[fault.name])
+        _, jump = fault.interface.split(fault.interface.jump(state.displacement))
+        fields |= dict(zip(component_names("displacement_jump", fault.tangents), jump.T, strict=True))
+        rows = _gather_fault(self.model.comm, fault, list(fields.values()))
+        return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 
-    def _record_interface(self, state: State) -> None:
-        self.peak_slip_rate = 0.0
-        for fault in self.model.faults:
-            fields = dict(state.faults[fault.name])
-            _, jump = fault.interface.split(fault.interface.jump(state.displacement))
-            fields |= dict(zip(component_names("displacement_jump", fault.tangents), jump.T, strict=True))
-            rows = _gather_fault(self.model.comm, fault, list(fields.values()))
-            if self.model.comm.rank == 0:
-                file = self._files[fault.name]
-                count = file.dimensions["time"].size
-                file.resize_dimension("time", count + 1)
-                file["time"][count] = state.time
-                for name, values in zip(fields, rows.T, strict=True):
-                    if name.startswith("slip_rate"):
-                        self.peak_slip_rate = max(self.peak_slip_rate, float(np.abs(values).max()))
-                    variable = file[name]
-                    variable[(count, slice(None)) if "time" in variable.dimensions else slice(None)] = values
-                file.flush()
-
-    def _record_energy(self, state: State) -> None:
-        energy = self.model.energies(state, self.dt)
-        if self.model.comm.rank == 0:
-            lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
-            self._largest_work = max(self._largest_work, abs(energy["boundary_work"]))
-            closure = lost / self._largest_work if self._largest_work > 0 else 0.0
-            self._table.writerow([repr(v) for v in (state.time, *(energy[name] for name in ENERGIES), closure)])
-            self._energy.flush()
+    def _append(self, time: float, faults: dict[str, dict[str, np.ndarray]], energy: dict[str, float]) -> None:
+        rates = [np.abs(v).max() for fields in faults.values() for k, v in fields.items() if k.startswith("slip_rate")]
+        self.peak_slip_rate = float(max(rates, default=0.0))
+        for name, fields in faults.items():
+            self._files[name].append(time, fields)
+        lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
+        self._largest_work = max(self._largest_work, abs(energy["boundary_work"]))
+        closure = lost / self._largest_work if self._largest_work > 0 else 0.0
+        self._table.writerow([repr(v) for v in (time, *(energy[name] for name in ENERGIES), closure)])
+        self._energy.flush()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
-        if self.model.comm.rank != 0:
-            return
-        if error is not None:
-            self.log.error("stopped: %s", error)
-        for name, file in self._files.items():
-            file.attrs["complete"] = int(error is None)
-            file.close()
-            self.log.info("fault %s: %d records", name, self.records)
-        self._bulk.close()
-        self._energy.close()
-        for handler in self.log.handlers:
-            handler.close()
-        self.log.handlers = []
+        if self.model.comm.rank == 0:
+            if error is not None:
+                self.log.error("stopped: %s", error)
+            for name, file in self._files.items():
+                # On a full disk closing fails too; the first error is the one to report.
+                with suppress(OSError, RuntimeError) if error is not None else nullcontext():
+                    file.close(complete=error is None)
+                    self.log.info("fault %s: %d records", name, self.records)
+            self._bulk.close()
+            self._energy.close()
+            for handler in self.log.handlers:
+                handler.close()
+            self.log.handlers = []
 
 
 def write_summary(out: Path, summary: dict[str, Any]) -> None:
@@ -233,13 +210,3 @@ def _gather_fault(comm: fem.MPI.Comm, fault: Fault, columns: list[np.ndarray]) -
     if gathered is None:
         return np.zeros((0, len(columns)))
     return gathered[np.argsort(gathered[:, 0]), 1:]
-
-
-def _variable(
-    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str, values: np.ndarray | None = None
-) -> None:
-    variable = file.create_variable(name, dimensions, np.float64, fillvalue=np.nan if values is None else None)
-    variable.attrs["units"] = unit
-    variable.attrs["long_name"] = text
-    if values is not None:
-        variable[:] = values

@@ -1,0 +1,104 @@
+"""The history of one interface: `interface.h5`, NetCDF4 that xarray opens with names, coordinates and units."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+
+from ruptfx.fault import Fault, component_names
+
+FLUSH_EVERY = 5.0  # seconds of wall-clock time a record may wait in memory
+BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
+
+_FIELDS = {
+    "slip": ("m", "slip"),
+    "slip_rate": ("m/s", "slip rate"),
+    "displacement_jump": ("m", "tangential displacement jump"),
+    "shear_traction": ("Pa", "shear traction"),
+    "normal_stress": ("Pa", "normal stress, positive in compression"),
+    "opening": ("m", "opening"),
+}
+_TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
+_ONCE = {
+    "peak_slip_rate": ("m/s", "largest slip rate of all steps"),
+    "rupture_time": ("s", "first time the slip rate passed rupture_threshold"),
+}
+
+
+class InterfaceFile:
+    """Histories of all fields of a fault against time and position; rank 0 only.
+
+    Parameters
+    ----------
+    path : Path
+    fault : Fault
+    place : ndarray, shape (points, 1 + dim)
+        Position along the interface and coordinates [m].
+    attributes : dict
+        Global attributes of the file.
+    """
+
+    def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: dict[str, Any]) -> None:
+        self._file = file = h5netcdf.File(path, "w")
+        file.dimensions = {"time": None, "position": len(place)}
+        names = ("position", "x", "y", "z")
+        for key, values in zip(names, place.T, strict=False):
+            text = "position along the interface" if key == "position" else key
+            _variable(file, key, ("position",), "m", text, values)
+        _variable(file, "time", ("time",), "s", "time")
+        for name, (unit, text) in _FIELDS.items():
+            for entry in component_names(name, fault.tangents) if name in _TANGENTIAL else [name]:
+                _variable(file, entry, ("time", "position"), unit, text)
+        for name, unit in fault.friction.all_state_fields().items():
+            _variable(file, name, ("time", "position"), unit, f"state variable {name}")
+        for name, (unit, text) in _ONCE.items():
+            _variable(file, name, ("position",), unit, text)
+        file.attrs.update(attributes)
+        file.flush()
+        self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
+        self._flushed = time.monotonic()
+
+    def append(self, now: float, fields: dict[str, np.ndarray]) -> None:
+        """Add one record: the time [s] and every field, shape (points,)."""
+        self._waiting.append((now, fields))
+        if len(self._waiting) >= BLOCK or time.monotonic() - self._flushed > FLUSH_EVERY:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits in memory."""
+        if self._waiting:
+            file = self._file
+            begin = file.dimensions["time"].size
+            file.resize_dimension("time", begin + len(self._waiting))
+            file["time"][begin:] = [now for now, _ in self._waiting]
+            for name in self._waiting[0][1]:
+                if name in _ONCE:
+                    file[name][:] = self._waiting[-1][1][name]
+                else:
+                    file[name][begin:] = np.stack([fields[name] for _, fields in self._waiting])
+            self._waiting = []
+        self._file.flush()
+        self._flushed = time.monotonic()
+
+    def close(self, complete: bool) -> None:
+        """Write the rest and say whether the run came to its end."""
+        try:
+            self.flush()
+            self._file.attrs["complete"] = int(complete)
+        finally:
+            self._file.close()
+
+
+def _variable(
+    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str, values: np.ndarray | None = None
+) -> None:
+    missing = np.nan if values is None else None
+    variable = file.create_variable(name, dimensions, np.float64, fillvalue=missing)
+    variable.attrs["units"] = unit
+    variable.attrs["long_name"] = text
+    if values is not None:
+        variable[:] = values
