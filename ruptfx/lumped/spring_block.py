@@ -1,0 +1,240 @@
+"""Spring-block chain with contacts: precursors and slip of a slider pushed at its edge."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import xarray
+from pydantic import Field, model_validator
+
+from ruptfx import RuptfxError
+from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
+from ruptfx.lumped._chain import Chain, History, Integrator
+from ruptfx.lumped._chain_events import (
+    Breaks,
+    Event,
+    before_sliding,
+    catalogue,
+    chaining,
+    length_against_force,
+    local_speeds,
+    slow_fronts,
+)
+from ruptfx.units import Duration, Fraction, Length, NonNegative, Positive, Rate, Speed
+
+Count = Annotated[int, Field(ge=1)]
+
+
+class SpringBlock(LumpedModel):
+    """Edge-loaded spring-block chain with breakable contacts: precursors, slow fronts, then sliding.
+
+    Source: Rubinstein, Barel, Reches, Braun, Urbakh, Fineberg (2011), PAGEOPH 168, section 2.2; defaults are its
+    values. A block is held by `contacts` springs of mean stiffness K_s / contacts, each of which breaks at a random
+    force and returns unstretched after `delay`.
+    """
+
+    blocks: Annotated[int, Field(ge=2, le=1000)] = 70
+    contacts: Count = 100
+    """Mean number of contacts of a block."""
+    mass: Positive = 11.5
+    """Of the slider [kg]."""
+    stiffness: Positive = 1.56e7
+    """Of the whole slider, K [N/m]; the springs between blocks have (blocks - 1) K."""
+    interface_ratio: Positive = 1.0
+    """Stiffness of a block's contacts over that of the slider, K_s / K: 1 is soft, 50 stiff."""
+    strength: Positive = 3000.0
+    """Sum of the mean thresholds of all contacts, F_s [N]."""
+    scatter: Annotated[float, Field(ge=0, le=0.3)] = 0.05
+    """Standard deviation of the thresholds over their mean."""
+    delay: Duration = 0.005
+    """From breaking to reattachment [s]."""
+    damping: Rate = 3.45e4
+    drive_stiffness: Positive = 4e6
+    drive_speed: Speed = 3e-4
+    ageing: NonNegative = 0.0
+    """Thresholds grow with the age t of a contact by the factor 1 + ageing ln(1 + t / ageing_time)."""
+    ageing_time: Duration = 1.0
+    loading_height: NonNegative = 0.0
+    """Height of the push above the interface [m]: its moment shifts contacts towards the leading edge."""
+    length: Length = 0.14
+    force_over_load: Positive = 0.5
+    """Shear force over normal force at which the moment is taken."""
+    large_events: Count = 5
+    """Stop after so many events in which all blocks slide."""
+    duration: Duration = 20.0
+    """Stop then at the latest [s]."""
+    large_drop: Fraction = 0.05
+    """An event is large if all blocks detach and the force falls by this fraction of F_s."""
+    sample_interval: Duration = 1e-3
+    step: Annotated[float, Field(gt=0, le=0.9)] = 0.5
+    """Time step over the largest stable one."""
+    seed: Annotated[int, Field(ge=0)] = 1
+
+    @model_validator(mode="after")
+    def _usable(self) -> SpringBlock:
+        if abs(self.tilt) >= 0.95:
+            raise ValueError(
+                f"loading_height = {self.loading_height:g}: the trailing edge would lift off, "
+                f"keep it below {0.95 * self.length / (6 * self.force_over_load):.3g} m"
+            )
+        if self.sample_interval < self.chain().stable_step():
+            raise ValueError(f"sample_interval must be at least the time step, {self.chain().stable_step():.3g} s")
+        return self
+
+    @property
+    def tilt(self) -> float:
+        """Relative excess of the pressure at the leading edge, 6 (F / F_N) h / L, from the balance of moments of a
+        linear pressure."""
+        return 6 * self.force_over_load * self.loading_height / self.length
+
+    def chain(self) -> Chain:
+        number = np.rint(self.contacts * (1 + self.tilt * np.linspace(-1, 1, self.blocks))).astype(int)
+        return Chain(
+            mass=self.mass / self.blocks, damping=self.damping, spring=(self.blocks - 1) * self.stiffness,
+            drive_stiffness=self.drive_stiffness, drive_speed=self.drive_speed, contacts=np.maximum(number, 1),
+            contact_stiffness=self.interface_ratio * self.stiffness / self.contacts,
+            contact_strength=self.strength / (self.blocks * self.contacts), scatter=self.scatter, delay=self.delay,
+            ageing=self.ageing, ageing_time=self.ageing_time,
+        )
+
+    @property
+    def chain_speed(self) -> float:
+        """Longitudinal wave speed sqrt(K_b / m) [blocks/s]."""
+        return float(np.sqrt((self.blocks - 1) * self.stiffness * self.blocks / self.mass))
+
+    @property
+    def decay(self) -> float:
+        """Ratio q of the static displacements of neighbouring blocks, q + 1/q = 2 + K_s / K_b."""
+        ratio = self.interface_ratio / (self.blocks - 1)
+        return float(1 + ratio / 2 - np.sqrt(ratio + ratio**2 / 4))
+
+    def run(self, progress: Progress = silent) -> xarray.Dataset:
+        chain, history = self.chain(), History()
+        stable = chain.stable_step()
+        steps = int(np.ceil(self.sample_interval / (self.step * stable)))
+        integrator = Integrator(chain, self.sample_interval / steps, self.seed)
+        events: list[Event] = []
+        integrator.sample(history)
+        while integrator.time < self.duration * (1 - 1e-12):
+            integrator.advance(steps, history)
+            integrator.sample(history)
+            if not np.isfinite(integrator.x[0]):
+                raise RuptfxError(f"the chain became unstable at t = {integrator.time:g} s; reduce step")
+            if len(history.time) % 100 == 0:
+                events = self._events(chain, history)
+                large = [e for e in events if e.large]
+                share = max(integrator.time / self.duration, len(large) / (self.large_events + 1))
+                progress(min(share, 0.99), f"t = {integrator.time:.2f} s, {len(large)} large events")
+                # An event has ended when nothing has detached for twice the delay.
+                if len(large) >= self.large_events:
+                    if integrator.time > large[self.large_events - 1].end + 2 * self.delay:
+                        break
+        return self._dataset(chain, history, self._events(chain, history))
+
+    def _breaks(self, chain: Chain, history: History) -> Breaks:
+        return Breaks(
+            np.array(history.break_time), np.array(history.break_block, dtype=int),
+            np.array(history.break_count, dtype=int), self.delay, chain.contacts,
+        )
+
+    def _events(self, chain: Chain, history: History) -> list[Event]:
+        drop = self.large_drop * self.strength
+        return catalogue(self._breaks(chain, history), np.array(history.time), np.array(history.force), drop)
+
+    def _dataset(self, chain: Chain, history: History, events: list[Event]) -> xarray.Dataset:
+        position = np.array(history.position)
+        spring = np.diff(position, axis=1, append=position[:, -1:]) * chain.spring
+        precursors = before_sliding(events)
+        first_large = events[: len(precursors) + 1]
+        slope, correlation = length_against_force([e for e in precursors if e.drop > 0])
+        fast = local_speeds(first_large)
+        fast = fast if len(fast) else np.array([np.nan])
+        breaks = self._breaks(chain, history)
+        slow = slow_fronts(breaks, first_large[-1].start if first_large else np.inf)
+        names = {
+            "start": "s", "end": "s", "force": "N", "drop": "N", "first_block": "1", "reach": "1", "blocks": "1",
+            "detachments": "1", "large": "1",
+        }
+        table = {
+            f"event_{n}": variable("event", np.array([getattr(e, n) for e in events]), u, f"{n.replace('_', ' ')}")
+            for n, u in names.items()
+        }
+        speeds = [np.median(s) if len(s := e.speeds()) else np.nan for e in events]
+        fields = {
+            "force": variable("time", history.force, "N", "loading force"),
+            "position": variable(("time", "block"), position.astype("f4"), "m", "displacement"),
+            "elastic_force": variable(
+                ("time", "block"), spring.astype("f4"), "N", "force of the spring to the next block, tension positive"
+            ),
+            "attached": variable(("time", "block"), np.array(history.attached, "f4"), "1", "attached fraction"),
+            "contact_force": variable(
+                ("time", "block"), np.array(history.contact_force, "f4"), "N", "mean force of a block's contacts"
+            ),
+            "contacts": variable("block", chain.contacts, "1", "contacts of a block"),
+            "break_time": variable("record", np.array(history.break_time), "s", "time of breaking"),
+            "break_block": variable("record", np.array(history.break_block, "i4"), "1", "block whose contacts break"),
+            "break_count": variable("record", np.array(history.break_count, "i4"), "1", "number of broken contacts"),
+            **table,
+            "event_speed": variable("event", np.array(speeds, float), "1/s", "median front speed, blocks per second"),
+            "large_events": variable((), sum(e.large for e in events), "1", "large events"),
+            "precursors": variable((), sum(e.drop > 0 for e in precursors), "1", "precursors with a force drop"),
+            "largest_precursor_drop": variable(
+                (), max((e.drop for e in precursors), default=0.0), "N", "largest force drop before sliding"
+            ),
+            "mean_large_drop": variable(
+                (), float(np.mean([e.drop for e in events if e.large] or [np.nan])), "N", "mean drop of large events"
+            ),
+            "first_break_time": variable((), (history.break_time or [np.nan])[0], "s", "first broken contact"),
+            "length_slope": variable((), slope, "1/N", "precursor length over force, blocks per newton"),
+            "length_correlation": variable((), correlation, "1", "correlation of precursor length and force"),
+            "front_speed": variable((), np.median(fast) / self.chain_speed, "1", "median front speed / chain speed"),
+            "fastest_front": variable((), np.max(fast) / self.chain_speed, "1", "fastest front / chain speed"),
+            "slow_fronts": variable((), len(slow), "1", "slow fronts before sliding"),
+            "slow_front_speed": variable(
+                (), float(np.median([f.speed for f in slow] or [np.nan])) / self.chain_speed, "1",
+                "median speed of slow fronts / chain speed",
+            ),
+            "chaining": variable(
+                (), chaining(first_large[-1]) if first_large else np.nan, "1",
+                "speed of the first large event over its local front speed",
+            ),
+            **{
+                f"slow_front_{name}": variable("slow_front", np.array([getattr(f, name) for f in slow], float), unit, text)
+                for name, unit, text in (
+                    ("start", "s", "start"), ("end", "s", "end"), ("first_block", "1", "first block"),
+                    ("last_block", "1", "last block"),
+                )
+            },
+            "retained_stress": variable((), _retained(spring, history, events), "1", "slider force kept by sliding"),
+            "chain_speed": variable((), self.chain_speed, "1/s", "wave speed, blocks per second"),
+            "decay": variable((), self.decay, "1", "static displacement of a block over its predecessor's"),
+        }
+        coords = {
+            "time": variable("time", history.time, "s", "time"),
+            "block": variable("block", np.arange(1, self.blocks + 1), "1", "block from the trailing edge"),
+        }
+        attrs = {"interface_ratio": self.interface_ratio, "delay": self.delay, "strength": self.strength}
+        return xarray.Dataset(fields, coords, attrs)
+
+    @staticmethod
+    def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
+        from ruptfx.lumped._chain_figures import figures
+
+        return figures(dataset)
+
+    @staticmethod
+    def summarise(dataset: xarray.Dataset) -> Summary:
+        large = dataset.event_large.values.astype(bool)
+        peaks = dataset.event_force.values[large]
+        return {**LumpedModel.summarise(dataset), "large_event_forces": [float(force) for force in peaks]}
+
+
+def _retained(spring: np.ndarray, history: History, events: list[Event]) -> float:
+    """Force stored in the slider's springs after the first large event over that before it."""
+    first = next((e for e in events if e.large), None)
+    if first is None:
+        return float("nan")
+    before, after = (int(np.searchsorted(history.time, t)) for t in (first.start, first.end))
+    after = min(after + 1, len(history.time) - 1)
+    return float(np.abs(spring[after]).sum() / np.abs(spring[max(before - 1, 0)]).sum())
