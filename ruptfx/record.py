@@ -230,4 +230,5 @@ def _bulk_variable(name: str, item: h5py.Dataset) -> xarray.Variable:
 def _extent(data: xarray.Dataset, along: str) -> str:
     times = data["time"].values
     until = f", until {float(times[-1]):.4g} s" if len(times) else ""
-    return f"{data.sizes[along]} points x {len(times)} times{until}: {', '.join(map(str, data.data_vars))}"
+    fields = sum("time" in variable.dims for variable in data.data_vars.values())
+    return f"{fields} fields, {data.sizes[along]} points x {len(times)} times{until}"

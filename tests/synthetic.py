@@ -129,7 +129,8 @@ def _write_interface(
         },
         attrs={
             "fault": "main", "c_p": C_P, "c_s": C_S, "c_R": C_R, "plane": plane, "case_hash": "0" * 12,
-            "ruptfx_version": "0", "dolfinx_version": "0", "complete": int(complete), "loaded_end": 0.0, "V_imp": V_imp, "rupture_threshold": 1e-3,
+            "ruptfx_version": "0", "dolfinx_version": "0", "complete": int(complete), "loaded_end": 0.0,
+            "V_imp": V_imp, "rupture_threshold": 1e-3,
         },
     )
     for name in (*histories, *along):

@@ -63,9 +63,7 @@ def _of_sliding(record: Record) -> dict[str, Any]:
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed
     speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
-    # Points that start together have no front speed worth the name.
-    trailing = modes.trailing_speeds
-    trailing = trailing[np.abs(trailing) < 10 * np.nan_to_num(speeds["c_p"], nan=np.inf)]
+    trailing = modes.trailing_speeds[np.isfinite(modes.trailing_speeds)]
     return {
         "mode": modes.mode,
         "mode_at_half_threshold": modes.mode_at_half_threshold,

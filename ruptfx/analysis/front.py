@@ -22,7 +22,8 @@ class Speed:
     Attributes
     ----------
     value, error : float
-        Speed and its standard error [m/s]; NaN where fewer than four points could be used.
+        Speed and its standard error [m/s]; NaN where fewer than four points could be used or where the
+        slope is not three times its standard error.
     start, stop : float
         Distances between which it was fitted [m].
     points : int
@@ -44,10 +45,21 @@ class Front:
     time: Array
 
 
+def crossing(low: Array, high: Array, threshold: float) -> Array:
+    """Part of the way from a rate below the threshold to one above it at which the threshold is passed.
+
+    Interpolated in the logarithm of the rate, the lower one being at least threshold^2 / high: exact for
+    exponential tails, and half-way for the sudden start of a point that was stuck, which linear interpolation
+    would always put next to the stuck sample.
+    """
+    bottom = np.clip(low, threshold**2 / high, threshold)
+    return np.log(threshold / bottom) / np.log(high / bottom)
+
+
 def onsets(slip_rate: Array, time: Array, threshold: float) -> tuple[Array, Array]:
     """Every start of sliding: where the slip rate passes the threshold upwards.
 
-    The time is interpolated linearly between the two saved times around the crossing. A point that slides
+    The time is interpolated between the two saved times around the crossing (`crossing`). A point that slides
     from the first saved time on starts there.
 
     Parameters
@@ -69,8 +81,7 @@ def onsets(slip_rate: Array, time: Array, threshold: float) -> tuple[Array, Arra
     starts = slides & ~np.vstack([np.zeros_like(slides[:1]), slides[:-1]])
     column, row = np.nonzero(starts.T)
     before = np.maximum(row - 1, 0)
-    rise = rate[row, column] - rate[before, column]
-    part = np.divide(threshold - rate[before, column], rise, out=np.zeros_like(rise), where=rise > 0)
+    part = crossing(rate[before, column], rate[row, column], threshold)
     return column, time[before] + np.where(row > 0, part, 0.0) * (time[row] - time[before])
 
 
@@ -153,9 +164,11 @@ def fit_speed(
         keep = kept
     variance = np.sum(residual[keep] ** 2) / max(keep.sum() - 2, 1)
     deviation = np.sqrt(variance / np.sum((x[keep] - centre) ** 2))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value, error = 1 / slowness, deviation / slowness**2
-    return Speed(float(value), float(error), float(x[keep].min()), float(x[keep].max()), int(keep.sum()))
+    # Points that all start together, or in no order, have no front speed.
+    if abs(slowness) < max(3 * deviation, 1e-9 * np.abs(t).max() / np.ptp(x)):
+        return Speed(points=int(keep.sum()))
+    ends = float(x[keep].min()), float(x[keep].max())
+    return Speed(float(1 / slowness), float(deviation / slowness**2), *ends, int(keep.sum()))
 
 
 def local_speed(distance: Array, arrival: Array, width: float) -> Array:
@@ -219,7 +232,7 @@ def trace_fronts(
         In the order in which they passed their points.
     """
     column, when = onsets(slip_rate, time, threshold)
-    if len(column) < 2:
+    if len(column) < 2 or len(time) < 2:
         return []
     ahead, behind = _nearest(column, when, +1), _nearest(column, when, -1)
     event = np.arange(len(column))

@@ -9,18 +9,18 @@ zone.
 
 The *reach* is the longest run of neighbouring points that slid at some time; the *tip* at a given time is the
 far end of the run of points that slid by then. A *zone* is a run of sliding points; its ends are interpolated
-linearly. With f the sliding fraction of the interface between the loaded end and the tip and r the number of
-zones there, the *pattern* at one time is
+between points. With f the sliding fraction of the interface between the loaded end and the tip and r the
+number of zones there, the *pattern* at one time is
 
     crack   f >= 0.9 and r <= 2
     train   r >= 4
     pulse   f <= 0.4 and r <= 3
     mixed   anything else
 
-The pattern of a run is that of the medians of f and r while the tip runs through the second half of its way,
-up to 98 % of it (later times hold reflections). A run whose first half is a pulse or a train and whose second
-half is a crack is *mixed*: pulses that evolve into a crack. The first 20 % of the way belong to the loading
-and do not count.
+The pattern of a run is the one that most saved times show while the tip runs through the second half of its
+way, up to 98 % of it (later times hold reflections). A run whose first half is mostly a pulse or a train and
+whose second half is a crack is *mixed*: pulses that evolve into a crack. The first 20 % of the way belong to
+the loading and do not count.
 
 A run is *arrested* if the tip stopped before the far end and did not move during the last fifth of the time
 since sliding began; `pattern` then still tells how it ran. Fewer than five points that slid are *none*.
@@ -41,7 +41,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.front import Array, Speed, fit_speed, rupture_time, tip_position, trace_fronts
+from ruptfx.analysis.front import Array, Speed, crossing, fit_speed, rupture_time, tip_position, trace_fronts
 
 LEVEL = 0.02  # of the driven speed
 QUIET = 1e-3  # m/s; without a driven boundary nothing slower counts as sliding
@@ -196,7 +196,7 @@ def median3(values: Array) -> Array:
 
 
 def find_zones(slip_rate: Array, distance: Array, threshold: float) -> Zones:
-    """All runs of points that slide, at all times; ends interpolated linearly between points.
+    """All runs of points that slide, at all times; ends interpolated between points (`crossing`).
 
     Parameters
     ----------
@@ -212,13 +212,13 @@ def find_zones(slip_rate: Array, distance: Array, threshold: float) -> Zones:
     row, first = np.nonzero(change == 1)
     last = np.nonzero(change == -1)[1] - 1
 
-    def crossing(inside: Array, outside: Array) -> Array:
-        drop = slip_rate[row, inside] - slip_rate[row, outside]
-        part = np.divide(slip_rate[row, inside] - threshold, drop, out=np.zeros(len(row)), where=drop > 0)
-        return distance[inside] + part * (distance[outside] - distance[inside])
+    def end(inside: Array, outside: Array) -> Array:
+        # At the end of the interface both are the same point.
+        part = crossing(slip_rate[row, outside], slip_rate[row, inside], threshold)
+        return distance[outside] + part * (distance[inside] - distance[outside])
 
-    start = crossing(first, np.maximum(first - 1, 0))
-    stop = crossing(last, np.minimum(last + 1, len(distance) - 1))
+    start = end(first, np.maximum(first - 1, 0))
+    stop = end(last, np.minimum(last + 1, len(distance) - 1))
     return Zones(row, start, stop, last - first + 1)
 
 
@@ -244,9 +244,8 @@ def _at_threshold(rate: Array, time: Array, distance: Array, threshold: float) -
     early = np.flatnonzero((tip >= LOADING * reach) & (tip < reach * (LOADING + END) / 2))
     late = np.flatnonzero((tip >= reach * (LOADING + END) / 2) & (tip <= END * reach))
     late = late if len(late) else np.flatnonzero(tip >= 0)[-1:]
-    before = str(_pattern(np.median(fraction[early]), np.median(count[early]))) if len(early) else "mixed"
-    pattern = str(_pattern(np.median(fraction[late]), np.median(count[late])))
     votes = _pattern(fraction[late], count[late])
+    pattern, before = _most(votes), _most(_pattern(fraction[early], count[early]))
     evolves = before in ("pulse", "train") and pattern == "crack"
     if evolves:
         pattern, votes = "mixed", np.where(votes == "crack", "mixed", votes)
@@ -287,10 +286,15 @@ def _fraction_and_count(zones: Zones, tip: Array, origin: float) -> tuple[Array,
     return np.divide(length, span, out=np.zeros(len(tip)), where=span > 0), count
 
 
-def _pattern(fraction: Array | float, count: Array | float) -> Array:
-    f, r = np.asarray(fraction), np.asarray(count)
+def _pattern(f: Array, r: Array) -> Array:
     rules = [(f >= 0.9) & (r <= 2), r >= 4, (f <= 0.4) & (r <= 3)]
     return np.select(rules, ["crack", "train", "pulse"], "mixed")
+
+
+def _most(patterns: Array) -> str:
+    """The most frequent pattern; mixed if there is none."""
+    names, counts = np.unique(patterns, return_counts=True)
+    return str(names[counts.argmax()]) if len(names) else "mixed"
 
 
 def _stopped(tip: Array, time: Array, reach: float, length: float) -> bool:
@@ -311,8 +315,8 @@ def _healing_time(rate: Array, time: Array, threshold: float) -> float:
     if 2 * len(column) < np.isfinite(start).sum():
         return float(np.nan)
     row = row[column]
-    high, low = rate[row - 1, column], rate[row, column]
-    end = time[row - 1] + (high - threshold) / (high - low) * (time[row] - time[row - 1])
+    part = crossing(rate[row, column], rate[row - 1, column], threshold)
+    end = time[row] - part * (time[row] - time[row - 1])
     return float(np.median(end - start[column]))
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from ruptfx.analysis import rupture_origin
 from ruptfx.analysis.front import local_speed
@@ -37,8 +37,8 @@ from ruptfx.record import Record
 def space_time(record: Record) -> Figure:
     """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
 
-    Colours are logarithmic from the sliding threshold (2 % of the driven speed) on where rates span more than
-    a decade; white is slower. Lines are labelled where they leave the picture.
+    White is slower than the sliding threshold (2 % of the driven speed). Colours are logarithmic where narrow
+    pulses are ten times faster than the rest.
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
@@ -52,13 +52,16 @@ def space_time(record: Record) -> Figure:
     peak = rate.max(initial=0.0)
     if peak > 0 and len(time) > 1:
         low = LEVEL * (data.attrs.get("V_imp") or peak)
-        high = max(np.quantile(rate[rate > 0], 0.999), 1.01 * low)
-        norm = LogNorm(low, high) if high > 10 * low else Normalize(0, high)
-        colours = matplotlib.colormaps[RATE_MAP].with_extremes(under="white")
-        mesh = ax.pcolormesh(
-            _edges(position) / x_size, _edges(time) / t_size, rate, norm=norm, cmap=colours, rasterized=True
-        )
-        figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", extend="max", pad=0.03)
+        sliding = rate[rate > low]
+        middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (peak, peak)
+        size, unit = scale(high, "m/s")
+        norm = LogNorm(low / size, high / size) if high > 10 * middle else Normalize(0, high / size)
+        shown = np.ma.masked_less(rate, low) / size
+        edges = _edges(position) / x_size, _edges(time) / t_size
+        mesh = ax.pcolormesh(*edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
+        bar = figure.colorbar(mesh, ax=ax, label=f"Slip rate ({unit})", extend="max", pad=0.03)
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter("")
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
     _rays(ax, record, x_size, t_size)
@@ -69,6 +72,7 @@ def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
     """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture."""
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
     (left, right), top = ax.get_xlim(), ax.get_ylim()[1]
+    halo = [withStroke(linewidth=1.5, foreground="white")]
     for name, speed in wave_speeds(record).items():
         slope = speed * t_size / x_size
         for sign, room in ((1, right - start), (-1, start - left)):
@@ -76,7 +80,7 @@ def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
                 continue
             reach = min(room, slope * (top - begin))
             end = (start + sign * reach, begin + reach / slope)
-            ax.plot([start, end[0]], [begin, end[1]], "--", color=GUIDE, lw=0.8, gid="ray")
+            ax.plot([start, end[0]], [begin, end[1]], "--", color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
             at_side = reach >= room
             # c_R and c_s are close: above the picture their labels lean away from each other.
             outwards = at_side or name != "$c_R$"
@@ -138,7 +142,7 @@ def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) ->
             place = (start + sign * speed * (time - begin)) / x_size
             if time > begin and left < place < right:
                 ax.axvline(place, color=GUIDE, lw=0.5, ls="--", zorder=0)
-                if named:
+                if named and place > left + 0.15 * (right - left):  # clear of the panel letter
                     ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
                                 textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
 
@@ -194,7 +198,7 @@ def front(record: Record) -> Figure:
     axes[0].set_xlim(position[0] / x_size, position[-1] / x_size)
     speeds = wave_speeds(record)
     fastest = max(speeds.values(), default=1.0)
-    size, unit = scale(fastest, "m/s")
+    size, unit = (1e3, "km/s") if fastest > 900 else scale(fastest, "m/s")
     local = np.abs(local_speed(position, arrival, 0.05 * np.ptp(position)))
     axes[1].plot(position / x_size, np.where(local < 3 * fastest, local, np.nan) / size, color="#1a1a1a")
     for name, speed in speeds.items():

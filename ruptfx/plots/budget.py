@@ -26,7 +26,6 @@ def energy_budget(record: Record) -> Figure:
     (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
     figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[1.6, 1])
     axes[0].plot(time / t_size, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
-    axes[0].plot(time / t_size, sum(parts.values()) / size, ":", color="#1a1a1a", label="sum of the others")
     for name, values in parts.items():
         axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
     axes[0].set(xlabel=f"Time ({t_unit})", ylabel=f"Energy per thickness ({unit})")
@@ -36,8 +35,8 @@ def energy_budget(record: Record) -> Figure:
     axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
     axes[1].set(xlabel=f"Time ({t_unit})", ylabel="Unaccounted (% of boundary work)")
     axes[1].set_ylim(top=100 * max(10 * _TOLERANCE, 2 * missing.max(initial=0) / 100))
-    axes[1].annotate("tolerance", (0.02, 100 * _TOLERANCE), (0, 2), xycoords=("axes fraction", "data"),
-                     textcoords="offset points", color=MUTED)
+    axes[1].annotate("tolerance", (0.02, 100 * _TOLERANCE), (0, -2), xycoords=("axes fraction", "data"),
+                     textcoords="offset points", color=MUTED, va="top")
     for ax in axes:
         if len(time) < 2:
             note(ax, "fewer than two times were saved")

@@ -105,7 +105,7 @@ def fringes(
 
     per_fringe, unit = scale(fringe_constant / thickness, "Pa")
     label = f"{field.capitalize()}-field intensity; {fringe_constant / thickness / per_fringe:.3g} {unit} per fringe"
-    return _panels(record, time, light, label, cmap="gray", vmin=0, vmax=1)
+    return _panels(record, time, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
 
 
 @styled
@@ -124,7 +124,7 @@ def wavefield(record: Record, time: float | Sequence[float] | None = None) -> Fi
     def speed(row: int, raster: Raster) -> Array:
         return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
 
-    return _panels(record, time, speed, "Particle speed (m/s)", cmap=WAVE_MAP, vmin=0)
+    return _panels(record, time, speed, "Particle speed (m/s)", "white", cmap=WAVE_MAP, vmin=0)
 
 
 def _panels(
@@ -132,6 +132,7 @@ def _panels(
     time: float | Sequence[float] | None,
     picture: Callable[[int, Raster], Array],
     label: str,
+    line: str,
     **look: Any,
 ) -> Figure:
     """One panel per time, in two columns if there are several, with one common scale."""
@@ -156,7 +157,7 @@ def _panels(
     for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
         shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
         for data in record.interfaces.values():
-            ax.plot(data["x"].values / x_size, data["y"].values / x_size, color="#d9480f", lw=0.6)
+            ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
     for ax in axes[-1]:
         ax.set_xlabel(f"x ({x_unit})")

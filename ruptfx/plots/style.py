@@ -29,15 +29,16 @@ STYLE: Any = {
 }
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
-# Perceptually uniform; the one for lines without its faint yellow end.
-RATE_MAP, WAVE_MAP = "magma_r", "inferno"
+# Perceptually uniform, cut where lines and guides would not show.
+RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
 TIME_MAP = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1, 256)))
+WAVE_MAP = "inferno"
 
 _PREFIXES = {
     "m": [(1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
     "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s")],
     "Pa": [(1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
-    "m/s": [(1e-3, "mm/s"), (1.0, "m/s"), (1e3, "km/s")],
+    "m/s": [(1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
     "J/m": [(1e-3, "mJ/m"), (1.0, "J/m"), (1e3, "kJ/m"), (1e6, "MJ/m"), (1e9, "GJ/m")],
 }
 
@@ -62,7 +63,8 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
     choices = _PREFIXES[unit]
     if largest == 0:
         return next(((size, name) for size, name in choices if size == 1.0), choices[0])
-    fitting = [(size, name) for size, name in choices if largest >= 0.9 * size]
+    least = 0.05 if unit == "m/s" else 0.9  # slip rates read best in m/s
+    fitting = [(size, name) for size, name in choices if largest >= least * size]
     return fitting[-1] if fitting else choices[0]
 
 
@@ -108,8 +110,9 @@ def default_times(record: Record, saved: Array, count: int) -> Array:
     first, last = np.quantile(arrival, [0.15, 1.0]) if len(arrival) else (0.0, np.inf)
     running = np.flatnonzero((saved >= first) & (saved <= last))
     running = running if len(running) else np.arange(len(saved))[-1:]
-    chosen = np.linspace(0, len(running) - 1, min(count, len(running)))
-    return running[np.round(chosen).astype(int)]
+    # Even steps back from the last, which shows most.
+    step = max(1, (len(running) - 1) // max(count - 1, 1))
+    return running[::-step][:count][::-1]
 
 
 def nearest(saved: Array, wanted: Array) -> Array:

@@ -1,0 +1,176 @@
+"""Sliding modes on slip-rate fields whose mode, speed, widths and counts are known by construction."""
+
+import numpy as np
+import pytest
+import synthetic
+
+from ruptfx import RuptfxError
+from ruptfx.analysis import modes
+
+TIME, POSITION = synthetic.times(), synthetic.points()
+SPACING = np.diff(POSITION).max()  # 0.33 mm
+DRIVEN = {"V_imp": synthetic.V_IMP, "c_R": synthetic.C_R, "c_s": synthetic.C_S, "c_p": synthetic.C_P}
+
+FIELDS = {
+    "crack": synthetic.crack,
+    "pulse": synthetic.pulses,
+    "train": synthetic.train,
+    "mixed": synthetic.mixed,
+    "arrested": synthetic.arrested,
+    "none": lambda time, position: np.zeros((len(time), len(position))),
+}
+
+
+def classify(field, **options):
+    return modes.classify(field, TIME, POSITION, **{**DRIVEN, **options})
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_mode(name, seed):
+    """With noise: 10 % of the rate where it slides, and a quarter of the threshold (0.01 m/s) everywhere."""
+    field = np.maximum(FIELDS[name](TIME, POSITION), 0)
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        field = field * rng.normal(1, 0.1, field.shape) + rng.normal(0, 0.005, field.shape)
+    found = classify(field)
+    assert found.mode == name
+    assert found.mode_at_half_threshold == name
+    assert found.confidence > 0.9
+    if name != "none":
+        # All fields run at 2100 m/s. The fit's standard error is below 1 m/s without noise, 3 m/s with it.
+        assert found.tip_speed.value == pytest.approx(2100, abs=5)
+        assert found.regime == "supershear"
+
+
+def test_sparse_spikes_change_nothing():
+    """One sample in a thousand of a train is replaced by a large one."""
+    rng = np.random.default_rng(3)
+    field = np.maximum(synthetic.train(TIME, POSITION), 0)
+    field[rng.random(field.shape) < 1e-3] = 50.0
+    found = classify(field)
+    assert found.mode == "train" and found.tip_speed.value == pytest.approx(2100, rel=5e-3)
+
+
+def test_crack_slides_everywhere_behind_the_tip():
+    found = classify(synthetic.crack(TIME, POSITION))
+    # The crack slides from the loaded end to where its 1 mm ramp passes the threshold: f = 1, r = 1.
+    assert found.sliding_fraction == pytest.approx(1, abs=2e-3) and found.zones == 1
+    assert found.reach == pytest.approx(0.1) and found.pattern == "crack"
+    assert np.isnan(found.pulse_width) and np.isnan(found.healing_time)
+
+
+@pytest.mark.parametrize("width", [4e-3, 8e-3])
+def test_pulse_width_and_healing_time(width):
+    found = classify(np.maximum(synthetic.pulses(TIME, POSITION, width=width), 0))
+    # 1 - (2 s / w)^2 = 0.04 / 2 gives the width at threshold: w sqrt(0.98) = 0.98995 w.
+    expected = 0.98995 * width
+    assert found.pulse_width == pytest.approx(expected, abs=SPACING / 2)
+    # It passes a point in width / speed.
+    assert found.healing_time == pytest.approx(expected / 2100, abs=np.diff(TIME)[0] / 2)
+    # At the middle of the second half of the way (from 59 to 98 % of 100 mm) f = 0.98995 w / 78.5 mm.
+    assert found.sliding_fraction == pytest.approx(expected / 0.0785, rel=0.05)
+    assert found.zones == 1 and len(found.trailing_speeds) == 0
+
+
+def test_train_count_spacing_and_scatter():
+    found = classify(synthetic.train(TIME, POSITION, count=6, spacing=12e-3))
+    # The sixth pulse leaves the end at 5 + 5 x 12 / 2.1 = 33.6 us, when the tip is at 60 mm: six in the
+    # second half.
+    assert found.zones == 6
+    assert found.pulse_spacing == pytest.approx(12e-3, rel=0.01)
+    assert found.pulse_spacing_scatter < 0.05
+    np.testing.assert_allclose(found.trailing_speeds, [2100] * 5, rtol=2e-3)
+
+
+def test_scatter_of_irregular_spacing():
+    # Gaps of 8, 16, 8 and 16 mm: mean 12 mm, standard deviation 4 mm, ratio 1/3.
+    lags = tuple(np.cumsum([0, 8e-3, 16e-3, 8e-3, 16e-3]) / 2100)
+    found = classify(synthetic.pulses(TIME, POSITION, lags, width=4e-3))
+    assert found.mode == "train"
+    assert found.pulse_spacing_scatter == pytest.approx(1 / 3, abs=0.04)
+
+
+def test_trailing_pulse_faster_than_the_longitudinal_wave():
+    # The second pulse starts 14 us late and runs at 2800 m/s: it is still 14 us - 0.1 (1/2100 - 1/2800) = 2
+    # us behind at 100 mm.
+    field = synthetic.pulses(TIME, POSITION, (0.0, 14e-6), speed=(2100.0, 2800.0), width=3e-3)
+    found = classify(field)
+    assert found.tip_speed.value == pytest.approx(2100, rel=2e-3)
+    np.testing.assert_allclose(found.trailing_speeds, [2800], rtol=5e-3)
+
+
+def test_arrested_run_keeps_its_pattern():
+    found = classify(synthetic.arrested(TIME, POSITION, stop=0.04))
+    assert found.pattern == "pulse"
+    assert found.reach == pytest.approx(0.04, abs=SPACING)
+
+
+def test_front_still_running_at_the_end_is_not_arrested():
+    # At 60 us a crack at 1000 m/s is at 55 mm of 100 mm, still going.
+    found = classify(synthetic.crack(TIME, POSITION, speed=1000.0))
+    assert found.mode == "crack" and found.reach == pytest.approx(0.055, abs=2 * SPACING)
+    assert found.regime == "sub-Rayleigh"
+
+
+def test_loaded_at_the_right_end():
+    field = synthetic.train(TIME, POSITION)[:, ::-1]
+    mirrored = classify(field, loaded_end=POSITION[-1])
+    straight = classify(synthetic.train(TIME, POSITION))
+    # Equal cells of symmetric points are their own mirror image.
+    assert mirrored.tip_speed.value == pytest.approx(straight.tip_speed.value, rel=1e-4)
+    assert (mirrored.mode, mirrored.zones) == (straight.mode, straight.zones)
+
+
+def test_nucleation_inside_takes_the_longer_side():
+    # A crack from 30 mm runs to both sides: 70 mm to the right, 30 mm to the left.
+    field = synthetic.crack(TIME, np.abs(POSITION - 0.03))
+    found = classify(field, loaded_end=0.03)
+    assert found.mode == "crack" and found.interface_length == pytest.approx(0.07, abs=SPACING)
+
+
+def test_without_a_driven_boundary_the_peak_sets_the_threshold():
+    # Median peak rate of a crack at 2 m/s is 2 m/s: the threshold is 0.04 m/s.
+    found = classify(synthetic.crack(TIME, POSITION), V_imp=None)
+    assert found.threshold == pytest.approx(0.04) and found.mode == "crack"
+    assert classify(np.full((len(TIME), len(POSITION)), 1e-9), V_imp=None).mode == "none"
+
+
+def test_zone_ends_lie_between_points():
+    # Between 0 and 3 the threshold 1 is passed half-way; between 4 and 1/2 at 1/3 of the logarithm from
+    # below, that is 2/3 of the way out. The second zone touches the end of the interface.
+    zones = modes.find_zones(np.array([[0.0, 3.0, 4.0, 0.5], [0.0, 0.0, 0.0, 2.0]]), np.arange(4.0), 1.0)
+    np.testing.assert_allclose(zones.start, [0.5, 2.5])
+    np.testing.assert_allclose(zones.stop, [2 + 2 / 3, 3.0])
+    np.testing.assert_array_equal(zones.row, [0, 1])
+    np.testing.assert_array_equal(zones.points, [2, 1])
+
+
+@pytest.mark.parametrize(
+    ("speed", "name"),
+    # c_R 1155, c_s 1255, c_p 2200; 2 % above c_p is still within the error of a fit.
+    [(1100, "sub-Rayleigh"), (1200, "sub-shear"), (2000, "supershear"), (2230, "supershear"), (2300, "supersonic")],
+)
+def test_regime(speed, name):
+    assert modes.regime(speed, 1155.0, 1255.0, 2200.0) == name
+
+
+def test_median_of_three():
+    np.testing.assert_array_equal(modes.median3(np.array([5.0, 1.0, 9.0, 2.0])), [5.0, 5.0, 2.0, 2.0])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_saved_times(count):
+    """A run killed early: an answer, no exception."""
+    saved = slice(100, 100 + count)
+    found = modes.classify(synthetic.crack(TIME, POSITION)[saved], TIME[saved], POSITION, **DRIVEN)
+    assert found.mode == "crack"
+    # All points seem to start at once or half a saved time apart: no speed can be told.
+    assert np.isnan(found.tip_speed.value)
+
+
+def test_shapes_are_checked():
+    with pytest.raises(RuptfxError, match=r"times, points"):
+        modes.classify(np.zeros((3, 4)), TIME, POSITION)
+    with pytest.raises(RuptfxError, match="must increase"):
+        modes.classify(np.zeros((len(TIME), len(POSITION))), TIME[::-1], POSITION)

@@ -1,0 +1,31 @@
+"""Stress-optic law and polariscope."""
+
+import numpy as np
+import pytest
+
+from ruptfx import RuptfxError
+from ruptfx.analysis import photoelasticity as photo
+
+
+def test_principal_difference():
+    # Uniaxial 3: 3. Pure shear 2: 4. Hydrostatic: 0.
+    np.testing.assert_allclose(photo.principal_difference(*np.array([[3, 0, 5.0], [0, 0, 5], [0, 2, 0]])), [3, 4, 0])
+
+
+def test_fringe_order_of_the_default_material():
+    # 22.6 kN/m over 9.5 mm is 2.3789 MPa per fringe.
+    assert photo.fringe_order(np.array(22.6e3 / 9.5e-3)) == pytest.approx(1)
+    assert photo.fringe_order(np.array(10e6), fringe_constant=20e3, thickness=6e-3) == pytest.approx(3)
+
+
+def test_fields_are_complements():
+    order = np.linspace(0, 3, 50)
+    dark, light = photo.intensity(order), photo.intensity(order, "light")
+    np.testing.assert_allclose(dark + light, 1)
+    # Whole orders are black in the dark field.
+    np.testing.assert_allclose(photo.intensity(np.arange(4.0)), 0, atol=1e-30)
+
+
+def test_unknown_field():
+    with pytest.raises(RuptfxError, match="'grey'"):
+        photo.intensity(np.zeros(1), "grey")

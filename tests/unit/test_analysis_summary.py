@@ -1,0 +1,47 @@
+"""The scalars of a run, from its files."""
+
+import json
+
+import numpy as np
+import pytest
+import synthetic
+
+from ruptfx.analysis import UNITS, rupture_origin, summarise
+from ruptfx.record import Record
+
+TIME, POSITION = synthetic.times(), synthetic.points()
+
+
+def summary_of(path, field, **options):
+    with Record(synthetic.write_run(path / "run", np.maximum(field, 0), TIME, POSITION, **options)) as record:
+        return summarise(record)
+
+
+def test_summary_of_a_train(tmp_path):
+    found = summary_of(tmp_path, synthetic.train(TIME, POSITION))
+    assert (found["mode"], found["mode_at_half_threshold"], found["speed_regime"]) == ("train", "train", "supershear")
+    assert found["tip_speed"] == pytest.approx(2100, rel=1e-3)
+    # 2100 / 1255 and 2100 / 2200.
+    assert found["tip_speed_over_c_s"] == pytest.approx(1.6733, rel=1e-3)
+    assert found["tip_speed_over_c_l"] == pytest.approx(0.9545, rel=1e-3)
+    assert found["peak_slip_rate"] == pytest.approx(2, rel=1e-2)
+    # A parabola of height 2 m/s lasts 6 mm / 2100 m/s: slip (2/3) x 2 x 2.857 us = 3.81 um, six times.
+    assert found["max_slip"] == pytest.approx(6 * 3.81e-6, rel=0.01)
+    assert found["energy_closure"] == pytest.approx(2e-4)
+    assert found["trailing_fronts"] == 5 and found["trailing_fronts_faster_than_c_l"] == 0
+
+
+def test_summary_survives_json(tmp_path):
+    found = summary_of(tmp_path, np.zeros((len(TIME), len(POSITION))))
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert found["mode"] == "none" and found["tip_speed"] is None and found["max_slip"] == 0
+    assert UNITS.keys() <= found.keys() | {"first_sliding"}
+
+
+def test_origin_of_a_spontaneous_rupture(tmp_path):
+    # Without a driven edge the rupture starts where sliding began: at 30 mm, after 5 us.
+    field = synthetic.crack(TIME, np.abs(POSITION - 0.03))
+    with Record(synthetic.write_run(tmp_path / "run", field, TIME, POSITION, V_imp=0.0)) as record:
+        position, time = rupture_origin(record)
+        assert position == pytest.approx(0.03, abs=1e-3) and time == pytest.approx(5e-6, abs=2 * np.diff(TIME)[0])
+        assert summarise(record)["mode"] == "crack"

@@ -1,0 +1,185 @@
+"""Figures: units on every axis, guide lines where they belong, odd runs, and an image that is right in itself."""
+
+import re
+
+import matplotlib
+import numpy as np
+import pytest
+import synthetic
+
+from ruptfx import RuptfxError, plots
+from ruptfx.plots.bulk import Raster
+from ruptfx.plots.style import default_times, scale
+from ruptfx.record import Record
+
+TIME, POSITION = synthetic.times(121), synthetic.points(40)
+UNIT = re.compile(r"\((µm|mm|m|km|µs|ms|s|[kMG]?Pa|(mm|km|m)/s|[mkM]?J/m|%.*)\)|per fringe")
+
+
+def record_of(tmp_path, field, **options):
+    return Record(synthetic.write_run(tmp_path / "run", field, TIME, POSITION, **options))
+
+
+@pytest.fixture
+def train(tmp_path):
+    with record_of(tmp_path, np.maximum(synthetic.train(TIME, POSITION), 0)) as record:
+        yield record
+
+
+def check_units(figure):
+    for ax in figure.axes:
+        if ax.get_visible():
+            for axis in (ax.xaxis, ax.yaxis):
+                label = axis.get_label_text()
+                # Inner panels share their ticks, and a colour bar has one labelled axis.
+                assert UNIT.search(label) or not label
+    labels = [axis.get_label_text() for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
+    assert sum(bool(UNIT.search(label)) for label in labels) >= 2
+
+
+def test_every_figure_has_units_and_can_be_drawn(train):
+    figures = plots.all_figures(train)
+    assert set(figures) == set(plots.__all__) - {"all_figures", "save_all"}
+    for figure in figures.values():
+        check_units(figure)
+        figure.canvas.draw()
+        letters = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
+        assert letters == [f"({chr(97 + i)})" for i in range(len(letters))]
+
+
+def test_guide_lines_run_at_the_wave_speeds(train):
+    (ax, _) = plots.space_time(train).axes
+    rays = [line for line in ax.lines if line.get_gid() == "ray"]
+    # Axes are in mm and µs: a line's slope dx/dt is its speed in 1000 m/s.
+    slopes = [np.ptp(line.get_xdata()) / np.ptp(line.get_ydata()) for line in rays]
+    np.testing.assert_allclose(slopes, [1.155, 1.255, np.sqrt(2) * 1.255, 2.2])
+    assert [text.get_text() for text in ax.texts] == ["$c_R$", "$c_s$", r"$\sqrt{2}\,c_s$", "$c_l$"]
+    # None leaves the picture: 100 mm, 60 µs.
+    assert max(line.get_xdata().max() for line in rays) <= 100.001
+    assert max(line.get_ydata().max() for line in rays) <= 60.001
+
+
+def test_rays_leave_an_inner_origin_to_both_sides(tmp_path):
+    field = synthetic.crack(TIME, np.abs(POSITION - 0.03))
+    with record_of(tmp_path, field, V_imp=0.0) as record:
+        ax = plots.space_time(record).axes[0]
+        assert len([line for line in ax.lines if line.get_gid() == "ray"]) == 8
+
+
+def test_slip_rate_shows_the_data(train):
+    mesh = plots.space_time(train).axes[0].collections[0]
+    values = mesh.get_array()
+    assert values.shape == (len(TIME), len(POSITION))
+    # Everything slower than 2 % of 2 m/s is left white.
+    np.testing.assert_array_equal(np.ma.getmaskarray(values), train.interface["slip_rate"].values < 0.04)
+
+
+def test_antiplane_knows_only_the_shear_wave(tmp_path):
+    with record_of(tmp_path, synthetic.crack(TIME, POSITION), plane="antiplane") as record:
+        figures = plots.all_figures(record)
+        assert "fringes" not in figures and "wavefield" in figures
+        assert [text.get_text() for text in figures["space_time"].axes[0].texts] == ["$c_s$"]
+        assert plots.fringes(record).axes[0].texts[0].get_text().startswith("no fringes")
+        for figure in figures.values():
+            figure.canvas.draw()
+
+
+def test_a_run_without_sliding_says_so(tmp_path):
+    with record_of(tmp_path, np.zeros((len(TIME), len(POSITION)))) as record:
+        figures = plots.all_figures(record)
+        for figure in figures.values():
+            figure.canvas.draw()
+        texts = [text.get_text() for ax in figures["space_time"].axes for text in ax.texts]
+        assert "no sliding" in texts
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_runs_killed_early(tmp_path, count):
+    field = synthetic.crack(TIME, POSITION)[:count]
+    path = synthetic.write_run(tmp_path / "run", field, TIME[:count], POSITION, complete=False, snapshots=count)
+    with Record(path) as record:
+        for figure in plots.all_figures(record).values():
+            figure.canvas.draw()
+
+
+def test_missing_files_mean_fewer_figures(train):
+    (train.path / "bulk.h5").unlink()
+    assert set(plots.all_figures(train)) == {
+        "space_time", "snapshots", "slip_profiles", "front", "energy_budget"
+    }
+
+
+def test_slip_is_positive_in_its_direction(tmp_path):
+    with record_of(tmp_path, -synthetic.crack(TIME, POSITION)) as record:
+        lines = plots.slip_profiles(record).axes[0].lines
+        assert min(line.get_ydata().min() for line in lines) >= 0
+
+
+def test_chosen_times_are_the_nearest_saved(train):
+    figure = plots.snapshots(train, times=[20.1e-6, 40.2e-6])
+    assert [ax.get_title(loc="right") for ax in figure.axes[::3]] == ["20 µs", "40 µs"]
+    assert len(plots.fringes(train, time=16e-6).axes) == 2  # one panel and its colour bar
+
+
+def test_fringes_count_the_stress(train):
+    # Where nothing moves sigma_1 - sigma_2 = 6 MPa: N = 6 / 2.3789 = 2.5222, sin^2(pi N) = 0.9951.
+    image = plots.fringes(train, time=0.0).axes[0].images[0].get_array()
+    assert float(image[-1, -1]) == pytest.approx(0.9951, abs=1e-4)
+    light = plots.fringes(train, time=0.0, field="light").axes[0].images[0].get_array()
+    np.testing.assert_allclose(image + light, 1)
+
+
+def test_energy_figure_shows_every_part(train):
+    axes = plots.energy_budget(train).axes
+    labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
+    assert labels == ["boundary work", "kinetic", "strain", "interface elastic", "frictional dissipation", "damping"]
+    # The table misses 2e-4 of the work, 0.02 %.
+    assert np.nanmax(axes[1].lines[0].get_ydata()) == pytest.approx(0.02)
+
+
+def test_save_all(train, tmp_path):
+    paths = plots.save_all(train, tmp_path / "pictures", formats=("png", "pdf"))
+    assert len(paths) == 14 and all(path.stat().st_size > 1000 for path in paths)
+    plots.save_all(train)
+    assert len(train.figures) == 7
+
+
+@pytest.mark.parametrize(("directory", "kind"), [("file", "png"), ("fine", "xyz")])
+def test_save_all_refuses(train, tmp_path, directory, kind):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RuptfxError, match=f"{directory}: figures cannot be saved"):
+        plots.save_all(train, tmp_path / directory, formats=(kind,))
+
+
+def test_the_users_style_is_left_alone(train):
+    with matplotlib.rc_context({"font.size": 20}):
+        figure = plots.space_time(train)
+        assert matplotlib.rcParams["font.size"] == 20
+        assert figure.axes[0].xaxis.label.get_size() == 8
+
+
+def test_raster_of_a_mesh_with_triangles_and_a_hole():
+    # Two unit squares side by side with a gap of one; the field x + 10 y is linear, hence exact inside cells.
+    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [3, 0], [3, 1], [2, 1]], dtype=float)
+    quads = np.array([[0, 1, 2, 3], [4, 5, 6, 7]])
+    for cells in (quads, np.vstack([quads[:, :3], quads[:, [0, 2, 3]]])):
+        image = Raster(points, cells, pixels=30)(points[:, 0] + 10 * points[:, 1])
+        assert image.shape == (10, 30)
+        assert np.isnan(image[:, 10:20]).all() and np.isfinite(image[:, :10]).all()
+        # Pixel (row 2, column 25) has its centre at (2.55, 0.25).
+        assert image[2, 25] == pytest.approx(2.55 + 2.5)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "name"),
+    [(0.06, "m", "mm"), (3e-5, "m", "µm"), (15e3, "m", "km"), (60e-6, "s", "µs"), (6e6, "Pa", "MPa"),
+     (0.2, "m/s", "m/s"), (1e-6, "m/s", "µm/s"), (0.0, "m", "m"), (np.nan, "s", "s")],
+)
+def test_units_that_read_well(value, unit, name):
+    assert scale(value, unit)[1] == name
+
+
+def test_default_times_end_with_the_rupture(train):
+    # The tip arrives at 100 mm at 52.6 µs, which these files round up to the next saved time, 53 µs.
+    chosen = default_times(train, TIME, 4)
+    assert len(chosen) == 4 and TIME[chosen[-1]] == pytest.approx(53e-6)

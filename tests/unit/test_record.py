@@ -1,0 +1,156 @@
+"""Reading run directories: finished, killed, damaged, or no run at all."""
+
+import shutil
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+import synthetic
+
+from ruptfx import RuptfxError
+from ruptfx.record import Record, RecordError
+
+TIME, POSITION = synthetic.times(31), synthetic.points(20)
+
+
+@pytest.fixture
+def run(tmp_path):
+    return synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+
+
+def test_a_complete_run(run):
+    with Record(run) as record:
+        assert record.complete and record.summary == {"mode": "crack"}
+        assert record.case["plane"] == "stress"
+        assert record.interface["slip_rate"].dims == ("time", "position")
+        assert record.interface["slip_rate"].attrs["units"] == "m/s"
+        np.testing.assert_array_equal(record.interface["position"], POSITION)
+        # The rate is 2 m/s at 10 mm from 5 us + 11 mm / 2100 m/s = 10.2 us on.
+        rate = record.interface["slip_rate"].sel(position=0.01, method="nearest")
+        np.testing.assert_allclose(rate.sel(time=slice(10.5e-6, None)), 2.0)
+        assert list(record.interfaces) == ["main"]
+        assert record.figures == []
+
+
+def test_bulk_is_named_and_lazy(run):
+    with Record(run) as record:
+        bulk = record.bulk
+        assert bulk["stress"].dims == ("time", "point", "stress_component")
+        assert bulk["stress"].attrs["units"] == "Pa"
+        np.testing.assert_array_equal(bulk["stress"].sel(stress_component="yy"), -6e6)
+        # 6 MPa of compression and shear s: sqrt(6^2 + 4 s^2) MPa.
+        shear = bulk["stress"].sel(stress_component="xy").isel(time=3).values
+        np.testing.assert_allclose(bulk["fringe"].isel(time=3), np.hypot(6e6, 2 * shear))
+        assert bulk["cells"].shape == (2 * 100 * 20, 4)
+        # Pieces are read without the whole.
+        assert not bulk["velocity"].variable._in_memory
+
+
+def test_antiplane_components(tmp_path):
+    run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION, plane="antiplane")
+    with Record(run) as record:
+        assert list(record.bulk["component"].values) == ["z"]
+        assert list(record.bulk["stress_component"].values) == ["xz", "yz"]
+
+
+def test_energy(run):
+    with Record(run) as record:
+        energy = record.energy
+        # 100 J/m at the end, 0.4 of it kinetic.
+        assert float(energy["kinetic"][-1]) == pytest.approx(40)
+        assert energy["kinetic"].attrs["units"] == "J" and energy["time"].attrs["units"] == "s"
+        assert "thickness" in energy.attrs["units"]
+
+
+def test_several_interfaces(run):
+    (run / "interface.h5").rename(run / "interface_lower.h5")
+    shutil.copy(run / "interface_lower.h5", run / "interface_upper.h5")
+    with h5py.File(run / "interface_upper.h5", "a") as file:
+        file.attrs["fault"] = "upper"
+    with Record(run) as record:
+        assert list(record.interfaces) == ["main", "upper"]
+        assert record.interface is record.interfaces["main"]
+
+
+def test_a_record_can_be_closed_and_used_again(run):
+    record = Record(run)
+    first = record.interface["slip"].values
+    record.close()
+    np.testing.assert_array_equal(record.interface["slip"].values, first)
+    assert record.bulk.sizes["time"] == 6
+    record.close()
+
+
+def test_repr_is_a_tree(run):
+    (run / "figures").mkdir()
+    (run / "figures" / "front.png").write_bytes(b"")
+    lines = repr(Record(run)).splitlines()
+    assert "complete" in lines[0] and len(lines) == 7
+    assert "81 points x 31 times" in lines[2] and "front.png" in lines[-1]
+    assert max(map(len, lines[1:])) < 80
+
+
+def test_a_killed_run(tmp_path):
+    run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION, complete=False)
+    # The last row of the table is cut, and the last saved times were never filled in.
+    text = (run / "energy.csv").read_text()
+    (run / "energy.csv").write_text(text.rstrip()[:-60])
+    with h5py.File(run / "interface.h5", "a") as file:
+        file["time"][-3:] = 0.0
+    with Record(run) as record:
+        assert not record.complete and record.summary is None
+        assert record.interface.sizes["time"] == 28
+        assert record.energy.sizes["time"] == 30
+        assert "not complete" in repr(record) and "none yet" in repr(record)
+
+
+def test_a_run_that_is_being_written_can_be_read(run):
+    # Another process holds the file open for writing, as the run itself does.
+    hold = "import h5py, sys; f = h5py.File(sys.argv[1], 'a'); f['slip'][0] = 0; f.flush()"
+    hold += "; print('open', flush=True); input()"
+    command = [sys.executable, "-c", hold, str(run / "interface.h5")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout.readline() == "open\n"
+        with Record(run) as record:
+            assert record.interface.sizes["time"] == 31
+        writer.communicate("\n")
+
+
+@pytest.mark.parametrize(("make", "message"), [(False, "no such directory"), (True, "no case.toml")])
+def test_no_run(tmp_path, make, message):
+    path = tmp_path / "nothing"
+    if make:
+        path.mkdir()
+    with pytest.raises(RuptfxError, match=message):
+        Record(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "ask"),
+    [
+        ("interface.h5", lambda record: record.interface),
+        ("bulk.h5", lambda record: record.bulk),
+        ("energy.csv", lambda record: record.energy),
+    ],
+)
+def test_missing_and_damaged_files_are_named(run, name, ask):
+    content = (run / name).read_bytes()
+    (run / name).unlink()
+    with pytest.raises(RecordError, match=rf"{name}: missing; if the run .* run the case again"):
+        ask(Record(run))
+    assert "missing" in repr(Record(run))
+    (run / name).write_bytes(b"time,kinetic\n1,what\n" if name == "energy.csv" else content[: len(content) // 3])
+    with pytest.raises(RecordError, match=rf"{name}: damaged"):
+        ask(Record(run))
+    assert "damaged" in repr(Record(run))
+
+
+@pytest.mark.parametrize(
+    ("name", "ask"), [("case.toml", lambda record: record.case), ("summary.json", lambda record: record.summary)]
+)
+def test_damaged_text_is_named(run, name, ask):
+    (run / name).write_text("= {")
+    with pytest.raises(RecordError, match=rf"{name}: damaged"):
+        ask(Record(run))
