@@ -135,7 +135,8 @@ $dissipated
             dissipated_energy += owned[i] * A_weight[i] * power * dt;
             A_normal_stress[i] = sigma[l];
             A_opening[i] = (sigma[l] - trial_n[l]) * compliance[l];
-            if (v[l] > A_peak_slip_rate[i]) A_peak_slip_rate[i] = v[l];
+            // Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
+            if (sigma[l] > 0 && v[l] > A_peak_slip_rate[i]) A_peak_slip_rate[i] = v[l];
             if (v[l] > threshold && isnan(A_rupture_time[i])) A_rupture_time[i] = time;
 $store_new
             const double *r = frame + i * LOCAL * COMPONENTS;

@@ -160,7 +160,8 @@ def advance_reference(
     speed = np.linalg.norm(done.slip_rate, axis=1)
     state["normal_stress"][:] = done.normal_stress
     state["opening"][:] = (done.normal_stress - trial.normal_stress) * trial.normal_compliance
-    state["peak_slip_rate"][:] = np.maximum(state["peak_slip_rate"], speed)
+    # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
+    state["peak_slip_rate"][:] = np.maximum(state["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0))
     state["rupture_time"][np.isnan(state["rupture_time"]) & (speed > threshold)] = time
     for k in range(fault.tangents):
         for name, value in (

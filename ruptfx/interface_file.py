@@ -24,7 +24,7 @@ _FIELDS = {
 }
 _TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
 _ONCE = {
-    "peak_slip_rate": ("m/s", "largest slip rate of all steps"),
+    "peak_slip_rate": ("m/s", "largest slip rate of all steps while closed"),
     "rupture_time": ("s", "first time the slip rate passed rupture_threshold"),
 }
 
