@@ -1,0 +1,190 @@
+"""Small cases that several tests share, as tables: seconds on one core, the physics of the full ones."""
+
+from __future__ import annotations
+
+import copy
+import os
+from typing import Any
+
+import numpy as np
+
+from ruptfx.case import Case, parse_case
+
+# The default operator, or the one under test everywhere: RUPTFX_TEST_OPERATOR=ufl_form python -m pytest
+OPERATOR = os.environ.get("RUPTFX_TEST_OPERATOR", "matrix_free")
+
+HOMALITE = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
+SPLIT = {"kind": "split_node"}
+COMPLIANT = {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}
+STRONG = {"kind": "coulomb", "mu_d": 1e6}
+
+# Two published-loading sets of constants for the power-law rate and state interface.
+SETS = {
+    "P1": {"mu_s": 0.6, "mu_d": 0.4, "V_0": 100.0, "V_1": 29.0, "p": 1.2, "m": 5.0, "L_0": 10e-6, "L_p": 40e-6},
+    "P2": {"mu_s": 0.6, "mu_d": 0.1, "V_0": 100.0, "V_1": 0.5, "p": 1.2, "m": 5.0, "L_0": 2e-6, "L_p": 100e-6},
+}
+
+
+def merged(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """The table with dotted keys changed; a value of None removes the key."""
+    result = copy.deepcopy(table)
+    for key, value in changes.items():
+        *parents, last = key.split(".")
+        node = result
+        for name in parents:
+            node = node.setdefault(name, {})
+        if value is None:
+            node.pop(last, None)
+        else:
+            node[last] = value
+    return result
+
+
+def plates(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Two small Homalite plates pressed with 6 MPa, glued by strong Coulomb friction; nothing moves them."""
+    table = {
+        "plane": "stress", "order": 4, "duration": 5e-6, "operator": OPERATOR,
+        "mesh": {"kind": "two_plates", "length": 12e-3, "height": 4e-3, "element_size": 2e-3},
+        "materials": {"default": HOMALITE},
+        "faults": {"main": {"contact": COMPLIANT, "friction": STRONG, "initial_stress": {"normal": 6e6}}},
+        "output": {"figures": False},
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
+def case(changes: dict[str, Any] | None = None) -> Case:
+    return parse_case(plates(changes))
+
+
+def memory_friction(name: str) -> dict[str, Any]:
+    """Rate and state with a power-law direct effect and normal-stress memory, constants of set P1 or P2."""
+    values = SETS[name]
+    law = {key: value for key, value in values.items() if key != "L_p"}
+    law |= {"kind": "rate_and_state_power_law", "A_0": 1.0, "theta_0_initial": values["L_0"] / 0.05}
+    return {"kind": "prakash_clifton", "L_p": values["L_p"], "D": 1.0, "theta_p_ratio": 0.02, "law": law}
+
+
+def impact(
+    pressure: float, speed: float, constants: str = "P1", changes: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Shear impact on small plates: a quarter of the length of the demo's, coarser elements."""
+    table = plates({
+        "duration": 18e-6, "mesh.length": 40e-3, "mesh.height": 14e-3,
+        "faults.main.friction": memory_friction(constants), "faults.main.initial_stress.normal": pressure,
+    })  # fmt: skip
+    table["boundaries"] = [
+        {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": speed, "ramp": 10e-6},
+    ]
+    return merged(table, changes or {})
+
+
+def slip_weakening(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Bilateral rupture from an overstressed patch; well-posed, slips on half of the interface."""
+    table = plates({
+        "duration": 10e-6, "mesh.length": 32e-3, "mesh.height": 8e-3, "faults.main.contact": SPLIT,
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6},
+        "faults.main.initial_stress.normal": 6e6,
+        "faults.main.initial_stress.shear": {
+            "kind": "boxcar", "inside": 3.7e6, "outside": 2.8e6, "center": 16e-3, "half_width": 3e-3,
+        },
+    })  # fmt: skip
+    return merged(table, changes or {})
+
+
+def smooth_field(model: Any, seed: int = 0) -> np.ndarray:
+    """A displacement that depends on the place only, the same on any number of ranks, shape (nodes * components,)."""
+    random = np.random.default_rng(seed)
+    waves = random.normal(size=(model.coordinates.shape[1], 7)) * 300
+    field = np.sin(model.coordinates @ waves) @ random.normal(size=(7, model.components))
+    # A jump at interfaces: other values in other bodies.
+    body = np.zeros(model.nodes)
+    body[model.space.dofmap.list] = model.bodies.cell_body[: len(model.space.dofmap.list), None]
+    return (field * (1 + body[:, None])).ravel()
+
+
+def march(case: Case, duration: float | None = None, watch: Any = None) -> tuple[Any, Any, Any]:
+    """Model, motion and state after the duration of the case; `watch(state)` is called after every step."""
+    from ruptfx.model import Model
+
+    model = Model(case)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    return model, motion, advance(motion, state, duration or case.duration, watch)
+
+
+def advance(motion: Any, state: Any, duration: float, watch: Any = None) -> Any:
+    """Step on for `duration`."""
+    for _ in range(int(np.ceil(duration / motion.dt * (1 - 1e-9)))):
+        motion.step(state)
+        if watch is not None:
+            watch(state)
+    return state
+
+
+# Two blocks that meet along an inclined line; their elements are not parallelograms.
+TILTED = """
+angle = {angle}; n = {n};
+Point(1) = {{0, -3e-3, 0}}; Point(2) = {{10e-3, -5e-3, 0}}; Point(3) = {{10e-3, 0, 0}}; Point(4) = {{0, 0, 0}};
+Point(5) = {{10e-3, 4e-3, 0}}; Point(6) = {{0, 6e-3, 0}};
+Line(1) = {{1, 2}}; Line(2) = {{2, 3}}; Line(3) = {{3, 4}}; Line(4) = {{4, 1}}; Line(5) = {{3, 5}}; Line(6) = {{5, 6}};
+Line(7) = {{6, 4}};
+Curve Loop(1) = {{1, 2, 3, 4}}; Curve Loop(2) = {{-3, 5, 6, 7}};
+Plane Surface(1) = {{1}}; Plane Surface(2) = {{2}};
+Rotate {{{{0, 0, 1}}, {{2e-3, 1e-3, 0}}, angle}} {{ Surface{{1, 2}}; }}
+Transfinite Curve{{1, 3, 6}} = 2 * n + 1; Transfinite Curve{{2, 4, 5, 7}} = n + 1;
+Transfinite Surface{{1, 2}}; Recombine Surface{{1, 2}};
+Physical Surface("lower") = {{1}}; Physical Surface("upper") = {{2}};
+Physical Curve("main") = {{3}}; Physical Curve("upper.left") = {{7}}; Physical Curve("upper.right") = {{5}};
+Physical Curve("upper.top") = {{6}}; Physical Curve("lower.bottom") = {{1}};
+Physical Curve("lower.left") = {{4}}; Physical Curve("lower.right") = {{2}};
+"""
+
+
+def tilted(folder: Any, angle: float = 0.6, n: int = 2) -> dict[str, Any]:
+    """Mesh table of two blocks along a line inclined by `angle`; the normal is (-sin, cos)."""
+    path = folder / "tilted.geo"
+    path.write_text(TILTED.format(angle=angle, n=n))
+    return {"kind": "gmsh_file", "file": str(path), "interfaces": {"main": {"plus": "upper", "minus": "lower"}}}
+
+
+class Given:
+    """A mesh source that hands out a mesh made by a test."""
+
+    def __init__(self, raw: Any) -> None:
+        self.raw = raw
+
+    def build(self) -> Any:
+        return self.raw
+
+
+def wavy_plates(amplitude: float = 4e-4) -> Given:
+    """Two plates that meet along a sine; the vertices of both sides coincide."""
+    from ruptfx.meshes.two_plates import TwoPlates
+
+    raw = TwoPlates(length=12e-3, height=4e-3, element_size=1e-3).build()
+    x, y = raw.points.T
+    y += amplitude * np.sin(2 * np.pi * x / 6e-3) * (1 - np.abs(y) / 4e-3)
+    return Given(raw)
+
+
+def two_boxes(n: int = 2) -> Given:
+    """Two boxes of hexahedra, one on the other, 4 x 3 x 2 mm each."""
+    from ruptfx.meshes import RawMesh
+
+    def grid(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        axes = np.linspace(0, 4e-3, 2 * n + 1), np.linspace(0, 3e-3, n + 1), z
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        number = np.arange(len(points)).reshape([len(axis) for axis in axes])
+        first, last = slice(None, -1), slice(1, None)
+        corners = [number[i, j, k].ravel() for k in (first, last) for j in (first, last) for i in (first, last)]
+        face = number[:, :, 0 if z[0] == 0 else -1]
+        facets = [face[i, j].ravel() for j in (first, last) for i in (first, last)]
+        return points, np.stack(corners, axis=1), np.stack(facets, axis=1)
+
+    upper, lower = grid(np.linspace(0, 2e-3, n + 1)), grid(np.linspace(-2e-3, 0, n + 1))
+    shift = len(upper[0])
+    return Given(RawMesh(
+        cell="hexahedron", points=np.concatenate([upper[0], lower[0]]),
+        cells=np.concatenate([upper[1], lower[1] + shift]),
+        bodies=["upper", "lower"], cell_body=np.repeat([0, 1], len(upper[1])), edges={},
+        interfaces={"main": (upper[2], lower[2] + shift)},
+    ))  # fmt: skip
