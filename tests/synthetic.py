@@ -89,7 +89,7 @@ def write_run(
 ) -> Path:
     """Write a run directory with this slip rate; everything else follows from it or is simple and known."""
     path.mkdir(parents=True)
-    case = {"title": "Synthetic", "plane": plane, "order": 4, "duration": float(time[-1]), "mesh": {"kind": "none"}}
+    case = {"title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"}}
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
     (path / "run.log").write_text("synthetic\n", encoding="utf-8")
     _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp)

@@ -22,6 +22,7 @@ from ruptfx.plots.style import (
     Array,
     default_times,
     direction,
+    end_time,
     letter,
     nearest,
     new_figure,
@@ -42,12 +43,13 @@ def space_time(record: Record) -> Figure:
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(time, "s")
+    until = end_time(record)
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]
     ax.set(
         xlabel=f"Position along the interface ({x_unit})", ylabel=f"Time ({t_unit})",
-        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, time.max(initial=1e-12) / t_size),
+        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
     )
     peak = rate.max(initial=0.0)
     if peak > 0 and len(time) > 1:
@@ -82,12 +84,14 @@ def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
             end = (start + sign * reach, begin + reach / slope)
             ax.plot([start, end[0]], [begin, end[1]], "--", color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
             at_side = reach >= room
+            if sign < 0 and right > start:
+                continue  # labels at one side are enough
             # c_R and c_s are close: above the picture their labels lean away from each other.
-            outwards = at_side or name != "$c_R$"
+            leans_left = not at_side and (name == "$c_R$") == (sign > 0)
             ax.annotate(
-                name, end, (3 * sign, 0) if at_side else (0, 3), textcoords="offset points", color=GUIDE,
-                ha="left" if (sign > 0) == outwards else "right", va="center" if at_side else "bottom",
-                annotation_clip=False,
+                name, end, (3, 0) if at_side else (0, 3), textcoords="offset points", color=GUIDE,
+                ha="right" if leans_left else "left", va="center" if at_side else "bottom",
+                annotation_clip=False, path_effects=halo,
             )
 
 
@@ -135,16 +139,17 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
 def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) -> None:
     start, begin = rupture_origin(record)
     left, right = ax.get_xlim()
-    for name, speed in wave_speeds(record).items():
-        if name not in ("$c_s$", "$c_l$"):
-            continue
-        for sign in (1, -1):
-            place = (start + sign * speed * (time - begin)) / x_size
-            if time > begin and left < place < right:
-                ax.axvline(place, color=GUIDE, lw=0.5, ls="--", zorder=0)
-                if named and place > left + 0.15 * (right - left):  # clear of the panel letter
-                    ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
-                                textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
+    labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other
+    for sign in (-1, 1):
+        for name in ("$c_s$", "$c_l$"):
+            place = (start + sign * wave_speeds(record).get(name, np.nan) * (time - begin)) / x_size
+            if not (time > begin and left < place < right):
+                continue
+            ax.axvline(place, color=GUIDE, lw=0.5, ls="--", zorder=0)
+            if named and place > labelled + 0.08 * (right - left):
+                labelled = place
+                ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
+                            textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
 
 
 @styled
@@ -167,12 +172,13 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
     wanted = np.linspace(saved[0], saved[-1], 13)[1:] if times is None else np.asarray(times)
     rows = np.unique(nearest(saved, wanted))
     position, sign = data["position"].values, direction(record)
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(saved, "s")
+    until = end_time(record)
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     names = {"slip": "Slip", "displacement_jump": "Displacement jump"}
     values = {name: sign * data[name].isel(time=rows).values for name in names if name in data}
     size, unit = scale(np.array(list(values.values())), "m")
     figure, axes = new_figure(1, len(values), 2.6, sharex=True, sharey=True)
-    colours = ScalarMappable(Normalize(0, max(saved[-1] / t_size, 1e-12)), TIME_MAP)
+    colours = ScalarMappable(Normalize(0, until / t_size), TIME_MAP)
     for ax, (name, lines) in zip(axes[0], values.items(), strict=True):
         for row, line in zip(rows, lines, strict=True):
             ax.plot(position / x_size, line / size, color=colours.to_rgba(saved[row] / t_size))
@@ -191,7 +197,7 @@ def front(record: Record) -> Figure:
     """
     data = record.interface
     position, arrival = data["position"].values, data["rupture_time"].values
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(data["time"].values, "s")
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(end_time(record), "s")
     figure, (axes,) = new_figure(1, 2, 2.6, sharex=True)
     axes[0].plot(position / x_size, arrival / t_size, color="#1a1a1a")
     axes[0].set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture time ({t_unit})")
@@ -200,7 +206,9 @@ def front(record: Record) -> Figure:
     fastest = max(speeds.values(), default=1.0)
     size, unit = (1e3, "km/s") if fastest > 900 else scale(fastest, "m/s")
     local = np.abs(local_speed(position, arrival, 0.05 * np.ptp(position)))
-    axes[1].plot(position / x_size, np.where(local < 3 * fastest, local, np.nan) / size, color="#1a1a1a")
+    local[local > 3 * fastest] = np.nan  # points that start together
+    shown = np.append(local[np.isfinite(local)], 0.0)
+    axes[1].plot(position / x_size, local / size, color="#1a1a1a")
     for name, speed in speeds.items():
         axes[1].axhline(speed / size, ls="--", color=GUIDE, lw=0.8)
         axes[1].annotate(
@@ -209,7 +217,7 @@ def front(record: Record) -> Figure:
         )
     axes[1].set(
         xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture speed ({unit})",
-        ylim=(0, 1.35 * fastest / size),
+        ylim=(0, 1.35 * max(fastest, np.quantile(shown, 0.9)) / size),
     )
     if not np.isfinite(arrival).any():
         for ax in axes:

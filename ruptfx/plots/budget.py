@@ -29,7 +29,7 @@ def energy_budget(record: Record) -> Figure:
     for name, values in parts.items():
         axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
     axes[0].set(xlabel=f"Time ({t_unit})", ylabel=f"Energy per thickness ({unit})")
-    axes[0].legend(loc="upper left")
+    axes[0].legend(loc="best")
     missing = 100 * np.abs(closure(work, parts))
     axes[1].semilogy(time / t_size, np.where(missing > 0, missing, np.nan), color="#1a1a1a")
     axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")

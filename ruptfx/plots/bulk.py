@@ -152,6 +152,7 @@ def _panels(
     lines = -(-len(rows) // columns)
     width = (WIDTH - 0.6) / columns
     height = lines * (0.3 + width * raster.shape[0] / raster.shape[1]) + 0.9
+    height += 0.35 * (len(rows) % columns)  # labels below a panel that has none under it
     figure, axes = new_figure(lines, columns, height, sharex=True, sharey=True)
     extent = [value / x_size for value in raster.extent]
     for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
@@ -159,8 +160,9 @@ def _panels(
         for data in record.interfaces.values():
             ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-    for ax in axes[-1]:
+    for ax in axes.ravel()[:len(rows)][-columns:]:
         ax.set_xlabel(f"x ({x_unit})")
+        ax.tick_params(labelbottom=True)
     for ax in axes[:, 0]:
         ax.set_ylabel(f"y ({x_unit})")
     for ax in axes.ravel()[len(rows):]:

@@ -82,7 +82,7 @@ def letter(axes: Iterable[Axes]) -> None:
 
 def note(ax: Axes, text: str) -> None:
     """A remark in the middle of an empty panel."""
-    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED)
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED, backgroundcolor="white")
 
 
 def wave_speeds(record: Record) -> dict[str, float]:
@@ -95,6 +95,12 @@ def wave_speeds(record: Record) -> dict[str, float]:
     if attrs.get("plane") == "antiplane":
         speeds = {"$c_s$": attrs.get("c_s")}
     return {name: float(value) for name, value in speeds.items() if value is not None and np.isfinite(value)}
+
+
+def end_time(record: Record) -> float:
+    """Last saved time [s], or the planned end where nothing but the start was saved."""
+    last = record.interface["time"].values[-1:]
+    return float(last[0]) if last.sum() > 0 else float(record.case.get("duration", 1.0))
 
 
 def direction(record: Record) -> float:
