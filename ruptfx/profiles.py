@@ -78,6 +78,20 @@ class Taper(Part):
         return self.outside + (self.inside - self.outside) * step
 
 
+class Cone(Part):
+    """`tip + slope |position - center|`, at most `limit`; with slope = 1 / v the arrival time of a rupture."""
+
+    kind: Literal["cone"]
+    slope: float
+    center: Metre
+    tip: float = 0.0
+    limit: float | None = None
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        values = self.tip + self.slope * np.abs(position - self.center)
+        return values if self.limit is None else np.minimum(values, self.limit)
+
+
 class Random(Part):
     """Gaussian random field with an exponential correlation, the same for a seed on any mesh and any rank count.
 
@@ -154,6 +168,7 @@ KINDS: dict[str, type[Part]] = {
     "boxcar": Boxcar,
     "gaussian": Gaussian,
     "taper": Taper,
+    "cone": Cone,
     "random": Random,
     "random_classes": RandomClasses,
     "table": Table,

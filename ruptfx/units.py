@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     VaryingSpeed = Any
     VaryingVelocity = Any
     VaryingTime = Any
+    VaryingDelay = Any
 else:
     VaryingStress = Annotated[varying(float), Unit("Pa")]
     VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
@@ -50,3 +51,4 @@ else:
     VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
     VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
     VaryingTime = Annotated[varying(Positive), Unit("s")]
+    VaryingDelay = Annotated[varying(NonNegative), Unit("s")]

@@ -74,7 +74,9 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
             limits = next(item for item in options if item.get("type") == "number")
             value = number(seed, name, unit_of(cls, name), limits)
             if profiles and any("$ref" in item for item in options):
-                value = {"kind": "gaussian", "background": value, "amplitude": 0.3 * value, "center": 0.4, "width": 0.2}
+                # Some fields grow where others fall, so that their ratios vary too.
+                amplitude = (0.3 if zlib.crc32(name.encode()) % 2 else -0.3) * value
+                value = {"kind": "gaussian", "background": value, "amplitude": amplitude, "center": 0.4, "width": 0.2}
             result[name] = value
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)

@@ -59,6 +59,11 @@ class FrictionLaw(Alternative):
         """State after a step `dt` [s] at constant slip rate and normal stress; unconditionally stable."""
         raise NotImplementedError
 
+    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        """Slip rate [m/s] at which the interface carries a stress below its strength at rest: zero, unless the law
+        lets it creep."""
+        return 0.0 * normal_stress
+
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s]; laws that have no such limit do not
         define it."""

@@ -79,6 +79,9 @@ class RateAndState(FrictionLaw):
         exponent, drive = self._exponent(state["theta"]), shear_stress / (self.a * normal_stress)
         return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
 
+    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
+
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         speed = np.maximum(slip_rate, 1e-100)
         return self.strength(speed, normal_stress, {"theta": self.D_c / speed})

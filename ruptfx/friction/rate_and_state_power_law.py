@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction._rate_and_state import decay_mean
 from ruptfx.units import (
     VaryingCoefficient,
     VaryingExponent,
@@ -53,9 +54,9 @@ class RateAndStatePowerLaw(FrictionLaw):
         return weakened * direct * normal_stress
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        # Backward Euler: stable and positive for any step.
-        step = self.A_0 * dt
-        return {"theta_0": (state["theta_0"] + step) / (1 + step * slip_rate / self.L_0)}
+        # Exact at constant slip rate: theta_0 exp(-x) + A_0 dt (1 - exp(-x)) / x, x = A_0 V dt / L_0.
+        x = self.A_0 * slip_rate * dt / self.L_0
+        return {"theta_0": state["theta_0"] * np.exp(-x) + self.A_0 * dt * decay_mean(x)}
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         """mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""

@@ -1,0 +1,42 @@
+"""Cohesion on top of any law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.units import VaryingLength, VaryingPressure
+
+
+class Cohesion(FrictionLaw):
+    """Cohesion: shear strength that does not depend on the normal stress, lost linearly over the slip D_cohesion.
+
+    An open interface carries nothing.
+    """
+
+    state_fields = {"cohesive_slip": "m"}
+    formula = "strength = c max(1 - cohesive_slip / D_cohesion, 0) + law(V, sigma)"
+    source = "Coulomb (1785); lost with slip as in Palmer and Rice (1973)"
+
+    law: AnyFriction
+    c: VaryingPressure
+    D_cohesion: VaryingLength = 1e30
+    """Slip [m] that breaks the bond; by default it never breaks."""
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        # The held law carries what the bond does not.
+        frictional = np.maximum(np.abs(shear_stress) - self.c, 0.0)
+        held = self.law.initial_state(normal_stress, frictional, slip_rate)
+        return {**held, "cohesive_slip": np.zeros_like(normal_stress)}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        bond = self.c * np.maximum(1 - state["cohesive_slip"] / self.D_cohesion, 0.0)
+        return np.where(normal_stress > 0, bond, 0.0) + self.law.strength(slip_rate, normal_stress, state)
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        slip = state["cohesive_slip"] + slip_rate * dt
+        return {**self.law.advance(state, slip_rate, normal_stress, dt), "cohesive_slip": slip}
+
+    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        frictional = np.maximum(np.abs(shear_stress) - self.c, 0.0)
+        return self.law.carried_slip_rate(frictional, normal_stress, state)

@@ -1,0 +1,104 @@
+"""Numbers of single laws: published initial values, exact evolution, wrappers at their limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ruptfx.friction.cohesion import Cohesion
+from ruptfx.friction.coulomb import Coulomb
+from ruptfx.friction.exponential_slip_weakening import ExponentialSlipWeakening
+from ruptfx.friction.forced_weakening import ForcedWeakening
+from ruptfx.friction.memory_constant_time import MemoryConstantTime
+from ruptfx.friction.prakash_clifton import PrakashClifton
+from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+from ruptfx.friction.time_weakening import TimeWeakening
+from ruptfx.profiles import Cone
+
+ONE = np.ones(1)
+FLASH = RateAndStateFlashHeating(a=0.01, b=0.014, D_c=0.4, f_0=0.6, V_0=1e-6, f_w=0.2, V_w=0.1, V_initial=1e-16)
+AGEING = RateAndStateAgeing(a=0.008, b=0.012, D_c=0.02, f_0=0.6, V_0=1e-6, V_initial=1e-12)
+
+
+def test_initial_values_of_the_benchmarks() -> None:
+    # TPV101: sigma 120 MPa, tau 75 MPa; TPV103: sigma 120 MPa, tau 40 MPa.
+    theta = AGEING.initial_state(120e6 * ONE, 75e6 * ONE, 0 * ONE)["theta"][0]
+    assert theta == pytest.approx(1.606238999213454e9, rel=1e-14)
+    psi = FLASH.initial_state(120e6 * ONE, 40e6 * ONE, 0 * ONE)["psi"][0]
+    assert psi == pytest.approx(0.563591842632738, rel=1e-14)
+
+
+@pytest.mark.parametrize("law, V, tau", [(AGEING, 1e-12, 75e6), (FLASH, 1e-16, 40e6)])
+def test_any_two_give_the_third(law: RateAndStateAgeing, V: float, tau: float) -> None:
+    """Stress and slip rate give the state; stress and state the slip rate; slip rate and state the stress."""
+    sigma = 120e6 * ONE
+    state = law.initial_state(sigma, tau * ONE, 0 * ONE)
+    # d ln V = d tau / (a sigma): 1e-14 of tau is 1e-12 of V.
+    assert law.carried_slip_rate(tau * ONE, sigma, state)[0] == pytest.approx(V, rel=1e-11)
+    assert law.strength(V * ONE, sigma, state)[0] == pytest.approx(tau, rel=1e-13)
+
+
+def test_flash_heating_steady_coefficient() -> None:
+    # V = 1 m/s: f_LV = 0.6 - 0.004 ln(1e6) = 0.544738; (1 + 10^8)^(1/8) = 10 (1 + 1e-8)^(1/8) = 10.0000000125,
+    # f_ss = 0.2 + 0.344738 / 10.0000000125.
+    f_lv = 0.6 - 0.004 * np.log(1e6)
+    assert FLASH.steady_coefficient(1.0) == pytest.approx(0.2 + (f_lv - 0.2) / (1 + 1e8) ** 0.125, rel=1e-13)
+    state = {"psi": FLASH.steady_psi(1.0 * ONE)}
+    assert FLASH.strength(ONE, 1e6 * ONE, state)[0] == pytest.approx(1e6 * FLASH.steady_coefficient(1.0), rel=1e-13)
+
+
+def test_velocity_step_is_exact() -> None:
+    """After a step from V_1 to V_2 psi relaxes exponentially in slip, in one step or in many."""
+    state = {"psi": FLASH.steady_psi(1e-3 * ONE)}
+    many = state
+    for _ in range(100):
+        many = FLASH.advance(many, 1e-2 * ONE, 1e6 * ONE, 0.4)
+    end = FLASH.steady_psi(1e-2)
+    expected = end + (state["psi"] - end) * np.exp(-1.0)  # slip 0.4 m = D_c
+    assert many["psi"] == pytest.approx(expected, rel=1e-13)
+    assert FLASH.advance(state, 1e-2 * ONE, 1e6 * ONE, 40.0)["psi"] == pytest.approx(expected, rel=1e-13)
+
+
+def test_exponential_slip_weakening() -> None:
+    law = ExponentialSlipWeakening(mu_s=0.6, mu_d=0.2, D_c=1e-3)
+    slipped = law.advance(law.initial_state(ONE, 0 * ONE, 0 * ONE), 2.0 * ONE, ONE, 0.5e-3)
+    assert law.strength(ONE, ONE, slipped)[0] == pytest.approx(0.2 + 0.4 * np.exp(-1), rel=1e-14)
+
+
+def test_prescribed_rupture_runs_at_its_speed() -> None:
+    position = np.array([0.0, 1.0, 2.0, 3.0])
+    law = TimeWeakening(mu_s=0.6, mu_d=0.2, t_w=0.5, arrival=Cone(kind="cone", slope=1.0, center=0.0)).at(position)
+    state = law.advance(law.initial_state(np.ones(4), np.zeros(4), np.zeros(4)), np.zeros(4), np.ones(4), 2.25)
+    # Behind the front by 2.25, 1.25, 0.25 and -0.75 s: full, full, half and no weakening.
+    np.testing.assert_allclose(law.strength(0.0, np.ones(4), state), [0.2, 0.2, 0.4, 0.6], rtol=1e-14)
+
+
+def test_forced_weakening_never_strengthens() -> None:
+    inner = ExponentialSlipWeakening(mu_s=0.6, mu_d=0.1, D_c=1e-3)
+    law = ForcedWeakening(law=inner, mu_d=0.3, arrival=1.0)
+    fresh = law.initial_state(ONE, 0 * ONE, 0 * ONE)
+    assert law.strength(ONE, ONE, law.advance(fresh, 0 * ONE, ONE, 0.5))[0] == 0.6
+    assert law.strength(ONE, ONE, law.advance(fresh, 0 * ONE, ONE, 1.5))[0] == 0.3
+    assert law.strength(ONE, ONE, law.advance(fresh, ONE, ONE, 1.5))[0] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_memories_of_the_normal_stress() -> None:
+    by_slip = PrakashClifton(law=Coulomb(mu_d=0.5), L_p=1e-3, V_star=0.25)
+    by_time = MemoryConstantTime(law=Coulomb(mu_d=0.5), t_c=1e-3)
+    # Normal stress from 1 to 3, during one memory: (0.75 + 0.25) m/s for 1 ms, and 1 ms.
+    expected = 0.5 * (3 - 2 * np.exp(-1))
+    for law, rate in ((by_slip, 0.75), (by_time, 0.0)):
+        state = law.initial_state(ONE, 0 * ONE, 0 * ONE)
+        state = law.advance(state, rate * ONE, 3 * ONE, 1e-3)
+        assert law.strength(rate * ONE, 3 * ONE, state)[0] == pytest.approx(expected, rel=1e-13)
+        assert law.strength(rate * ONE, 0 * ONE, state)[0] == 0.0
+
+
+def test_cohesion_holds_and_breaks() -> None:
+    law = Cohesion(law=Coulomb(mu_d=0.5), c=2.0, D_cohesion=1e-2)
+    state = law.initial_state(ONE, 0 * ONE, 0 * ONE)
+    assert law.strength(0 * ONE, ONE, state)[0] == 2.5
+    assert law.strength(0 * ONE, 0 * ONE, state)[0] == 0.0
+    assert law.strength(ONE, ONE, law.advance(state, ONE, ONE, 0.5e-2))[0] == pytest.approx(1.5, rel=1e-14)
+    assert law.strength(ONE, ONE, law.advance(state, ONE, ONE, 2e-2))[0] == 0.5
