@@ -54,11 +54,12 @@ def a_fault(method: str, law: Any, components: int, random: np.random.Generator)
 
 
 def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> tuple[float, float, float]:
-    """Largest relative difference of C and reference over a few steps on random motion; shares of open and of closed
-    and sliding points."""
+    """Largest relative difference of C and reference over a few steps on random motion; shares of open and
+    of sliding points."""
     dt, threshold = 1e-7, 1e-3
     inverse = np.repeat(random.uniform(1e4, 1e5, 2 * POINTS), components)
-    inverse[random.random(len(inverse)) < 0.1] = 0  # driven nodes
+    driven = fault.interface.plus[random.random(POINTS) < 0.1] * components
+    inverse[driven] = 0  # driven nodes, on one side and in one direction
     compiled, law = FaultStep(fault, inverse, dt, threshold), TracedLaw(fault.friction)
     ours, theirs = fault.initial_state(), fault.initial_state()
     worst, opened, slid = 0.0, 0.0, 0.0
@@ -89,7 +90,7 @@ def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> t
         for name in theirs:
             compare(ours[name], theirs[name])
         opened = max(opened, float(np.mean(theirs["normal_stress"] == 0)))
-        slid = max(slid, float(np.mean((power > 0) & (theirs["normal_stress"] > 0))))
+        slid = max(slid, float(np.mean(power > 0)))
     return worst, opened, slid
 
 
@@ -100,7 +101,7 @@ def test_compiled_step_is_the_reference_step(method: str, kind: str, held: str |
     worst, opened, slid = steps_agree(a_fault(method, friction(kind, held, profiles=True), 2, random), 2, random)
     # Both stop when the residual is below 1e-13 of the trial traction.
     assert worst < 1e-10
-    assert opened > 0.05 and slid > 0.05
+    assert 0.05 < opened < 0.95 and slid > 0.05
 
 
 @every_method

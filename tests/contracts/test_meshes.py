@@ -1,0 +1,281 @@
+"""Every way of making the bodies, and the interface built on them: pairs, frames, weights, the exact transpose."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import Given, case, tilted, two_boxes, wavy_plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError, fem
+from ruptfx.bodies import FACETS, distribute
+from ruptfx.interface import Interface, build_interface
+from ruptfx.meshes import RawMesh
+from ruptfx.meshes.gmsh_file import GmshFile
+from ruptfx.meshes.two_plates import TwoPlates
+from ruptfx.model import Model
+from ruptfx.schema import kinds
+
+pytestmark = pytest.mark.fem
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def gmsh(folder: Path, **options: Any) -> GmshFile:
+    pytest.importorskip("gmsh")
+    table = tilted(folder, **options)
+    return GmshFile.model_validate({key: table[key] for key in ("file", "interfaces")})
+
+
+def triangles() -> GmshFile:
+    pytest.importorskip("gmsh")
+    return GmshFile.model_validate(
+        {"file": str(DATA / "two_bodies.geo"), "interfaces": {"main": {"plus": "upper", "minus": "lower"}}}
+    )
+
+
+# Source, order, and the length (area) of its interface, where it has a closed form.
+MESHES = {
+    "two_plates": (lambda _: TwoPlates(length=12e-3, height=4e-3, element_size=1e-3, growth=1.3, left=-2e-3), 4, 12e-3),
+    "gmsh_tilted": (lambda path: gmsh(path, angle=0.6), 3, 10e-3),
+    "gmsh_upside_down": (lambda path: gmsh(path, angle=2.8), 2, 10e-3),
+    "gmsh_triangles": (lambda _: triangles(), 1, 40e-3),
+    "wavy": (lambda _: wavy_plates(), 4, None),
+    "boxes": (lambda _: two_boxes(), 2, 4e-3 * 3e-3),
+}
+every_mesh = pytest.mark.parametrize("mesh", MESHES)
+
+
+def interface_of(mesh: str, folder: Path, components: int | None = None) -> tuple[Any, Interface]:
+    """Displacement space and interface; as many components as the mesh has dimensions, or as asked for."""
+    make, order, _ = MESHES[mesh]
+    bodies = distribute(fem.MPI.COMM_WORLD, make(folder))
+    space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
+    face = build_interface(space, bodies.facets, bodies.tags["main.plus"], bodies.tags["main.minus"], "main")
+    return space, face
+
+
+def test_every_kind_is_covered() -> None:
+    """A new way of making meshes needs a line in MESHES."""
+    assert set(kinds("ruptfx.meshes")) == {"two_plates", "gmsh_file"}
+
+
+@every_mesh
+def test_raw_mesh_is_sound(mesh: str, tmp_path: Path) -> None:
+    raw = MESHES[mesh][0](tmp_path).build()
+    assert raw.cells.max() == len(raw.points) - 1 and len(np.unique(raw.cells)) == len(raw.points)
+    assert len(raw.cell_body) == len(raw.cells) and set(raw.cell_body) == set(range(len(raw.bodies)))
+    assert set(raw.bodies) == {"upper", "lower"}
+    # No node belongs to two bodies.
+    used = [set(raw.cells[raw.cell_body == body].ravel()) for body in range(2)]
+    assert used[0].isdisjoint(used[1])
+    plus, minus = raw.interfaces["main"]
+    np.testing.assert_allclose(raw.points[plus], raw.points[minus], atol=1e-15)
+    upper, lower = raw.bodies.index("upper"), raw.bodies.index("lower")
+    assert set(plus.ravel()) <= used[upper] and set(minus.ravel()) <= used[lower]
+    # Named edges are facets of one cell only.
+    count = Counter(frozenset(row) for facet in FACETS[raw.cell] for row in raw.cells[:, list(facet)].tolist())
+    for edge in [*raw.edges.values(), plus, minus]:
+        assert all(count[frozenset(facet)] == 1 for facet in edge.tolist())
+
+
+@every_mesh
+def test_pairs_frames_and_weights(mesh: str, tmp_path: Path) -> None:
+    space, face = interface_of(mesh, tmp_path)
+    x = space.tabulate_dof_coordinates()
+    np.testing.assert_allclose(x[face.plus], x[face.minus], atol=1e-12)
+    assert len(set(face.plus)) == len(set(face.minus)) == face.total == len(face.plus)
+    np.testing.assert_array_equal(face.number, np.arange(face.total))
+    # Orthonormal, right-handed (normal, tangent): t = (n_y, -n_x) in 2D.
+    identity = np.einsum("ikc,ijc->ikj", face.frame, face.frame)
+    np.testing.assert_allclose(identity, np.broadcast_to(np.eye(face.frame.shape[1]), identity.shape), atol=1e-12)
+    if face.frame.shape[2] == 2:
+        turned = np.stack([face.frame[:, 0, 1], -face.frame[:, 0, 0]], axis=1)
+        np.testing.assert_allclose(face.frame[:, 1], turned, atol=1e-12)
+    # Weights are positive and sum to the length.
+    assert face.weight.min() > 0
+    if MESHES[mesh][2] is not None:
+        np.testing.assert_allclose(face.weight.sum(), MESHES[mesh][2], rtol=1e-10)
+    assert np.all(np.diff(face.position) >= 0)
+
+
+def test_arc_length_and_normal_of_an_inclined_interface(tmp_path: Path) -> None:
+    _, face = interface_of("gmsh_tilted", tmp_path)
+    assert face.position[0] == 0 and np.isclose(face.position[-1], 10e-3, rtol=1e-9)
+    # Lower is the minus body; turned by 0.6 rad, the normal from minus to plus is (-sin, cos).
+    np.testing.assert_allclose(face.frame[:, 0], np.tile([-np.sin(0.6), np.cos(0.6)], (face.total, 1)), atol=1e-9)
+
+
+def test_arc_length_of_a_wavy_interface(tmp_path: Path) -> None:
+    _, face = interface_of("wavy", tmp_path)
+    # Straight pieces between the vertices at x = 0, 1, ... 12 mm on the sine of amplitude 0.4 mm, period 6 mm.
+    x = np.linspace(0, 12e-3, 13)
+    length = np.hypot(np.diff(x), np.diff(4e-4 * np.sin(2 * np.pi * x / 6e-3))).sum()
+    np.testing.assert_allclose([face.weight.sum(), face.position[-1]], length, rtol=1e-9)
+
+
+@every_mesh
+def test_exact_transpose(mesh: str, tmp_path: Path) -> None:
+    """<W t, J u> = <J' W t, u> for any t and u."""
+    space, face = interface_of(mesh, tmp_path)
+    random = np.random.default_rng(2)
+    u = random.normal(size=len(space.tabulate_dof_coordinates()) * face.frame.shape[2])
+    t = random.normal(size=face.frame.shape[:2])
+    force = np.zeros_like(u)
+    face.assemble(t, force)
+    left = np.sum(face.weight[:, None] * t * face.jump(u))
+    assert abs(left - force @ u) < 1e-13 * np.sum(np.abs(force * u))
+    pushed = u.copy()
+    face.add_force(pushed, t, scale=np.full_like(u, 2.0))
+    np.testing.assert_allclose(pushed, u - 2 * force, rtol=1e-13, atol=1e-13)
+
+
+@every_mesh
+def test_rigid_motion_has_no_jump(mesh: str, tmp_path: Path) -> None:
+    space, face = interface_of(mesh, tmp_path)
+    dim = face.frame.shape[2]
+    x = space.tabulate_dof_coordinates()[:, :dim]
+    random = np.random.default_rng(4)
+    spin = random.normal(size=(dim, dim))
+    motion = random.normal(size=dim) + x @ (spin - spin.T)
+    assert np.max(np.abs(face.jump(motion.ravel()))) < 1e-12
+
+
+def test_antiplane_has_one_component(tmp_path: Path) -> None:
+    space, face = interface_of("two_plates", tmp_path, components=1)
+    assert not face.has_normal and face.tangents == 1 and face.frame.shape == (face.total, 1, 1)
+    np.testing.assert_allclose(face.weight.sum(), 12e-3, rtol=1e-12)
+    moved = np.zeros(len(space.tabulate_dof_coordinates()))
+    moved[face.plus] = 3.0  # slip is plus minus minus
+    np.testing.assert_array_equal(face.jump(moved), np.full((face.total, 1), 3.0))
+
+
+def test_opening_and_slip_have_the_right_sign(tmp_path: Path) -> None:
+    space, face = interface_of("two_plates", tmp_path)
+    x = space.tabulate_dof_coordinates()[:, :2]
+    moved = np.zeros_like(x)
+    moved[face.plus] = [2.0, 3.0]  # the upper (plus) body goes right and up
+    opening, slip = face.split(face.jump(moved.ravel()))
+    assert np.all(opening == 3.0) and np.all(slip == 2.0)
+
+
+def test_growth_of_rows() -> None:
+    levels = TwoPlates(length=1.0, height=0.5, element_size=0.05, growth=1.2).levels()
+    sizes = np.diff(levels)
+    assert levels[0] == 0 and np.isclose(levels[-1], 0.5)
+    np.testing.assert_allclose(sizes[1:] / sizes[:-1], 1.2)
+    assert sizes[0] <= 0.05
+
+
+# -- what is refused -----------------------------------------------------------------------------------------------
+
+
+def with_interfaces(folder: Path, names: dict[str, Any]) -> GmshFile:
+    table = tilted(folder)
+    return GmshFile.model_validate({"file": table["file"], "interfaces": names})
+
+
+@pytest.mark.parametrize(
+    "names, message",
+    [
+        ({"fault": {"plus": "upper", "minus": "lower"}},
+         r"no interface 'fault' among the named facets; it has: lower\.bottom, lower\.left, .*main"),
+        ({"main": {"plus": "top", "minus": "lower"}}, r"no body 'top'; the file has: lower, upper"),
+    ],
+)  # fmt: skip
+def test_names_that_are_not_there(names: dict[str, Any], message: str, tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    with pytest.raises(RuptfxError, match=message):
+        with_interfaces(tmp_path, names).build()
+
+
+@pytest.mark.parametrize(
+    "content, message", [(None, "no such mesh file"), ("nonsense", "not a mesh that can be read")]
+)
+def test_files_that_are_no_mesh(content: str | None, message: str, tmp_path: Path) -> None:
+    pytest.importorskip("meshio")
+    path = tmp_path / "some.msh"
+    if content is not None:
+        path.write_text(content)
+    mesh = GmshFile(file=str(path), interfaces={"main": {"plus": "upper", "minus": "lower"}})
+    with pytest.raises(RuptfxError, match=f"some.msh.*{message}"):
+        mesh.build()
+
+
+SEPARATE = """
+SetFactory("Built-in");
+Point(1) = {{0, -1, 0}}; Point(2) = {{4, -1, 0}}; Point(3) = {{4, 0, 0}}; Point(4) = {{0, 0, 0}};
+Point(5) = {{0, 0, 0}}; Point(6) = {{4, 0, 0}}; Point(7) = {{4, 1, 0}}; Point(8) = {{0, 1, 0}};
+Line(1) = {{1, 2}}; Line(2) = {{2, 3}}; Line(3) = {{3, 4}}; Line(4) = {{4, 1}};
+Line(5) = {{5, 6}}; Line(6) = {{6, 7}}; Line(7) = {{7, 8}}; Line(8) = {{8, 5}};
+Curve Loop(1) = {{1, 2, 3, 4}}; Curve Loop(2) = {{5, 6, 7, 8}};
+Plane Surface(1) = {{1}}; Plane Surface(2) = {{2}};
+Transfinite Curve{{1, 3}} = {lower}; Transfinite Curve{{5, 7}} = {upper}; Transfinite Curve{{2, 4, 6, 8}} = 2;
+Transfinite Surface{{1, 2}}; Recombine Surface{{1, 2}};
+Physical Surface("lower") = {{1}}; Physical Surface("upper") = {{2}}; Physical Curve("main") = {{3, 5}};
+"""
+
+
+@pytest.mark.parametrize("upper", [5, 6])
+def test_bodies_with_their_own_nodes(upper: int, tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    path = tmp_path / "separate.geo"
+    path.write_text(SEPARATE.format(lower=5, upper=upper))
+    mesh = GmshFile(file=str(path), interfaces={"main": {"plus": "upper", "minus": "lower"}}, scale=1e-3)
+    if upper == 5:
+        plus, minus = mesh.build().interfaces["main"]
+        assert len(plus) == len(minus) == 4
+    else:
+        with pytest.raises(RuptfxError, match=r"sides do not match \(6 on the plus, 5 on the minus side"):
+            mesh.build()
+
+
+def test_nodes_that_do_not_match() -> None:
+    """The check on the finite element nodes themselves, whatever made the mesh."""
+    raw = TwoPlates(length=4e-3, height=1e-3, element_size=1e-3).build()
+    plus, _ = raw.interfaces["main"]
+    raw.points[plus[1, 0], 0] += 1e-4
+    bodies = distribute(fem.MPI.COMM_WORLD, Given(raw))
+    space = fem.lagrange(bodies.mesh, 2, 2)
+    with pytest.raises(RuptfxError, match=r"interface 'main': the nodes of the two sides do not match .*nearest"):
+        build_interface(space, bodies.facets, bodies.tags["main.plus"], bodies.tags["main.minus"], "main")
+
+
+def test_folded_elements() -> None:
+    raw = TwoPlates(length=4e-3, height=1e-3, element_size=1e-3).build()
+    raw.points[np.argmax(raw.points[:, 1] - raw.points[:, 0]), 0] += 3e-3
+    with pytest.raises(RuptfxError, match=r"flat or folded quadrilaterals, the first near"):
+        distribute(fem.MPI.COMM_WORLD, Given(raw))
+
+
+def test_an_error_in_a_source_reaches_the_caller() -> None:
+    class Broken:
+        def build(self) -> RawMesh:
+            raise RuptfxError("no mesh today")
+
+    with pytest.raises(RuptfxError, match="no mesh today"):
+        distribute(fem.MPI.COMM_WORLD, Broken())
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"faults": {}}, r"the mesh has the interface 'main', which needs \[faults.main\]"),
+        ({"faults.other": {"contact": "split_node", "friction": {"kind": "coulomb", "mu_d": 0.3},
+                           "initial_stress": {"normal": 1e6}}}, r"faults.other: .* it has: main"),
+        ({"materials": {"uper": {"kind": "isotropic_elastic", "young_modulus": 1e9, "poisson_ratio": 0.3,
+                                 "density": 1e3}}}, r"materials.uper: no such body, did you mean 'upper'"),
+        ({"boundaries": [{"kind": "absorbing", "edge": "upper.botom"}]},
+         r"boundaries.0.edge = 'upper.botom': no such edge, did you mean '(upper.top|lower.bottom)'"),
+        ({"boundaries": [{"kind": "absorbing", "edge": "main.plus"}]}, r"edge = 'main.plus': no such edge"),
+        ({"plane": "solid"}, r"plane = 'solid': the mesh has 2 dimensions"),
+    ],
+)  # fmt: skip
+def test_cases_that_do_not_fit_their_mesh(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuptfxError, match=message):
+        Model(case(changes))
