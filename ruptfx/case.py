@@ -176,7 +176,21 @@ def override(table: dict[str, Any], item: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # an unquoted word
-    *parents, last = key.strip().split(".")
+    try:
+        set_key(table, key.strip(), value)
+    except CaseError as error:
+        raise CaseError(f"--set {item}: {error}") from None
+
+
+def set_key(table: dict[str, Any], key: str, value: Any) -> None:
+    """Set the value of one dotted key in place; list entries are addressed by number.
+
+    Raises
+    ------
+    CaseError
+        The key does not lead to a value.
+    """
+    *parents, last = key.split(".")
     node: Any = table
     try:
         for name in parents:

@@ -58,6 +58,7 @@ def run(
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
     set_: Overrides = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
     """Run a case and leave a run directory with data, figures and a summary."""
@@ -68,7 +69,8 @@ def run(
     if ranks > 1 and launch.RANKS not in os.environ:
         with _reported():
             read_case(case, set_ or [])  # a bad case needs no ranks to be refused
-        options = [item for value in set_ or [] for item in ("--set", value)] + (["--quiet"] if quiet else [])
+        options = [item for value in set_ or [] for item in ("--set", value)]
+        options += ["--resume"] * resume + ["--quiet"] * quiet
         raise typer.Exit(launch.run_on(ranks, ["run", str(case), "--out", str(out), *options]))
     with _reported():
         parsed = read_case(case, set_ or [])
@@ -87,7 +89,7 @@ def run(
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate
 
-        simulate(parsed, out, comm, progress=not quiet)
+        simulate(parsed, out, comm, progress=not quiet, resume=resume)
         if comm.rank == 0 and not quiet:
             _show_summary(out)
 
@@ -124,6 +126,35 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             table.add_row(row.quantity, row.text, row.unit, row.note, style=colour)
         screen.print(table)
         if failed:
+            raise typer.Exit(EXIT_ERROR)
+
+
+@app.command()
+def study(
+    file: Annotated[Path, typer.Argument(help="Study file (TOML).", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="Study directory; default studies/<name of the file>.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; default is this machine.")] = None,
+    cores: Annotated[int | None, typer.Option(min=1, help="Cores to use on this machine; default all.")] = None,
+    refine: Annotated[bool, typer.Option("--refine", help="Locate mode boundaries, check on a finer mesh.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed points again.")] = False,
+    set_: Overrides = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Run a case over axes of parameters; started again, it runs only what is new."""
+    with _reported():
+        from ruptfx.study import read_study, run_study
+
+        out = out or Path("studies") / file.stem
+        parsed = read_study(file, set_ or [])
+        found = run_study(
+            parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet
+        )
+        screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
+        if refine:
+            screen.print(json.loads((out / "refinement.json").read_text())["summary"])
+        products = "table.csv, table.nc, mode_map.png, mode_map.pdf, mode_map.html"
+        screen.print(f"Study directory: {out} ({products})", soft_wrap=True)
+        if found.failed == len(found.points):
             raise typer.Exit(EXIT_ERROR)
 
 

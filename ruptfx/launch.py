@@ -28,18 +28,28 @@ def find_mpiexec() -> str:
     return found
 
 
-def run_on(ranks: int, arguments: list[str]) -> int:
-    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code."""
+def mpi_command(ranks: int, module: str, *arguments: str) -> list[str]:
+    """Command line of ``python -m MODULE ARGUMENTS`` on `ranks` ranks."""
+    return [find_mpiexec(), "-n", str(ranks), sys.executable, "-m", module, *arguments]
+
+
+def mpi_environment(ranks: int) -> dict[str, str]:
+    """Environment of a run on `ranks` ranks: one thread per rank, any number of ranks."""
     environment = dict(os.environ, **{RANKS: str(ranks), "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1")})
     # Open MPI: containers run as root on as many ranks as asked for, whatever the number of cores.
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
     environment.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
+    return environment
+
+
+def run_on(ranks: int, arguments: list[str]) -> int:
+    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code."""
+    environment = mpi_environment(ranks)
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
-    command = [find_mpiexec(), "-n", str(ranks), sys.executable, "-m", "ruptfx", *arguments]
-    with subprocess.Popen(command, env=environment) as process:
+    with subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment) as process:
         while True:
             try:
                 return process.wait()

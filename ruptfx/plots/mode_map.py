@@ -1,0 +1,332 @@
+"""The map of a study: its mode over two axes, with speeds, slip and energy beside it; as a figure and as a page.
+
+The page is one file without links, so that it works from a disk or an attachment: a pointer over a point shows its
+numbers, a click its pictures and its summary, and buttons change what the colour means.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ruptfx import RuptfxError
+from ruptfx.plots.style import MUTED, WIDTH, new_figure, note, scale, styled
+from ruptfx.study.definition import Axis, Study
+from ruptfx.study.harvest import PICTURES
+from ruptfx.study.table import Row, read_csv
+
+MODES = {
+    "crack": ("#0072B2", "s"), "pulse": ("#E69F00", "^"), "train": ("#D55E00", "D"), "mixed": ("#009E73", "o"),
+    "arrested": ("#8a8a8a", "x"), "none": ("#e2e2e2", "."), "failed": ("#ffffff", "$!$"),
+}  # fmt: skip
+"""Colour and symbol of every mode; the colours are told apart by the colour blind too."""
+OTHERS = [("#CC79A7", "v"), ("#56B4E9", "P"), ("#F0E442", "*"), ("#332288", "h")]
+COLOURS = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.08, 1, 256)))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that colours the map: column of the table, label, unit of the axis, size of that unit."""
+
+    name: str
+    label: str
+    unit: str = ""
+    size: float = 1.0
+
+
+QUANTITIES = (
+    Quantity("tip_speed_over_c_l", "Tip speed / c_l"),
+    Quantity("peak_slip_rate", "Peak slip rate", "m/s"),
+    Quantity("max_slip", "Largest slip", "µm", 1e-6),
+    Quantity("frictional_dissipation_share", "Work dissipated by friction", "%", 0.01),
+)
+SHARES = {
+    "kinetic_share": "kinetic", "strain_share": "strain", "interface_elastic_share": "interface",
+    "frictional_dissipation_share": "friction", "damping_share": "damping",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Map:
+    """A study and its table, as the map sees them."""
+
+    study: Study
+    rows: list[Row]
+    directory: Path
+
+    @property
+    def axes(self) -> list[Axis]:
+        """The first two axes with numbers: across and up."""
+        axes = [axis for axis in self.study.axes if axis.numeric][:2]
+        if not axes:
+            raise RuptfxError("a map needs an axis with numbers")
+        return axes
+
+    @property
+    def facets(self) -> list[tuple[str, list[Row]]]:
+        """Rows by what the remaining axes say; a hypercube is one cloud."""
+        rest = [a.column for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
+        groups: dict[str, list[Row]] = {}
+        for row in self.rows:
+            label = ", ".join(_text(row[c]) if isinstance(row[c], str) else f"{c} = {_text(row[c])}" for c in rest)
+            groups.setdefault(label, []).append(row)
+        return list(groups.items())
+
+    @property
+    def quantities(self) -> list[Quantity]:
+        """Those of the usual ones that the table has; else its first numbers."""
+        has = [q for q in QUANTITIES if any(isinstance(row.get(q.name), float) for row in self.rows)]
+        if has:
+            return has
+        skip = {*(axis.column for axis in self.study.axes), "seconds", "run_time"}
+        names = [n for n in (self.rows[0] if self.rows else {}) if n not in skip]
+        names = [n for n in names if any(isinstance(row[n], float) for row in self.rows)]
+        return [Quantity(name, name.replace("_", " ")) for name in names[:4]]
+
+    @property
+    def has_modes(self) -> bool:
+        return any(isinstance(row.get(self.study.refine.by), str) for row in self.rows)
+
+    def mode(self, row: Row) -> str:
+        return "failed" if row["status"] == "failed" else str(row.get(self.study.refine.by) or "none")
+
+    def look(self) -> dict[str, tuple[str, str]]:
+        """Colour and symbol of the modes that occur."""
+        found = {self.mode(row) for row in self.rows}
+        others = sorted(found - MODES.keys())
+        extra = {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}
+        return {name: look for name, look in {**MODES, **extra}.items() if name in found}
+
+    def doubtful(self, row: Row) -> bool:
+        """Whether half the threshold or the finer mesh gives another mode."""
+        others = [row.get("mode_at_half_threshold"), row.get("fine_mesh")]
+        return self.study.refine.by == "mode" and any(o is not None and o != row.get("mode") for o in others)
+
+
+def read_map(directory: str | Path) -> Map:
+    """The map of a study directory.
+
+    Raises
+    ------
+    RuptfxError
+        No finished study is there.
+    """
+    directory = Path(directory)
+    try:
+        study = Study.model_validate(json.loads((directory / "study.json").read_text())["study"])
+        return Map(study, read_csv(directory / "table.csv"), directory)
+    except (OSError, ValueError, KeyError) as error:
+        raise RuptfxError(f"{directory}: no finished study is there ({error})") from None
+
+
+def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
+    """Draw the map of a study directory as figure and page; returns the files."""
+    directory = Path(directory)
+    shown = read_map(directory)
+    figure = draw(shown)
+    paths = [directory / f"mode_map.{kind}" for kind in formats]
+    for path in paths:
+        figure.savefig(path)
+    html = directory / "mode_map.html"
+    html.write_text(page(shown), encoding="utf-8")
+    return [*paths, html]
+
+
+@styled
+def draw(shown: Map) -> Figure:
+    """The mode and four numbers, one row each, one column per value of the remaining axes.
+
+    Hollow symbols: half the sliding threshold or, where it was asked, the finer mesh gives another mode.
+    """
+    facets = shown.facets[:4]
+    kinds: list[Quantity | None] = [*([None] if shown.has_modes else []), *shown.quantities]
+    if len(facets) == 1:  # panels side by side
+        columns = min(len(kinds), 2)
+        figure, grid = new_figure(-(-len(kinds) // columns), columns, 2.55 * -(-len(kinds) // columns), WIDTH)
+        cells = [(grid.flat[k], kind, facets[0][1], "") for k, kind in enumerate(kinds)]
+        for ax in grid.flat[len(kinds) :]:
+            ax.set_axis_off()
+    else:
+        figure, grid = new_figure(len(kinds), len(facets), 2.3 * len(kinds), max(WIDTH * len(facets) / 2, WIDTH))
+        cells = [
+            (grid[i, j], kind, rows, label) for i, kind in enumerate(kinds) for j, (label, rows) in enumerate(facets)
+        ]
+    for ax, quantity, rows, label in cells:
+        _axes(ax, shown)
+        if quantity is None:
+            _draw_modes(ax, shown, rows)
+        else:
+            _draw_quantity(ax, shown, rows, quantity)
+        _draw_marks(ax, shown)
+        ax.set_title(label)
+    return figure
+
+
+def _axes(ax: Axes, shown: Map) -> None:
+    for name, axis in zip("xy", shown.axes, strict=False):
+        size, unit = _unit(axis)
+        values = np.array([row[axis.column] for row in shown.rows]) / size
+        logarithmic = axis.spacing == "log"
+        if logarithmic:
+            getattr(ax, f"set_{name}scale")("log")
+            low, high = np.floor(np.log10(values.min())), np.ceil(np.log10(values.max()))
+            ticks = [t for e in np.arange(low, high + 1) for t in (10**e, 2 * 10**e, 5 * 10**e)]
+            ticks = [t for t in ticks if 0.99 * values.min() <= t <= 1.01 * values.max()]
+            getattr(ax, f"set_{name}ticks")(ticks, [f"{t:g}" for t in ticks])
+            getattr(ax, f"{name}axis").minorticks_off()
+        text = (axis.label or axis.column) + (f" ({unit})" if unit not in ("", "1") else "")
+        getattr(ax, f"set_{name}label")(text)
+    ax.tick_params(top=False, right=False, direction="out")
+
+
+def _unit(axis: Axis) -> tuple[float, str]:
+    """Size and name of the unit on an axis: Pa becomes MPa."""
+    values = axis.range or [v for v in axis.values or [] if isinstance(v, int | float)]
+    try:
+        return scale(np.array(values), axis.unit)
+    except KeyError:
+        return 1.0, axis.unit
+
+
+def _coordinates(shown: Map, rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray]:
+    places = [np.array([row[a.column] for row in rows]) / _unit(a)[0] for a in shown.axes]
+    return places[0], places[1] if len(places) > 1 else np.zeros(len(rows))
+
+
+def _cells(ax: Axes, shown: Map, rows: Sequence[Row], values: Sequence[Any] | np.ndarray, **style: Any) -> None:
+    """Colour one cell per point of the grid; a cloud of dots for a hypercube and for refined points."""
+    x, y = _coordinates(shown, rows)
+    grid = np.array([row["origin"] == "sample" for row in rows]) & (not shown.study.sampled)
+    colours = np.array(values, dtype=float)
+    if grid.any():
+        xs, ys = np.unique(x[grid]), np.unique(y[grid])
+        table = np.full((len(ys), len(xs)), np.nan)
+        table[np.searchsorted(ys, y[grid]), np.searchsorted(xs, x[grid])] = colours[grid]
+        logs = [axis.spacing == "log" for axis in shown.axes] + [False]
+        ax.pcolormesh(_edges(xs, logs[0]), _edges(ys, logs[1]), table, edgecolors="white", linewidth=0.6, **style)
+    if not grid.all():
+        size = 22 if shown.study.sampled else 9
+        ax.scatter(x[~grid], y[~grid], size, colours[~grid], edgecolors="white", linewidths=0.4, zorder=3, **style)
+
+
+def _edges(values: np.ndarray, logarithmic: bool) -> np.ndarray:
+    """Half-way between neighbours; the outer cells are symmetric."""
+    v = np.log(values) if logarithmic else values
+    if len(v) == 1:
+        edges = np.array([v[0] - 0.5, v[0] + 0.5])
+    else:
+        mid = (v[1:] + v[:-1]) / 2
+        edges = np.concatenate([[2 * v[0] - mid[0]], mid, [2 * v[-1] - mid[-1]]])
+    return np.exp(edges) if logarithmic else edges
+
+
+def _draw_modes(ax: Axes, shown: Map, rows: Sequence[Row]) -> None:
+    look = shown.look()
+    names = list(look)
+    numbers = [names.index(shown.mode(row)) for row in rows]
+    colours = ListedColormap([colour for colour, _ in look.values()])
+    _cells(ax, shown, rows, numbers, cmap=colours, norm=Normalize(-0.5, len(names) - 0.5))
+    kept = [row for row in rows if row["origin"] == "sample" and not shown.study.sampled]
+    x, y = _coordinates(shown, kept)
+    for name, (colour, marker) in look.items():
+        ink = "#555555" if name in ("none", "failed", "arrested") else "white"
+        for hollow in (False, True):
+            chosen = np.array([shown.mode(r) == name and shown.doubtful(r) == hollow for r in kept], dtype=bool)
+            style: Any = {"mfc": colour if hollow else ink, "mec": ink, "mew": 0.8, "ms": 3.6, "ls": "", "zorder": 4}
+            ax.plot(x[chosen], y[chosen], marker=marker, **style)
+    outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 5}
+    handles = [Line2D([], [], marker="s", color=colour, label=name, **outline) for name, (colour, _) in look.items()]
+    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1, 1), handletextpad=0.1)
+
+
+def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity) -> None:
+    values = np.array([_number(row.get(quantity.name)) for row in rows]) / quantity.size
+    everything = np.array([_number(row.get(quantity.name)) for row in shown.rows]) / quantity.size
+    good = everything[np.isfinite(everything)]
+    if not len(good):
+        note(ax, "no value")
+        return
+    low, high = float(good.min()), float(good.max())
+    positive = good[good > 0]
+    logarithmic = len(positive) > 0 and low >= 0 and high > 30 * max(float(np.quantile(positive, 0.05)), 1e-300)
+    if logarithmic:
+        low = max(float(positive.min()), high / 1e4)
+    norm = LogNorm(low, high) if logarithmic else Normalize(low, high if high > low else low + 1)
+    _cells(ax, shown, rows, np.where(values >= low, values, np.nan), cmap=COLOURS, norm=norm)
+    ax.set_facecolor("#f2f2f2")
+    label = quantity.label + (f" ({quantity.unit})" if quantity.unit else "")
+    bar = ax.figure.colorbar(ScalarMappable(norm, COLOURS), ax=ax, label=label.replace("c_l", "$c_l$"), pad=0.02)
+    bar.ax.tick_params(direction="out")
+    if logarithmic:
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+
+
+def _draw_marks(ax: Axes, shown: Map) -> None:
+    if len(shown.axes) < 2:
+        return
+    for mark in shown.study.marks:
+        x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
+        ax.plot(x, y, "o", ms=10, mfc="none", mec="black", mew=1.0, zorder=5)
+        ax.annotate(mark.label, (x, y), (6, 5), textcoords="offset points", fontweight="bold", zorder=6,
+                    bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
+
+
+def page(shown: Map) -> str:
+    """The page: the template with all data and pictures inside."""
+    units = [_unit(axis) for axis in shown.axes]
+    axes = [
+        {"label": a.label or a.column, "unit": "" if unit == "1" else unit, "size": size, "log": a.spacing == "log"}
+        for a, (size, unit) in zip(shown.axes, units, strict=True)
+    ]
+    look, title = shown.look(), shown.study.title or shown.directory.name
+    facets = [{"label": label, "points": [_page_point(shown, row) for row in rows]} for label, rows in shown.facets]
+    data = {
+        "title": title, "axes": axes, "by": shown.study.refine.by,
+        "modes": {name: colour for name, (colour, _) in look.items()} if shown.has_modes else None,
+        "quantities": [vars(q) for q in shown.quantities], "shares": SHARES, "pictures": PICTURES,
+        "marks": [mark.model_dump() for mark in shown.study.marks] if len(axes) > 1 else [],
+        "cloud": bool(shown.study.sampled),
+        "colours": [matplotlib.colors.to_hex(COLOURS(part)) for part in np.linspace(0, 1, 33)],
+        "facets": facets,
+    }  # fmt: skip
+    template = files("ruptfx.plots").joinpath("mode_map.html").read_text(encoding="utf-8")
+    # "</" would end the script element that holds the data.
+    text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return template.replace("/*TITLE*/", _escape(title)).replace("/*DATA*/null", text)
+
+
+def _page_point(shown: Map, row: Row) -> dict[str, Any]:
+    x, y = _coordinates(shown, [row])
+    directory = shown.directory / "points" / str(row["point"])
+    saved = {name: directory / f"{name}.png" for name in PICTURES}
+    pictures = {name: base64.b64encode(f.read_bytes()).decode() for name, f in saved.items() if f.is_file()}
+    return {
+        "x": float(x[0]), "y": float(y[0]), "mode": shown.mode(row), "doubtful": shown.doubtful(row),
+        "row": {key: value for key, value in row.items() if value is not None},
+        "pictures": pictures,
+    }  # fmt: skip
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _text(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _escape(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;")

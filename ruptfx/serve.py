@@ -1,0 +1,87 @@
+"""Runs case after case in one MPI job: what a study keeps going on every core.
+
+Start-up (imports, compiled forms) is paid once, and a crash ends this process, not the study. Rank 0 reads one job
+per line from standard input and answers each with one line on standard output; when the input ends, because the
+study has ended or was killed, the job in hand is dropped at once.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import queue
+import sys
+import threading
+import traceback
+from pathlib import Path
+from typing import Any
+
+from ruptfx import RuptfxError, fem
+from ruptfx.case import parse_case
+from ruptfx.simulation import Interrupted, simulate
+
+Job = dict[str, Any]
+
+
+class Jobs:
+    """The line of jobs on rank 0: ``{"case": tables, "directory": path, "keep": [...]}`` or null for the end."""
+
+    def __init__(self) -> None:
+        # Whatever prints to standard output while a case runs must not reach the one who waits for the answer.
+        self._answers = os.fdopen(os.dup(1), "w")
+        os.dup2(2, 1)
+        self._queue: queue.Queue[Job | None] = queue.Queue()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        for line in sys.stdin:
+            self._queue.put(json.loads(line))
+        os._exit(0)
+
+    def next(self) -> Job | None:
+        return self._queue.get()
+
+    def answer(self, text: dict[str, Any]) -> None:
+        self._answers.write(json.dumps(text) + "\n")
+        self._answers.flush()
+
+
+def main() -> None:
+    """Serve until the job null comes or the input ends."""
+    comm = fem.MPI.COMM_WORLD
+    jobs = Jobs() if comm.rank == 0 else None
+    while (job := comm.bcast(jobs.next() if jobs else None)) is not None:
+        answer = _run(job, comm)
+        if jobs:
+            jobs.answer(answer)
+        gc.collect()  # frees the communicators of the meshes, of which MPI has a few thousand
+
+
+def _run(job: Job, comm: fem.MPI.Comm) -> dict[str, Any]:
+    """The answer to one job: status and scalars, or the error."""
+    try:
+        case, out = parse_case(job["case"]), Path(job["directory"]) / "run"
+        simulate(case, out, comm, progress=False)
+        values = _harvest(out, job["keep"]) if comm.rank == 0 else {}
+        return {"status": "done", "values": values}
+    except Interrupted as error:
+        return {"status": "interrupted", "error": str(error)}
+    except RuptfxError as error:
+        return {"status": "failed", "error": str(error)}
+    except Exception:
+        if comm.size > 1:  # other ranks may wait for this one for ever
+            traceback.print_exc()
+            sys.stderr.flush()
+            comm.Abort(1)
+        return {"status": "failed", "error": traceback.format_exc(limit=-3).strip()}
+
+
+def _harvest(out: Path, keep: list[str]) -> dict[str, Any]:
+    from ruptfx.study.harvest import harvest
+
+    return harvest(out, keep)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,317 @@
+"""What a study is: a case, the axes along which it varies, and how they are sampled; read from one TOML file."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import itertools
+import json
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from ruptfx.case import override, parse_case, set_key
+from ruptfx.schema import CaseError, CasePath, Name, Part
+from ruptfx.units import Duration, Fraction
+
+Coordinates = dict[str, Any]
+
+
+class Axis(Part):
+    """One direction of a study: a key of the case and the values it takes.
+
+    `values` are taken as they are; `range` and `points` make them evenly spaced, linearly or logarithmically.
+    Several keys can change together: `key` is then a list and every value a list of the same length.
+    """
+
+    key: str | Annotated[list[str], Field(min_length=1)]
+    name: Name | None = None
+    """Column of the table; default is the last word of the key."""
+    label: str = ""
+    """How figures call it."""
+    unit: str = "1"
+    values: Annotated[list[Any], Field(min_length=1)] | None = None
+    labels: list[str] | None = None
+    """Names of the values, for axes whose values are not numbers."""
+    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    points: Annotated[int, Field(ge=2)] | None = None
+    spacing: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Axis:
+        if (self.values is None) == (self.range is None):
+            raise ValueError("give either values or range")
+        if self.range is not None:
+            low, high = self.range
+            if not low < high or (self.spacing == "log" and low <= 0):
+                raise ValueError(f"range = [{low:g}, {high:g}]: must increase, and be positive where spacing is log")
+        rows = self.values or [None]
+        if isinstance(self.key, list) and any(not isinstance(v, list) or len(v) != len(self.key) for v in rows):
+            raise ValueError(f"key names {len(self.key)} keys: values must be lists of that length")
+        if self.labels is not None and len(self.labels) != len(self.values or []):
+            raise ValueError("labels: one for every value is needed")
+        return self
+
+    @property
+    def keys(self) -> list[str]:
+        return self.key if isinstance(self.key, list) else [self.key]
+
+    @property
+    def column(self) -> str:
+        return self.name or self.keys[0].rpartition(".")[2]
+
+    @property
+    def numeric(self) -> bool:
+        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values or [])
+        return self.labels is None and numbers
+
+    def sequence(self) -> list[Any]:
+        """The values of a grid, in the order of the file."""
+        if self.values is not None:
+            return list(self.values)
+        if self.points is None:
+            raise CaseError(f"axes: {self.column}: a range on a grid needs points")
+        return [self.value(part) for part in np.linspace(0, 1, self.points)]
+
+    def value(self, part: float) -> float:
+        """Value at a part of the range from 0 to 1; six digits, so that it is the same on every machine."""
+        low, high = self.range or (0.0, 1.0)
+        value = low * (high / low) ** part if self.spacing == "log" else low + (high - low) * part
+        return {0.0: low, 1.0: high}.get(float(part), float(f"{value:.6g}"))
+
+    def middle(self, low: float, high: float) -> float:
+        """Value half-way between two others, in the spacing of the axis."""
+        value = np.sqrt(low * high) if self.spacing == "log" else 0.5 * (low + high)
+        return float(f"{value:.6g}")
+
+    def distance(self, low: float, high: float) -> float:
+        """Distance of two values as a part of the whole axis."""
+        ends = self.range or [min(self.values or []), max(self.values or [])]
+        scale = np.log if self.spacing == "log" else np.asarray
+        return float(abs(scale(high) - scale(low)) / (scale(ends[1]) - scale(ends[0])))
+
+    def coordinate(self, value: Any) -> Any:
+        """What the table shows for a value: the number, its label, or the text of a list."""
+        if self.labels is not None and value in (self.values or []):
+            return self.labels[(self.values or []).index(value)]
+        return value if isinstance(value, str | int | float) else json.dumps(value)
+
+
+class Refine(Part):
+    """What `--refine` does."""
+
+    width: Fraction = 0.05
+    """Width to which a boundary between two modes is located, as a part of the axis."""
+    by: str = "mode"
+    """The quantity whose change makes a boundary."""
+    fine: dict[str, Any] = {}
+    """Keys of the case for the second, finer mesh on which boundary points run again."""
+
+
+class Mark(Part):
+    """A point that figures point out, for example a published one."""
+
+    label: str
+    point: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of a study.
+
+    Attributes
+    ----------
+    coordinates : dict
+        What the table shows, by axis.
+    values : dict
+        Value of every axis.
+    case : Case or lumped model
+    origin : str
+        sample, refined or fine.
+    """
+
+    coordinates: Coordinates
+    values: dict[str, Any] = field(repr=False)
+    case: Any = field(repr=False)
+    origin: str = "sample"
+
+    @property
+    def hash(self) -> str:
+        return self.case.hash
+
+
+class Study(Part):
+    """A case and how it varies.
+
+    On a grid all values of all axes are combined. In a Latin hypercube the axes given by a range are sampled
+    together and each sample is combined with all values of the other axes.
+
+    Raises
+    ------
+    CaseError
+        Naming the key, its value and the remedy.
+    """
+
+    title: str = ""
+    case: CasePath
+    """Case file, relative to the study file."""
+    set: dict[str, Any] = {}
+    """Keys of the case that differ from the file at every point."""
+    axes: Annotated[list[Axis], Field(min_length=1)]
+    sampling: Literal["grid", "latin_hypercube"] = "grid"
+    samples: Annotated[int, Field(ge=1)] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    ranks: Annotated[int, Field(ge=1)] = 1
+    """MPI ranks of every run."""
+    time_limit: Duration | None = None
+    """Wall time after which a point counts as failed [s]."""
+    keep: list[Literal["pictures", "run"]] = ["pictures"]
+    """Besides the scalars: pictures for the page, or the whole run directory."""
+    quantities: list[str] = []
+    """Columns of the table; default is every scalar of the summary."""
+    refine: Refine = Refine()
+    marks: list[Mark] = []
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Study:
+        columns = [axis.column for axis in self.axes]
+        twice = next((c for c in columns if columns.count(c) > 1), None)
+        if twice:
+            raise ValueError(f"two axes are called '{twice}'; give them different names")
+        if self.sampling == "latin_hypercube" and (self.samples is None or not self.sampled):
+            raise ValueError("a latin_hypercube needs samples and at least one axis with a range")
+        return self
+
+    @property
+    def sampled(self) -> list[Axis]:
+        """The axes that a Latin hypercube samples; none on a grid."""
+        return [axis for axis in self.axes if axis.range is not None] if self.sampling != "grid" else []
+
+    def axis(self, column: str) -> Axis:
+        return next(axis for axis in self.axes if axis.column == column)
+
+    def base(self, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Tables of the case with `set` and further dotted keys; not yet checked."""
+        path = Path(self.case)
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise CaseError(f"case = '{path}': cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        except tomllib.TOMLDecodeError as error:
+            raise CaseError(f"case = '{path}': not valid TOML: {error}") from None
+        quiet = {} if "kind" in table else {"output.figures": False}
+        for key, value in {**quiet, **_flat(self.set), **(overrides or {})}.items():
+            set_key(table, key, value)
+        return table
+
+    def identity(self) -> dict[str, Any]:
+        """What makes two studies one: the case apart from its axes, and the keys of the axes."""
+        table = self.base()
+        table.pop("title", None)
+        keys = sorted(key for axis in self.axes for key in axis.keys)
+        case = {key: value for key, value in _flat(table).items() if key not in keys}
+        return {"axes": keys, "case": hashlib.sha256(json.dumps(case, sort_keys=True).encode()).hexdigest()[:16]}
+
+    def combinations(self) -> Iterator[dict[str, Any]]:
+        """Value of every axis, point by point."""
+        crossed = [axis for axis in self.axes if axis not in self.sampled]
+        grid = [dict(zip((a.column for a in crossed), row, strict=True))
+                for row in itertools.product(*(axis.sequence() for axis in crossed))]  # fmt: skip
+        for sample in self._hypercube():
+            for row in grid:
+                values = {**sample, **row}
+                yield {axis.column: values[axis.column] for axis in self.axes}
+
+    def _hypercube(self) -> Iterator[dict[str, float]]:
+        if not self.sampled:
+            yield {}
+            return
+        from scipy.stats import qmc
+
+        unit = qmc.LatinHypercube(len(self.sampled), rng=self.seed).random(self.samples or 1)
+        for row in unit:
+            yield {axis.column: axis.value(part) for axis, part in zip(self.sampled, row, strict=True)}
+
+    def points(self) -> list[Point]:
+        """All points of the grid or of the hypercube, checked.
+
+        Raises
+        ------
+        CaseError
+            The case file cannot be used, an axis names no key, or a value is refused.
+        """
+        table = self.base()
+        return [self.point(values, table=table) for values in self.combinations()]
+
+    def point(
+        self,
+        values: Mapping[str, Any],
+        origin: str = "sample",
+        overrides: Mapping[str, Any] | None = None,
+        table: dict[str, Any] | None = None,
+    ) -> Point:
+        """The point with these values of the axes and, where given, further keys of the case."""
+        table = copy.deepcopy(table or self.base())
+        coordinates = {axis.column: axis.coordinate(values[axis.column]) for axis in self.axes}
+        shown = ", ".join(f"{name} = {value}" for name, value in coordinates.items())
+        try:
+            for axis in self.axes:
+                value = values[axis.column]
+                for key, one in zip(axis.keys, value if isinstance(axis.key, list) else [value], strict=True):
+                    set_key(table, key, one)
+            for key, value in _flat(overrides or {}).items():
+                set_key(table, key, value)
+            return Point(coordinates, dict(values), parse_case(table, Path(self.case).parent), origin)
+        except CaseError as error:
+            raise CaseError(f"point {shown}: {error}") from None
+
+
+def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
+    """Read and check a study file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file.
+    overrides : iterable of str
+        ``"mesh.element_size=2e-3"``: keys of the case that change at every point.
+
+    Raises
+    ------
+    CaseError
+        File missing or not TOML, unknown keys, wrong types, axes that do not fit together.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise CaseError(f"{path}: not valid TOML: {error}") from None
+    changes: dict[str, Any] = {}
+    for item in overrides:
+        override(changes, item)
+    try:
+        study = Study.model_validate(table, context={"directory": path.resolve().parent})
+    except ValidationError as error:
+        lines = str(CaseError.from_validation(error)).splitlines()
+        raise CaseError("\n".join(f"{path}: {line}" for line in lines)) from None
+    return study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}}) if changes else study
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Dotted keys of nested tables and of lists of tables."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+            flat |= _flat({str(i): item for i, item in enumerate(value)}, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

@@ -1,0 +1,302 @@
+"""Running all points of a study on a dask.distributed cluster, the local one by default."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+from ruptfx import RuptfxError, __version__
+from ruptfx.study import refine, table, workers
+from ruptfx.study.definition import Point, Study
+from ruptfx.study.store import Result, Store, commit, workspace, write_json
+
+
+class Interrupted(RuptfxError):  # noqa: N818
+    """Stopped by a signal; finished points are kept."""
+
+
+@dataclass
+class Outcome:
+    """What a study found: every point with its result, and the boundary points on the finer mesh."""
+
+    points: list[tuple[Point, Result]] = field(default_factory=list)
+    fine: dict[str, Result] = field(default_factory=dict)
+    known_before: int = 0
+
+    @property
+    def failed(self) -> int:
+        return sum(result["status"] == "failed" for _, result in self.points)
+
+
+def run_study(
+    study: Study,
+    out: str | Path,
+    *,
+    scheduler: str | None = None,
+    cores: int | None = None,
+    refined: bool = False,
+    retry: bool = False,
+    show: bool = True,
+) -> Outcome:
+    """Run what is not yet done, then write the table, the data set, the map and its page.
+
+    Parameters
+    ----------
+    study : Study
+    out : path
+        Directory of the study; one that holds the same study is continued.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers see `out` under the same path; default is a cluster in this
+        process.
+    cores : int, optional
+        Cores the local cluster uses; default is all this process may use.
+    refined : bool
+        Locate the boundaries between modes and run the points beside them on a finer mesh.
+    retry : bool
+        Run failed points again.
+    show : bool
+        Show the progress table.
+
+    Raises
+    ------
+    RuptfxError
+        Nothing is lost: what finished is kept, and the same call continues.
+    """
+    points = study.points()  # a bad study is refused before anything is touched
+    if refined and study.refine.fine:
+        study.point(points[0].values, "fine", study.refine.fine)
+    outcome = Outcome()
+    with Store(out, study) as store, _stoppable():
+        if retry:
+            store.forget_failures()
+        with _cluster(store.path, scheduler, cores, study.ranks) as client:
+            progress = Progress(study.title or str(out), client, study.ranks, show)
+            try:
+                with progress:
+                    run = Runner(study, store, client, progress)
+                    outcome.points = run(points, outcome)
+                    if refined:
+                        _refine(study, run, outcome)
+            except KeyboardInterrupt:
+                workers.close_children()
+                done = sum(store.result(point.hash) is not None for point in points)
+                raise Interrupted(
+                    f"stopped; {done} of {len(points)} points are kept, the same command continues"
+                ) from None
+        _write(study, store, outcome, refined)
+    return outcome
+
+
+def _refine(study: Study, run: Runner, outcome: Outcome) -> None:
+    while extra := refine.bisections(study, outcome.points):
+        outcome.points += run(extra, outcome)
+    if study.refine.fine:
+        fine = refine.finer(study, outcome.points)
+        results = {point.hash: result for point, result in run(list(fine.values()), outcome)}
+        outcome.fine = {coarse: results[point.hash] for coarse, point in fine.items()}
+
+
+def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
+    """Products, each replaced at once."""
+    rows = table.rows(study, outcome.points, outcome.fine)
+    table.write_csv(store.path / "table.csv", rows)
+    table.write_dataset(store.path / "table.nc", table.dataset(study, rows))
+    if refined:
+        write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
+    from ruptfx.plots import mode_map
+
+    mode_map.save(store.path)
+
+
+@dataclass
+class Runner:
+    """Runs lists of points, skipping what is finished."""
+
+    study: Study
+    store: Store
+    client: Any
+    progress: Progress
+
+    def __call__(self, points: Sequence[Point], outcome: Outcome) -> list[tuple[Point, Result]]:
+        from distributed import as_completed
+
+        results = {point.hash: self.store.result(point.hash) for point in points}
+        todo = {point.hash: point for point in points if results[point.hash] is None}
+        outcome.known_before += len(results) - len(todo)
+        self.progress.add(len(results), [r for r in results.values() if r is not None])
+        study = self.study
+        futures = {
+            self.client.submit(
+                workers.run_point, str(self.store.path), key, point.case.table(), list(study.keep),
+                study.ranks, study.time_limit, key=f"{self.store.path}-{key}", pure=False, retries=0,
+            ): key for key, point in todo.items()
+        }  # fmt: skip
+        for future in as_completed(list(futures)):
+            key = futures[future]
+            results[key] = result = self._result(future, key)
+            future.release()
+            self.progress.finished(result)
+        return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
+
+    def _result(self, future: Any, key: str) -> Result:
+        """Of a task; a worker that was lost with its point is a failure of the point."""
+        error = future.exception()
+        if error is None:
+            return future.result()
+        if isinstance(error, RuptfxError):
+            raise error
+        result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+        return self.store.result(key) or commit(self.store.path, key, workspace(self.store.path, key), result)
+
+
+@contextmanager
+def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Any]:
+    """A dask client: of the scheduler at `address`, or of threads in this process that start the runs.
+
+    Raises
+    ------
+    RuptfxError
+        dask.distributed is missing; the scheduler does not answer; its workers lack ruptfx or the directory.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise RuptfxError(f"studies need dask.distributed ({error}): pip install 'ruptfx[study]'") from None
+    workers.open_for_work()
+    with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
+        if address is None:
+            slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
+            with (
+                LocalCluster(n_workers=1, threads_per_worker=slots, processes=False, dashboard_address=None) as cluster,
+                Client(cluster) as client,
+            ):
+                try:
+                    yield client
+                finally:
+                    workers.close_children()
+            return
+        try:
+            client = Client(address, timeout="10s")
+        except (OSError, ValueError) as error:
+            raise RuptfxError(f"--scheduler {address}: no dask scheduler answers there ({error})") from None
+        with client:
+            _check_workers(client, path)
+            try:
+                yield client
+            finally:
+                client.run(workers.close_children)
+
+
+def _check_workers(client: Any, path: Path) -> None:
+    try:
+        seen = client.run(_look, str(path))
+    except Exception as error:
+        raise RuptfxError(f"the workers cannot import ruptfx {__version__}: {error}") from None
+    for worker, (version, there) in seen.items():
+        if version != __version__:
+            raise RuptfxError(f"worker {worker} has ruptfx {version}, this is {__version__}; install the same")
+        if not there:
+            raise RuptfxError(f"worker {worker} does not see {path}: --out must be on a file system that all share")
+
+
+def _look(path: str) -> tuple[str, bool]:
+    workers.open_for_work()
+    return __version__, (Path(path) / "study.json").is_file()
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """SIGTERM stops a study as Ctrl-C does."""
+
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not the main thread
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+class Progress:
+    """One table: done, running, failed, time left; elsewhere than on a terminal a line every tenth.
+
+    Parameters
+    ----------
+    title : str
+    client : dask client
+    ranks : int
+    show : bool
+    """
+
+    def __init__(self, title: str, client: Any, ranks: int, show: bool) -> None:
+        self._title, self._client, self._ranks, self._show = title, client, ranks, show
+        self._total = self._done = self._failed = self._new = self._tenth = 0
+        self._began = time.monotonic()
+        self._console = Console(stderr=True, highlight=False)
+        self._live = Live(console=self._console, get_renderable=self._render, refresh_per_second=2)
+        self._lively = show and self._console.is_terminal
+
+    def __enter__(self) -> Progress:
+        if self._lively:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self._lively:
+            self._live.stop()
+
+    def add(self, count: int, known: Sequence[Result]) -> None:
+        """More points to come, some of them known from before."""
+        self._total += count
+        failed = sum(result["status"] == "failed" for result in known)
+        self._failed += failed
+        self._done += len(known) - failed
+
+    def finished(self, result: Result) -> None:
+        self._new += 1
+        self._failed += result["status"] == "failed"
+        self._done += result["status"] != "failed"
+        tenth = 10 * (self._done + self._failed) // max(self._total, 1)
+        if self._show and not self._lively and tenth > self._tenth:
+            self._tenth = tenth
+            numbers = ", ".join(f"{name} {value}" for name, value in self._numbers().items())
+            self._console.print(f"{10 * tenth:3d} %  {numbers}")
+
+    def _numbers(self) -> dict[str, str]:
+        left = self._total - self._done - self._failed
+        slots = sum(self._client.nthreads().values()) if self._client.status == "running" else 0
+        rate = self._new / max(time.monotonic() - self._began, 1e-9)
+        return {
+            "points": str(self._total), "done": str(self._done), "running": str(min(left, slots)),
+            "failed": str(self._failed), "time left": _clock(left / rate) if self._new else "-",
+        }  # fmt: skip
+
+    def _render(self) -> Group:
+        numbers = self._numbers()
+        grid = Table(title=self._title, title_justify="left", title_style="bold")
+        for name in numbers:
+            grid.add_column(name, justify="right", style="red" if name == "failed" and self._failed else "")
+        grid.add_row(*numbers.values())
+        return Group(grid, ProgressBar(self._total or 1, self._done + self._failed, width=60))
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

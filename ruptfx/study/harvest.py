@@ -1,0 +1,78 @@
+"""What a study keeps of a finished run: its scalars, two pictures for the page, or everything."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PIL import Image
+
+from ruptfx.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURES = {
+    "space_time": "Slip rate in space and time", "wavefield": "Particle velocity",
+    "snapshots": "Along the interface",
+}  # fmt: skip
+"""Figures of the page and their captions."""
+
+
+def harvest(run: Path, keep: list[str]) -> dict[str, Any]:
+    """Scalars of a run; pictures go beside it, and the run itself is removed unless it is kept.
+
+    Parameters
+    ----------
+    run : Path
+        A complete run directory inside that of its point.
+    keep : list of str
+        pictures, run.
+    """
+    summary = json.loads((run / "summary.json").read_text())
+    values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
+    if (run / "interface.h5").is_file() or list(run.glob("interface_*.h5")):
+        with Record(run) as record:
+            values |= _energies(record)
+            if "pictures" in keep:
+                _draw(record, run.parent)
+    if "run" not in keep:
+        shutil.rmtree(run)
+    return values
+
+
+def _energies(record: Record) -> dict[str, float]:
+    """Final energies [J per metre of thickness in 2D] and where the work went, as fractions of it."""
+    from ruptfx.analysis.energy import PARTS, budget
+
+    found = budget(record.energy)
+    work = found["boundary_work"]
+    # Where nothing drives the bodies, the initial stress does the work.
+    scale = work if work > 0 else max(sum(abs(found[name]) for name in PARTS), 1e-300)
+    return {f"energy_{name}": found[name] for name in (*PARTS, "boundary_work")} | {
+        f"{name}_share": found[name] / scale for name in PARTS
+    }
+
+
+def _draw(record: Record, directory: Path) -> None:
+    """Small pictures for the page."""
+    from ruptfx import plots
+
+    for name in PICTURES:
+        try:
+            figure = getattr(plots, name)(record)
+        except Exception as error:  # a picture that fails is no reason to lose the run
+            (directory / f"{name}.txt").write_text(f"{error}\n")
+            continue
+        _save_small(figure, directory / f"{name}.png")
+
+
+def _save_small(figure: Figure, path: Path) -> None:
+    """A picture of 48 colours: a page holds hundreds of them."""
+    with io.BytesIO() as buffer:
+        figure.savefig(buffer, format="png", dpi=100)
+        with Image.open(buffer) as picture:
+            picture.convert("RGB").quantize(48, dither=Image.Dither.NONE).save(path, optimize=True)

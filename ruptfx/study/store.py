@@ -1,0 +1,148 @@
+"""The directory of a study: one lock, one identity, one directory per finished point.
+
+A point is finished when its directory exists under its final name ``points/HASH``: it is filled under another name
+and renamed. What a killed study leaves behind is either finished or removed by the next one.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import socket
+import time
+from pathlib import Path
+from typing import Any, Self, TextIO
+
+from ruptfx import RuptfxError
+from ruptfx.study.definition import Study
+
+Result = dict[str, Any]
+
+
+class Store:
+    """The directory of a study; a context manager that holds its lock.
+
+    Parameters
+    ----------
+    path : path
+    study : Study
+
+    Raises
+    ------
+    RuptfxError
+        Another process works there; or it holds another study, or something else.
+    """
+
+    def __init__(self, path: str | Path, study: Study) -> None:
+        self.path, self._study = Path(path).absolute(), study
+        self.points = self.path / "points"
+        self._lock: TextIO | None = None
+
+    def __enter__(self) -> Self:
+        marker = self.path / "study.json"
+        if self.path.exists() and not self.path.is_dir():
+            raise RuptfxError(f"{self.path}: is a file; choose another --out")
+        strangers = [p.name for p in self.path.glob("*") if p.name not in (".lock", "points")]
+        if strangers and not marker.is_file():
+            raise RuptfxError(f"{self.path}: holds something else ({strangers[0]}); choose another --out")
+        try:
+            self.points.mkdir(parents=True, exist_ok=True)
+            # Opened without truncation: the text is that of whoever holds the lock.
+            lock = self._lock = (self.path / ".lock").open("a+")
+        except OSError as error:
+            raise RuptfxError(f"{self.path}: cannot be written ({error.strerror}); choose another --out") from None
+        try:
+            # The kernel releases the lock when the process ends, however it ends.
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.seek(0)
+            owner = lock.read().strip() or "another process"
+            lock.close()
+            raise RuptfxError(f"{self.path}: {owner} works on this study; wait for it or stop it") from None
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()} on {socket.gethostname()}")
+        lock.flush()
+        try:
+            self._claim(marker)
+        except BaseException:
+            lock.close()
+            raise
+        for left in self.points.glob(".*"):
+            shutil.rmtree(left, ignore_errors=True)
+        return self
+
+    def _claim(self, marker: Path) -> None:
+        """Compare with the study that lives here, or move in."""
+        mine = self._study.identity()
+        if marker.is_file():
+            theirs = json.loads(marker.read_text())["identity"]
+            if theirs["axes"] != mine["axes"]:
+                raise RuptfxError(
+                    f"{self.path}: holds another study, with axes {', '.join(theirs['axes'])} "
+                    f"instead of {', '.join(mine['axes'])}; choose another --out"
+                )
+            if theirs != mine:
+                raise RuptfxError(
+                    f"{self.path}: holds another study: the case differs in keys that are no axes; "
+                    "choose another --out"
+                )
+        write_json(marker, {"identity": mine, "study": self._study.model_dump(mode="json", exclude_none=True)})
+
+    def __exit__(self, *_: Any) -> None:
+        if self._lock:
+            self._lock.close()
+
+    def result(self, point: str) -> Result | None:
+        """What a finished point left, None if it is not finished."""
+        return read_result(self.path, point)
+
+    def forget_failures(self) -> int:
+        """Remove failed points, so that they run again; returns how many."""
+        results = self.points.glob("*/result.json")
+        failed = [path.parent for path in results if json.loads(path.read_text())["status"] == "failed"]
+        for directory in failed:
+            shutil.rmtree(directory)
+        return len(failed)
+
+
+def workspace(path: Path, point: str) -> Path:
+    """A new empty directory in which a point runs."""
+    directory = path / "points" / f".{point}-{os.getpid()}-{time.monotonic_ns()}"
+    directory.mkdir()
+    return directory
+
+
+def commit(path: Path, point: str, directory: Path, result: Result) -> Result:
+    """Make a point finished, at once: the result is written and the directory gets its final name.
+
+    The line in ``points.log`` follows the rename: a point that ran twice to its end would have two.
+    """
+    write_json(directory / "result.json", result)
+    try:
+        directory.rename(path / "points" / point)
+    except OSError:
+        # Someone else finished the same point first; equal input, equal output.
+        shutil.rmtree(directory, ignore_errors=True)
+    with (path / "points.log").open("a") as log:
+        log.write(f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {point} {result['status']}\n")
+    return result
+
+
+def read_result(path: Path, point: str) -> Result | None:
+    try:
+        return json.loads((path / "points" / point / "result.json").read_text())
+    except FileNotFoundError:
+        return None
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write, sync, rename: the file is old or new, never half."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("w") as file:
+        json.dump(content, file, indent=1)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)

@@ -1,0 +1,162 @@
+"""Running points in child processes that may crash: one `ruptfx.serve` under mpiexec for every slot of a worker."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from ruptfx import RuptfxError, launch
+from ruptfx.study.store import Result, commit, read_result, workspace
+
+RECYCLE = 100  # points after which a child is replaced, against slow leaks
+_idle: dict[int, list[Child]] = {}
+_all: set[Child] = set()
+_guard = threading.Lock()
+_closing = threading.Event()
+
+
+class ChildError(RuptfxError):
+    """A child ended, or was ended, before it answered."""
+
+
+class Child:
+    """One MPI job that runs case after case.
+
+    Parameters
+    ----------
+    ranks : int
+    """
+
+    def __init__(self, ranks: int) -> None:
+        self.ranks, self.served = ranks, 0
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        # A session of its own: Ctrl-C is for the study, which then ends its children.
+        self._process = subprocess.Popen(
+            launch.mpi_command(ranks, "ruptfx.serve"), env=launch.mpi_environment(ranks), bufsize=0,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
+        )  # fmt: skip
+
+    def run(self, job: dict[str, Any], time_limit: float | None) -> Result:
+        """Answer to one job.
+
+        Parameters
+        ----------
+        job : dict
+        time_limit : float or None
+            Wall time [s].
+
+        Raises
+        ------
+        ChildError
+            The child crashed or took too long; it is gone then.
+        """
+        assert self._process.stdin and self._process.stdout
+        try:
+            self._process.stdin.write(json.dumps(job).encode() + b"\n")
+        except OSError:
+            raise ChildError(self._epitaph()) from None
+        answer, deadline = b"", time.monotonic() + (time_limit or 1e9)
+        while not answer.endswith(b"\n"):
+            if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
+                self.close()
+                raise ChildError(f"took longer than time_limit = {time_limit:g} s")
+            if not (part := os.read(self._process.stdout.fileno(), 1 << 16)):
+                raise ChildError(self._epitaph())
+            answer += part
+        self.served += 1
+        return json.loads(answer)
+
+    def _epitaph(self) -> str:
+        """How the child ended, with its last words."""
+        self.close()
+        code = self._process.returncode
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        self._errors.seek(0)
+        words = [line for line in self._errors.read().decode(errors="replace").splitlines() if line.strip(" =|")]
+        return f"the run crashed ({how}): " + " / ".join(words[-8:])[-1500:]
+
+    def close(self) -> None:
+        """End the job now."""
+        assert self._process.stdin
+        self._process.stdin.close()  # its rank 0 leaves when the input ends
+        try:
+            self._process.wait(2)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+
+def run_point(
+    path: str, point: str, table: dict[str, Any], keep: list[str], ranks: int, time_limit: float | None
+) -> Result:
+    """Run one point and make it finished; a failure is a result like any other.
+
+    Runs on a worker, which sees the directory of the study under the same path.
+
+    Raises
+    ------
+    RuptfxError
+        The study is stopping, or its directory is not there.
+    """
+    here = Path(path)
+    if (known := read_result(here, point)) is not None:
+        return known
+    try:
+        directory = workspace(here, point)
+    except OSError as error:
+        message = f"{here}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
+        raise RuptfxError(message) from None
+    began = time.perf_counter()
+    try:
+        result = _on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
+    except ChildError as error:
+        result = {"status": "failed", "error": str(error)}
+    if _closing.is_set() or result["status"] == "interrupted":
+        shutil.rmtree(directory, ignore_errors=True)
+        raise RuptfxError(result.get("error", "the study is stopping"))
+    return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
+
+
+def _on_child(ranks: int, job: dict[str, Any], time_limit: float | None) -> Result:
+    with _guard:
+        if _closing.is_set():
+            raise ChildError("the study is stopping")
+        waiting = _idle.setdefault(ranks, [])
+        child = waiting.pop() if waiting else Child(ranks)
+        _all.add(child)
+    try:
+        result = child.run(job, time_limit)
+    except ChildError:
+        _all.discard(child)
+        raise
+    if child.served >= RECYCLE:
+        child.close()
+        _all.discard(child)
+    else:
+        with _guard:
+            _idle[ranks].append(child)
+    return result
+
+
+def close_children() -> None:
+    """End all children of this process; points in hand are dropped, not recorded."""
+    _closing.set()
+    with _guard:
+        for child in list(_all):
+            child.close()
+        _all.clear()
+        _idle.clear()
+
+
+def open_for_work() -> None:
+    """Allow children again."""
+    _closing.clear()
