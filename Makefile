@@ -1,0 +1,44 @@
+# Everything runs in .venv, which `env` makes; no step needs anything but a Python 3.12 or newer and a C compiler.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help env demo test lint bench docker clean
+
+BIN := .venv/bin
+# One thread per rank; Open MPI: as many ranks as asked for, as any user.
+export OMP_NUM_THREADS ?= 1
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+env: ## set up .venv with DOLFINx (again at no cost when it is up to date)
+	@.ci/setup
+
+demo: env ## the main job on two ranks, with pictures in runs/demo/figures
+	@rm -rf runs/demo
+	$(BIN)/ruptfx run demos/impact.toml --ranks 2 --out runs/demo
+
+lint: env ## style, types, import contract
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
+	timeout 1200 $(BIN)/python -m pytest --ignore=tests/container
+	timeout 600 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
+	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
+	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
+	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
+
+bench: env ## benchmarks with acceptance numbers; fails when one is missed
+	$(BIN)/ruptfx bench all
+
+docker: ## build the image and run the demo in it, as you, with files in ./out
+	docker build -t ruptfx .
+	mkdir -p out
+	docker run --rm --user "$$(id -u):$$(id -g)" -v "$$PWD/out:/out" ruptfx
+
+clean: ## remove .venv, caches and runs/demo; other runs stay
+	rm -rf .venv runs/demo build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
