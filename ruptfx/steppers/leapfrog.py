@@ -167,7 +167,7 @@ class LeapfrogMotion:
     def _load_work(self, state: State) -> None:
         for force, load in self.model.loads.force:
             mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
-            share = force[self._dofs] * self._owned * (1 - self._driven)
+            share = force[self._dofs] * self._owned
             state.energy["boundary_work"] += float(share @ mean) * ramp(state.time, load.ramp) * self.dt
 
 
