@@ -17,11 +17,12 @@ from ruptfx.friction import AnyFriction
 from ruptfx.loading import AnyBoundary, InitialStress
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
+from ruptfx.nucleation import AnyNucleation
 from ruptfx.schema import CaseError, Name, Part, find, json_schema, kinds, nearest
 from ruptfx.steppers import AnyStepper
 from ruptfx.units import Duration, Rate, Speed
 
-FOLDERS = ["meshes", "materials", "contact", "friction", "steppers"]
+FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "steppers"]
 
 
 class FaultCase(Part):
@@ -30,6 +31,13 @@ class FaultCase(Part):
     contact: AnyContact
     friction: AnyFriction
     initial_stress: InitialStress
+    nucleation: list[AnyNucleation] = []
+    """What starts the rupture; entries act together."""
+
+    @field_validator("nucleation", mode="before")
+    @classmethod
+    def _as_list(cls, value: Any) -> Any:
+        return [value] if isinstance(value, dict) else value
 
 
 class Output(Part):

@@ -15,7 +15,7 @@ from rich.table import Table
 from ruptfx import RuptfxError, profiles
 from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
 
-FOLDERS = ("friction", "contact", "materials", "meshes", "steppers", "operators", "profiles", "lumped")
+FOLDERS = ("friction", "nucleation", "contact", "materials", "meshes", "steppers", "operators", "profiles", "lumped")
 
 
 def describe_folder(name: str) -> Iterator[Any]:

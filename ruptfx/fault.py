@@ -19,10 +19,12 @@ from ruptfx import native
 from ruptfx.contact import ContactMethod, Point, Trial
 from ruptfx.friction import FrictionLaw
 from ruptfx.interface import Interface
+from ruptfx.nucleation import Nucleation
 from ruptfx.projection import MAX_ITERATIONS, TOLERANCE, TracedLaw, explain, parameters_as_symbols, project
 from ruptfx.tracing import Expression, constant, symbol, to_c
 
 FaultState = dict[str, np.ndarray]
+_FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
 
 
 def component_names(name: str, tangents: int) -> list[str]:
@@ -45,6 +47,8 @@ class Fault:
         Initial normal stress [Pa], compression positive.
     shear_traction_0 : ndarray, shape (n, tangents)
         Initial shear traction [Pa].
+    nucleation : tuple of Nucleation
+        What is added to it in time.
     """
 
     name: str
@@ -53,6 +57,23 @@ class Fault:
     friction: FrictionLaw
     normal_stress_0: np.ndarray
     shear_traction_0: np.ndarray
+    nucleation: tuple[Nucleation, ...] = ()
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a nucleation adds shear traction."""
+        return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
+
+    def load(self, time: float) -> np.ndarray:
+        """Shear traction added along the first tangent [Pa], shape (n,)."""
+        position = self.interface.position
+        return sum((item.shear_traction(position, time) for item in self.nucleation), np.zeros_like(position))
+
+    def driving_shear(self, time: float) -> np.ndarray:
+        """Initial shear traction and what nucleation adds [Pa], shape (n, tangents)."""
+        shear = self.shear_traction_0.copy()
+        shear[:, 0] += self.load(time)
+        return shear
 
     @property
     def tangents(self) -> int:
@@ -62,6 +83,12 @@ class Fault:
         """Fields of every point before the first step."""
         n = len(self.interface.plus)
         shear = np.linalg.norm(self.shear_traction_0, axis=1)
+        law_state = self.friction.initial_state(self.normal_stress_0, shear, np.zeros(n))
+        with np.errstate(over="ignore"):
+            creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
+        creep = np.where(creep < _FASTEST_CREEP, creep, 0.0)  # the bodies are at rest
+        direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
+        now = self.driving_shear(0.0)
         state: FaultState = {
             "normal_stress": self.normal_stress_0.copy(),
             "opening": np.zeros(n),
@@ -71,25 +98,26 @@ class Fault:
         for k in range(self.tangents):
             for name, value in (
                 ("slip", np.zeros(n)),
-                ("slip_rate", np.zeros(n)),
-                ("shear_traction", self.shear_traction_0[:, k]),
+                ("slip_rate", creep * direction[:, k]),
+                ("shear_traction", now[:, k]),
             ):
                 state[component_names(name, self.tangents)[k]] = value.copy()
-        law_state = self.friction.initial_state(self.normal_stress_0, shear, np.zeros(n))
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
     def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray:
         """Shear components of a field, shape (n, tangents)."""
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
-    def elastic_energy(self, state: FaultState, added: np.ndarray) -> float:
+    def elastic_energy(self, state: FaultState, added: np.ndarray, time: float) -> float:
         """Energy held in the interface beyond that of the initial stress, points of this rank [J].
 
-        `added` is the displacement, shape (nodes * components,), since the tractions were computed [m].
+        `added` is the displacement, shape (nodes * components,), since the tractions were computed at `time` [s].
         """
         face = self.interface
         opening, slip = face.split(face.jump(added))
         shear = self.components(state, "shear_traction")
+        if self.is_loaded:
+            shear[:, 0] -= self.load(max(time, 0.0))
         now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list(slip.T))
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
         return float(np.sum(face.owned * face.weight * (now - before)))
@@ -143,9 +171,9 @@ def advance_reference(
     opening, slip_jump = face.split(face.jump(displacement))
     opening_velocity, slip_velocity = face.split(face.jump(velocity))
     z_n, z_s = impedances(face, inverse_mass, dt)
-    slip = fault.components(state, "slip")
+    slip, shear_0 = fault.components(state, "slip"), fault.driving_shear(time)
     trial = fault.contact.trial(Point(
-        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.shear_traction_0.T),
+        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(shear_0.T),
         opening_jump=opening, slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
         slip_velocity=list(slip_velocity.T), slip=list(slip.T), dt=dt, normal_impedance=z_n, shear_impedance=z_s,
     ))  # fmt: skip
@@ -172,7 +200,7 @@ def advance_reference(
             state[component_names(name, fault.tangents)[k]][:] = value[:, k]
     for name in law.state_names:
         state[name][:] = done.state[name]
-    change = [done.shear_traction - fault.shear_traction_0]
+    change = [done.shear_traction - shear_0]
     if face.has_normal:
         change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
     face.add_force(velocity, dt * np.concatenate(change, axis=1), scale=inverse_mass)
@@ -208,7 +236,7 @@ class FaultStep:
             **{f"q_shear_traction_0_{k}": fault.shear_traction_0[:, k] for k in range(fault.tangents)},
             **{name: value for name, value in given.items() if isinstance(value, np.ndarray)},
         }  # fmt: skip
-        self._fixed = {k: np.ascontiguousarray(np.broadcast_to(v, shape)) for k, v in self._fixed.items()}
+        self._fixed = {k: np.array(np.broadcast_to(v, shape), float, order="C") for k, v in self._fixed.items()}
         numbers = {name: float(value) for name, value in given.items() if not isinstance(value, np.ndarray)}
         self._state_arrays = list(fault.initial_state())
         source = _source(fault, self.law, traced_contact, list(self._fixed), list(numbers), self._state_arrays)
@@ -221,6 +249,7 @@ class FaultStep:
         self._index = [np.ascontiguousarray(side, dtype=np.int64) for side in (face.plus, face.minus)]
         self._frame = np.ascontiguousarray(face.frame)
         self._bound: tuple[Any, ...] = ()
+        self.work = 0.0
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
@@ -251,6 +280,8 @@ class FaultStep:
     ) -> float:
         """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
 
+        `work` is then the work [J] that the nucleation did on this rank.
+
         Raises
         ------
         ProjectionError
@@ -260,6 +291,11 @@ class FaultStep:
         if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
             self._bind(*given)
         n = len(self._owned)
+        loaded = self.fault.is_loaded
+        if loaded:
+            name = component_names("slip_rate", self.fault.tangents)[0]
+            load, rate_old = self.fault.load(time), state[name].copy()
+            self._fixed["q_shear_traction_0_0"][:] = self.fault.shear_traction_0[:, 0] + load
         self._function(
             ctypes.c_long(n), ctypes.c_double(self.dt), ctypes.c_double(time), ctypes.c_double(self.threshold),
             *self._pointers, *self._tail,
@@ -268,6 +304,10 @@ class FaultStep:
             names = ("trial_normal_stress", "trial_shear_traction", "Z", "last_slip_rate")
             values = dict(zip(names, map(float, self._result[2:]), strict=True))
             self.fault.fail(state, int(self._result[1]), time, values)
+        if loaded:
+            load_old = self.fault.load(max(time - self.dt, 0.0))
+            power = self.fault.contact.dissipated(load_old, load, rate_old, state[name])
+            self.work = float(self._owned @ (self.fault.interface.weight * power)) * self.dt
         return float(self._result[0])
 
 

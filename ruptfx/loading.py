@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from ruptfx.schema import Part, Unit
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Time, VaryingPressure, VaryingStress, Velocity
 
 Component = Literal["x", "y", "z"]
@@ -21,12 +22,61 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 
 class InitialStress(Part):
-    """Stress an interface carries before anything happens."""
+    """Stress an interface carries before anything happens: its tractions, or the stress tensor of the bodies."""
 
-    normal: VaryingPressure
+    normal: VaryingPressure | None = None
     """Normal stress, positive in compression."""
-    shear: VaryingStress = 0.0
-    """Shear traction along the (first) tangent."""
+    shear: VaryingStress | None = None
+    """Shear traction along the (first) tangent; without it, what a rate-and-state law carries whose slip rate and
+    state are both given, else zero."""
+    tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
+    """Uniform stress of the bodies instead, tension positive: xx, yy, xy, in 3D xx, yy, zz, xy, yz, xz."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> InitialStress:
+        if (self.normal is None) == (self.tensor is None):
+            raise ValueError("give either normal (and shear) or tensor")
+        if self.tensor is not None and (self.shear is not None or len(self.tensor) not in (3, 6)):
+            raise ValueError("tensor has 3 components (xx, yy, xy), 6 in 3D, and stands alone")
+        return self
+
+    def matrix(self, dim: int) -> np.ndarray | None:
+        """The tensor as a matrix, shape (dim, dim) [Pa]; None where tractions are given."""
+        if self.tensor is None:
+            return None
+        entries = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}[dim]
+        stress = np.zeros((dim, dim))
+        for (i, j), value in zip(entries, self.tensor, strict=True):
+            stress[i, j] = stress[j, i] = value
+        return stress
+
+    def tractions(self, face: Any, law: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
+
+        Raises
+        ------
+        CaseError
+            Shear stress, slip rate and state of a rate-and-state law that contradict each other.
+        """
+        shear = np.zeros((len(face.position), face.tangents))
+        if self.tensor is not None:
+            local = np.einsum("ikc,cd,id->ik", face.frame, self.matrix(face.frame.shape[2]), face.frame[:, 0])
+            return -local[:, 0], local[:, 1:]
+        normal = evaluate(self.normal, face.position)
+        rate = law.given_slip_rate()
+        carried = None
+        if rate is not None:
+            state = law.initial_state(normal, np.zeros_like(normal), np.zeros_like(normal))
+            carried = law.strength(rate, normal, state) + np.zeros_like(normal)
+        if self.shear is not None:
+            shear[:, 0] = evaluate(self.shear, face.position)
+            if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
+                raise CaseError(
+                    "initial_stress.shear: the law's initial slip rate and state carry another stress; give two of three"
+                )
+        elif carried is not None:
+            shear[:, 0] = carried
+        return normal, shear
 
 
 class _Edge(Part):

@@ -21,7 +21,6 @@ from ruptfx.interface import build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.operators import ufl_form
-from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest
 
 
@@ -134,10 +133,17 @@ class Model:
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
         tags = self.bodies.tags
         face = build_interface(self.space, self.bodies.facets, tags[f"{name}.plus"], tags[f"{name}.minus"], name)
-        normal = evaluate(fault.initial_stress.normal, face.position)
-        shear = np.zeros((len(face.plus), face.tangents))
-        shear[:, 0] = evaluate(fault.initial_stress.shear, face.position)
-        return Fault(name, face, fault.contact.at(face.position), fault.friction.at(face.position), normal, shear)
+        if fault.initial_stress.tensor is not None and (
+            self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
+        ):
+            raise CaseError(
+                f"faults.{name}.initial_stress.tensor: 3 components in the plane, 6 in 3D, none in antiplane"
+            )
+        law = fault.friction.at(face.position)
+        normal, shear = fault.initial_stress.tractions(face, law)
+        for nucleation in fault.nucleation:
+            law = nucleation.weaken(law, face.position)
+        return Fault(name, face, fault.contact.at(face.position), law, normal, shear, tuple(fault.nucleation))
 
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 
@@ -235,7 +241,9 @@ class Model:
         here = {
             "kinetic": 0.5 * self.owned_dot(state.velocity, self.mass * state.velocity),
             "strain": -0.5 * self.owned_dot(earlier, force),
-            "interface_elastic": sum(fault.elastic_energy(state.faults[fault.name], half) for fault in self.faults),
+            "interface_elastic": sum(
+                fault.elastic_energy(state.faults[fault.name], half, state.time - dt) for fault in self.faults
+            ),
             "frictional_dissipation": state.energy["frictional_dissipation"],
             "damping": state.energy["damping"],
             "boundary_work": state.energy["boundary_work"] + sum(fault.preload_work(middle) for fault in self.faults),

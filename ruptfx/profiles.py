@@ -6,10 +6,11 @@ Every profile is called with the arc length along the interface, shape (n,) [m],
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ruptfx.schema import Part, Unit
 
@@ -143,8 +144,27 @@ class Table(Part):
     """Linear interpolation between given points, constant beyond the ends."""
 
     kind: Literal["table"]
-    positions: list[Metre]
-    values: list[float]
+    positions: list[Metre] = []
+    values: list[float] = []
+    file: str | None = None
+    """CSV file with two columns, position and value, instead; relative to the case file. Lines that do not begin with
+    a number are skipped. The resolved case holds its numbers."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, values: Any, info: ValidationInfo) -> Any:
+        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+            return values
+        path = Path((info.context or {}).get("directory") or ".", values["file"])
+        try:
+            rows = [line.replace(";", ",").split(",")[:2] for line in path.read_text(encoding="utf-8").splitlines()]
+        except (OSError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: cannot be read ({error})") from None
+        table = [[float(item) for item in row] for row in rows if len(row) == 2 and _is_number(row[0])]
+        if values.get("positions") or values.get("values"):
+            raise ValueError("give either a file or positions and values")
+        rest = {key: value for key, value in values.items() if key != "file"}
+        return {**rest, "positions": [row[0] for row in table], "values": [row[1] for row in table]}
 
     @field_validator("positions")
     @classmethod
@@ -161,6 +181,14 @@ class Table(Part):
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return np.interp(position, self.positions, self.values)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 KINDS: dict[str, type[Part]] = {

@@ -59,6 +59,11 @@ class FrictionLaw(Alternative):
         """State after a step `dt` [s] at constant slip rate and normal stress; unconditionally stable."""
         raise NotImplementedError
 
+    def given_slip_rate(self) -> Array | None:
+        """Initial slip rate [m/s] of a law whose initial state is given too, so that both fix the shear stress."""
+        inner = getattr(self, "law", None)
+        return inner.given_slip_rate() if inner is not None else None
+
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         """Slip rate [m/s] at which the interface carries a stress below its strength at rest: zero, unless the law
         lets it creep."""

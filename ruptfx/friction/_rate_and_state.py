@@ -79,6 +79,9 @@ class RateAndState(FrictionLaw):
         exponent, drive = self._exponent(state["theta"]), shear_stress / (self.a * normal_stress)
         return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
 
+    def given_slip_rate(self) -> Array | None:
+        return self.V_initial if self.theta_initial is not None and "V_initial" in self.model_fields_set else None
+
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
 

@@ -71,6 +71,9 @@ class RateAndStateFlashHeating(FrictionLaw):
         forgotten = -np.expm1(-slip_rate * dt / self.D_c)
         return {"psi": state["psi"] + (self.steady_psi(slip_rate) - state["psi"]) * forgotten}
 
+    def given_slip_rate(self) -> Array | None:
+        return self.V_initial if self.psi_initial is not None and "V_initial" in self.model_fields_set else None
+
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         drive = np.abs(shear_stress) / (self.a * np.maximum(normal_stress, 1e-300))
         return self.V_0 * (np.exp(drive - state["psi"] / self.a) - np.exp(-drive - state["psi"] / self.a))

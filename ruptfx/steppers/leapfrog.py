@@ -143,6 +143,7 @@ class LeapfrogMotion:
             state.energy["frictional_dissipation"] += fault_step(
                 state.faults[name], state.displacement, state.velocity, state.force, state.time
             )
+            state.energy["boundary_work"] += fault_step.work
         self._load_work(state)
         self._library.drift(
             n, pointer(self._dofs), ctypes.c_double(self.dt), pointer(self._mass), pointer(self._dashpot),

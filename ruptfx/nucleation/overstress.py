@@ -1,0 +1,18 @@
+"""Overstress: shear traction that is there from the start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.nucleation import Nucleation
+from ruptfx.profiles import evaluate
+from ruptfx.units import VaryingStress
+
+
+class Overstress(Nucleation):
+    """Overstress: shear traction added to the initial one from the start, usually above the strength in a patch."""
+
+    extra: VaryingStress
+
+    def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
+        return evaluate(self.extra, position)
