@@ -57,41 +57,26 @@ class BulkFields:
         self.model = model
         self._file: h5py.File | None = None
         self._stress_forms: list[Any] | None = None
-        self._order: np.ndarray = np.zeros(0, np.int64)
 
     def topology(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
         """Points, cells and body of every point on rank 0, in an order that does not depend on the partition."""
         model = self.model
-        index_map, comm = model.space.dofmap.index_map, model.comm
-        owned = model.owned_nodes
-        cells, cell_body = self._linear_cells()
-        body = np.zeros(model.nodes)
-        body[cells] = cell_body[:, None]
-        points = parallel.gather_rows(comm, np.column_stack([model.coordinates[:owned], body[:owned]]))
-        numbers = index_map.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
-        everything = parallel.gather_rows(comm, numbers)
-        if points is None or everything is None:
+        cells = self._linear_cells()
+        points = model.gather_nodes(model.coordinates.ravel())
+        body = model.gather_nodes(np.repeat(model.node_body, model.components))
+        linear = parallel.gather_rows(model.comm, model.numbering[cells])
+        if linear is None:
             return None, None, None
-        # Global numbers are contiguous by rank, so gathered rows are in that order.
-        scale = np.ptp(points[:, :-1], axis=0).max()
-        keys = np.round(points / np.append(np.full(points.shape[1] - 1, scale), 1.0), 9)
-        self._order = np.lexsort(keys.T)
-        place = np.empty_like(self._order)
-        place[self._order] = np.arange(len(place))
-        linear = place[everything]
-        linear = linear[np.lexsort(np.sort(linear, axis=1).T)]
-        points = points[self._order]
-        return points[:, :-1], linear, points[:, -1].astype(np.int32)
+        return points, linear[np.lexsort(np.sort(linear, axis=1).T)], body[:, 0].astype(np.int32)
 
-    def _linear_cells(self) -> tuple[np.ndarray, np.ndarray]:
-        """Owned elements cut into linear cells at their nodes, and the body of each."""
+    def _linear_cells(self) -> np.ndarray:
+        """Owned elements cut into linear cells at their nodes, shape (linear cells, corners)."""
         model = self.model
         count = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
         dofs = model.space.dofmap.list[:count]
-        body = model.bodies.cell_body[:count]
         name, p = model.mesh.basix_cell().name, model.case.order
         if name in ("triangle", "tetrahedron"):
-            return dofs, body
+            return dofs
         dim = model.mesh.topology.dim
         reference = np.round(np.asarray(model.space.element.basix_element.points, dtype=float), 9)
         lattice = np.lexsort(reference.T[::-1]).reshape((p + 1,) * dim)  # [ix, iy, (iz)]
@@ -108,7 +93,17 @@ class BulkFields:
             a, b = x[:, 1] - x[:, 0], x[:, 3] - x[:, 0]
             clockwise = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0
             linear[clockwise] = linear[clockwise][:, ::-1]
-        return linear, np.repeat(body, len(local))
+        return linear
+
+    def reopen(self, out: Path) -> None:
+        """Go on with the file of a resumed run; rank 0 only."""
+        self._out = out
+        self._file = h5py.File(out / "bulk.h5", "a")
+
+    def settle(self) -> None:
+        """Close and open again: only a closed HDF5 file may be copied."""
+        self.close()
+        self.reopen(self._out)
 
     def create(self, out: Path, points: Any, cells: Any, body: Any) -> None:
         """Open the file; rank 0 only."""
@@ -125,10 +120,10 @@ class BulkFields:
         model, c = self.model, self.model.components
         stress = self._stress(state.displacement)
         columns = np.column_stack([state.velocity.reshape(-1, c), state.displacement.reshape(-1, c), stress])
-        rows = parallel.gather_rows(model.comm, columns[: model.owned_nodes])
-        if rows is None:
+        rows = model.gather_nodes(columns.ravel())
+        if len(rows) == 0:
             return {}
-        velocity, displacement, stress = np.split(rows[self._order], [c, 2 * c], axis=1)
+        velocity, displacement, stress = np.split(rows, [c, 2 * c], axis=1)
         return {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
 
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:

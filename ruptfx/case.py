@@ -18,7 +18,7 @@ from ruptfx.loading import AnyBoundary, InitialStress
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
-from ruptfx.schema import CaseError, Name, Part, find, json_schema, kinds, nearest
+from ruptfx.schema import CaseError, Name, Part, Unit, find, json_schema, kinds, nearest
 from ruptfx.steppers import AnyStepper
 from ruptfx.units import Duration, Rate, Speed
 
@@ -45,6 +45,10 @@ class Output(Part):
 
     interface_interval: Duration | None = None
     bulk_interval: Duration | None = None
+    checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
+    """Wall-clock time between checkpoints."""
+    checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
+    """Steps between checkpoints, instead."""
     rupture_threshold: Speed = 1e-3
     """Slip rate whose first passing is the rupture time."""
     figures: bool = True
@@ -208,7 +212,7 @@ def set_key(table: dict[str, Any], key: str, value: Any) -> None:
         else:
             node[last] = value
     except (ValueError, IndexError, TypeError, AttributeError):
-        raise CaseError(f"--set {item}: '{key}' does not lead to a value of the case") from None
+        raise CaseError(f"'{key}' does not lead to a value of the case") from None
 
 
 def case_schema() -> dict[str, Any]:

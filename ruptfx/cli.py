@@ -58,6 +58,7 @@ def run(
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
     set_: Overrides = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
     """Run a case and leave a run directory with data, figures and a summary."""
@@ -68,7 +69,8 @@ def run(
     if ranks > 1 and launch.RANKS not in os.environ:
         with _reported():
             read_case(case, set_ or [])  # a bad case needs no ranks to be refused
-        options = [item for value in set_ or [] for item in ("--set", value)] + (["--quiet"] if quiet else [])
+        options = [item for value in set_ or [] for item in ("--set", value)]
+        options += ["--resume"] * resume + ["--quiet"] * quiet
         raise typer.Exit(launch.run_on(ranks, ["run", str(case), "--out", str(out), *options]))
     with _reported():
         parsed = read_case(case, set_ or [])
@@ -87,7 +89,7 @@ def run(
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate
 
-        simulate(parsed, out, comm, progress=not quiet)
+        simulate(parsed, out, comm, progress=not quiet, resume=resume)
         if comm.rank == 0 and not quiet:
             _show_summary(out)
 

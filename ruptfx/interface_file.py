@@ -43,6 +43,12 @@ class InterfaceFile:
     """
 
     def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: dict[str, Any]) -> None:
+        self.path = path
+        self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
+        self._flushed = time.monotonic()
+        if path.exists():  # a resumed run
+            self._file = h5netcdf.File(path, "a")
+            return
         self._file = file = h5netcdf.File(path, "w")
         file.dimensions = {"time": None, "position": len(place)}
         names = ("position", "x", "y", "z")
@@ -59,8 +65,6 @@ class InterfaceFile:
             _variable(file, name, ("position",), unit, text)
         file.attrs.update(attributes)
         file.flush()
-        self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
-        self._flushed = time.monotonic()
 
     def append(self, now: float, fields: dict[str, np.ndarray]) -> None:
         """Add one record: the time [s] and every field, shape (points,)."""
@@ -83,6 +87,12 @@ class InterfaceFile:
             self._waiting = []
         self._file.flush()
         self._flushed = time.monotonic()
+
+    def settle(self) -> None:
+        """Close and open again: only a closed HDF5 file may be copied."""
+        self.flush()
+        self._file.close()
+        self._file = h5netcdf.File(self.path, "a")
 
     def close(self, complete: bool) -> None:
         """Write the rest and say whether the run came to its end."""

@@ -201,6 +201,54 @@ class Model:
             vector[:] = x.array
 
     @cached_property
+    def node_body(self) -> np.ndarray:
+        """Index of the body of every local node."""
+        dofs = self.space.dofmap.list
+        body = np.zeros(self.nodes, dtype=np.int64)
+        body[dofs] = self.bodies.cell_body[: len(dofs), None]
+        return body
+
+    @cached_property
+    def numbering(self) -> np.ndarray:
+        """Place of every local node in an order that does not depend on the partition (body, y, x); collective."""
+        owned = slice(0, self.owned_nodes)
+        keys = np.column_stack([self.coordinates[owned], self.node_body[owned]])
+        everything = parallel.gather_rows(self.comm, keys)
+        place = None
+        if everything is not None:
+            # Global numbers are contiguous by rank, so gathered rows are in that order.
+            extent = np.ptp(everything[:, :-1], axis=0).max()
+            order = np.lexsort(np.round(everything / np.append(np.full(keys.shape[1] - 1, extent), 1.0), 9).T)
+            place = np.empty_like(order)
+            place[order] = np.arange(len(order))
+        place = self.comm.bcast(place, root=0)
+        return place[self.space.dofmap.index_map.local_to_global(np.arange(self.nodes, dtype=np.int32))]
+
+    def gather_nodes(self, field: np.ndarray) -> np.ndarray:
+        """A nodal field of the whole problem on rank 0, in the order of `numbering`; empty elsewhere.
+
+        Parameters
+        ----------
+        field : ndarray, shape (nodes * columns,)
+
+        Returns
+        -------
+        ndarray, shape (total_nodes, columns) or (0, columns)
+        """
+        rows = field.reshape(self.nodes, -1)[: self.owned_nodes]
+        gathered = parallel.gather_rows(self.comm, rows)
+        places = parallel.gather_rows(self.comm, self.numbering[: self.owned_nodes])
+        if gathered is None or places is None:
+            return np.zeros((0, rows.shape[1]))
+        ordered = np.empty_like(gathered)
+        ordered[places] = gathered
+        return ordered
+
+    def scatter_nodes(self, rows: np.ndarray) -> np.ndarray:
+        """The inverse of `gather_nodes`, from rows known to this rank; shape (nodes * columns,)."""
+        return np.ascontiguousarray(rows[self.numbering]).ravel()
+
+    @cached_property
     def shared_nodes(self) -> np.ndarray:
         """True for every local node that another rank knows too."""
         if self.comm.size == 1:

@@ -10,6 +10,7 @@ import csv
 import json
 import logging
 import os
+import shutil
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -24,22 +25,34 @@ from ruptfx.fault import Fault, component_names
 from ruptfx.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
+    from ruptfx.case import Case
+    from ruptfx.checkpoint import Checkpoint
     from ruptfx.model import Model, State
 
 ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "boundary_work")
 
 
-def prepare_directory(comm: fem.MPI.Comm, out: Path) -> None:
+def prepare_directory(comm: fem.MPI.Comm, out: Path, again: Case | None = None) -> None:
     """Make the run directory, on all ranks or none.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    out : Path
+    again : Case, optional
+        Begin this case again where it was stopped early: what it left in `out` goes.
 
     Raises
     ------
     RuptfxError
-        The directory holds something already, or cannot be written.
+        The directory holds something else already, or cannot be written.
     """
 
     def make() -> None:
         try:
+            left = out / "case.toml"
+            if again is not None and left.is_file() and left.read_text() == again.to_toml():
+                shutil.rmtree(out)
             if out.exists() and (not out.is_dir() or any(out.iterdir())):
                 raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
             out.mkdir(parents=True, exist_ok=True)
@@ -62,46 +75,69 @@ class Recorder:
         An existing empty directory.
     dt : float
         Time step [s], to turn intervals into steps.
+    resume : Checkpoint, optional
+        Go on with the files as they were then.
     """
 
-    def __init__(self, model: Model, out: Path, dt: float) -> None:
-        self.model, self.out, self.dt = model, out, dt
+    def __init__(self, model: Model, out: Path, dt: float, resume: Checkpoint | None = None) -> None:
+        self.model, self.out, self.dt, self._resume = model, out, dt, resume
         case = model.case
         self.steps = max(1, int(np.ceil(case.duration / dt * (1 - 1e-9))))
-        self._every = _steps(case.output.interface_interval or case.duration / 300, dt)
-        self._bulk_every = _steps(case.output.bulk_interval or case.duration / 6, dt)
-        self.records = 0
+        self._interface_steps = self._schedule(case.output.interface_interval or case.duration / 300)
+        self._bulk_steps = self._schedule(case.output.bulk_interval or case.duration / 6) - {0}
+        self.records = resume.manifest["records"] if resume else 0
+        self.largest_work = resume.manifest["largest_work"] if resume else 0.0
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self._files: dict[str, InterfaceFile] = {}
+
+    def _schedule(self, interval: float) -> set[int]:
+        """Steps of evenly spaced records, the first and the last step among them."""
+        count = min(self.steps, max(1, round(self.model.case.duration / interval)))
+        return set(np.round(np.linspace(0, self.steps, count + 1)).astype(int).tolist())
 
     def __enter__(self) -> Recorder:
         places = [
             _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T]) for f in self.model.faults
         ]
         topology = self._bulk.topology()
-        self._on_root(lambda: self._open(places, topology))
+        self.write_on_root(lambda: self._open(places, topology))
         return self
 
     def _open(self, places: list[np.ndarray], topology: Any) -> None:
-        (self.out / "case.toml").write_text(self.model.case.to_toml())
+        if self._resume:
+            self._resume.restore_files(self.out)
+        else:
+            (self.out / "case.toml").write_text(self.model.case.to_toml())
         handler = logging.FileHandler(self.out / "run.log")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         self.log.handlers = [handler]
         self.log.setLevel(logging.INFO)
         self.log.propagate = False
-        self._energy = (self.out / "energy.csv").open("w", newline="")
-        self._energy.write(
-            "# time in s, energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
-        )
+        self._energy = (self.out / "energy.csv").open("a", newline="")
         self._table = csv.writer(self._energy)
-        self._table.writerow(["time", *ENERGIES, "closure"])
-        self._largest_work = 0.0
+        if not self._resume:
+            self._energy.write(
+                "# time in s, energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
+            )
+            self._table.writerow(["time", *ENERGIES, "closure"])
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
-        self._bulk.create(self.out, *topology)
+        if self._resume:
+            self._bulk.reopen(self.out)
+        else:
+            self._bulk.create(self.out, *topology)
+
+    def settle(self) -> list[Path]:
+        """Write all that waits in memory; the history files, which may then be copied. Rank 0 only."""
+        for file in self._files.values():
+            file.settle()
+        self._bulk.settle()
+        self._energy.flush()
+        names = [*(file.path.name for file in self._files.values()), "bulk.h5", "bulk.xdmf", "energy.csv"]
+        return [self.out / name for name in names if (self.out / name).exists()]
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> dict[str, Any]:
         case, speeds = self.model.case, self.model.wave_speeds()
@@ -114,7 +150,7 @@ class Recorder:
             "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0, **versions(),
         }  # fmt: skip
 
-    def _on_root(self, write: Callable[[], None]) -> None:
+    def write_on_root(self, write: Callable[[], None]) -> None:
         """Write on rank 0; a full or vanished disk stops all ranks with a message."""
 
         def guarded() -> None:
@@ -130,21 +166,20 @@ class Recorder:
 
     def due(self, state: State) -> bool:
         """Whether something is to be saved at this step."""
-        return any(state.step % every == 0 for every in (self._every, self._bulk_every)) or state.step >= self.steps
+        return state.step in self._interface_steps or state.step in self._bulk_steps
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
-        last = state.step >= self.steps
-        if state.step % self._every == 0 or last:
-            fields = {fault.name: self._gather(fault, state) for fault in self.model.faults}
+        if state.step in self._interface_steps:
+            fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
             energy = self.model.energies(state, self.dt)
-            self._on_root(lambda: self._append(state.time, fields, energy))
+            self.write_on_root(lambda: self._append(state.time, fields, energy))
             self.records += 1
-        if state.step > 0 and (state.step % self._bulk_every == 0 or last):
+        if state.step in self._bulk_steps:
             snapshot = self._bulk.gather(state)
-            self._on_root(lambda: self._bulk.append(state.time, snapshot))
+            self.write_on_root(lambda: self._bulk.append(state.time, snapshot))
 
-    def _gather(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
+    def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Every field of a fault in order along the interface, on rank 0."""
         fields = dict(state.faults[fault.name])
         _, jump = fault.interface.split(fault.interface.jump(state.displacement))
@@ -158,8 +193,8 @@ class Recorder:
         for name, fields in faults.items():
             self._files[name].append(time, fields)
         lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
-        self._largest_work = max(self._largest_work, abs(energy["boundary_work"]))
-        closure = lost / self._largest_work if self._largest_work > 0 else 0.0
+        self.largest_work = max(self.largest_work, abs(energy["boundary_work"]))
+        closure = lost / self.largest_work if self.largest_work > 0 else 0.0
         self._table.writerow([repr(v) for v in (time, *(energy[name] for name in ENERGIES), closure)])
         self._energy.flush()
 
@@ -196,10 +231,6 @@ def versions() -> dict[str, str]:
         "dolfinx_version": fem.dolfinx.__version__,
         "hdf5_version": h5py.version.hdf5_version,
     }
-
-
-def _steps(interval: float, dt: float) -> int:
-    return max(1, round(interval / dt))
 
 
 def _gather_fault(comm: fem.MPI.Comm, fault: Fault, columns: list[np.ndarray]) -> np.ndarray:

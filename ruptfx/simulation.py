@@ -14,6 +14,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.case import Case
+from ruptfx.checkpoint import Checkpoint, Checkpoints
 from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
@@ -26,7 +27,9 @@ class Interrupted(RuptfxError):  # noqa: N818
     """Stopped by a signal; what was written is readable."""
 
 
-def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bool = True) -> Record:
+def simulate(
+    case: Case, out: str | Path = "run", comm: Any = None, progress: bool = True, resume: bool = False
+) -> Record:
     """Run a case and leave a complete run directory.
 
     Parameters
@@ -38,6 +41,9 @@ def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bo
         All ranks of the job when left out; every rank calls this function.
     progress : bool
         Show a progress bar on rank 0.
+    resume : bool
+        Go on from the newest checkpoint in `out`, on any number of ranks; from the beginning if it was stopped
+        before the first; not at all if it is complete.
 
     Returns
     -------
@@ -54,34 +60,49 @@ def simulate(case: Case, out: str | Path = "run", comm: Any = None, progress: bo
         from ruptfx.lumped import simulate as simulate_lumped
 
         return simulate_lumped(case, out)
-    prepare_directory(comm, out)
+    if resume and (out / "summary.json").exists():
+        return Record(out)
+    checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
+    if checkpoint is None:
+        prepare_directory(comm, out, again=case if resume else None)
     began = time.perf_counter()
     model = Model(case, comm)
     motion = case.stepper.bind(model)
     state = model.initial_state()
+    if checkpoint:
+        checkpoint.restore(model, state)
     with (
-        Recorder(model, out, motion.dt) as recorder,
+        Recorder(model, out, motion.dt, checkpoint) as recorder,
         Signals() as signals,
         Progress(recorder.steps, case.duration, progress and comm.rank == 0) as bar,
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
-        recorder.record(state)
-        stepping = time.perf_counter()
+        checkpoints = Checkpoints(model, recorder)
+        if not checkpoint:
+            recorder.record(state)
+        stepping, first = time.perf_counter(), state.step
         while state.step < recorder.steps:
             error = _step(motion, state)
-            due = recorder.due(state)
-            if due or comm.size == 1 or state.step % CHECK_EVERY == 0:
-                if due or state.step % CHECK_EVERY == 0:
-                    error = error or _not_a_number(model, state)
-                _stop_together(comm, error, signals, state, recorder)
+            regular, due = state.step % CHECK_EVERY == 0, recorder.due(state)
+            if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
+                continue
+            _raise_together(comm, error or (_not_a_number(model, state) if regular or due else None))
             if due:
                 recorder.record(state)
                 bar.update(state.time, state.step, recorder.peak_slip_rate)
+            stop = signals.anywhere(comm)
+            if stop or checkpoints.due(state):
+                checkpoints.write(state)
+            if stop:
+                raise Interrupted(
+                    f"stopped by {stop} at {state.time:.6g} s, step {state.step} of {recorder.steps}; "
+                    f"{recorder.records} records are kept in {out}; go on with --resume"
+                )
         stepping = time.perf_counter() - stepping
     _finish(model, out, {
         "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt,
         "nodes": model.total_nodes,
-        "node_updates_per_second": model.total_nodes * state.step / stepping, "ranks": comm.size,
+        "node_updates_per_second": model.total_nodes * (state.step - first) / stepping, "ranks": comm.size,
     })  # fmt: skip
     return Record(out)
 
@@ -109,18 +130,12 @@ def _not_a_number(model: Model, state: State) -> RuptfxError | None:
     )
 
 
-def _stop_together(comm: Any, error: RuptfxError | None, signals: Signals, state: State, recorder: Recorder) -> None:
-    """Raise on all ranks if any of them failed or was told to stop."""
-    if error is None and signals.received:
-        error = Interrupted(
-            f"stopped by {signals.received} at {state.time:.6g} s, step {state.step} of {recorder.steps}; "
-            f"{recorder.records} records are kept in {recorder.out}"
-        )
-    if comm.size == 1:
-        if error is not None:
-            raise error
-    else:
+def _raise_together(comm: Any, error: RuptfxError | None) -> None:
+    """Raise on all ranks if any of them failed."""
+    if comm.size > 1:
         parallel.raise_on_all(comm, error)
+    elif error is not None:
+        raise error
 
 
 class Signals:
@@ -141,6 +156,12 @@ class Signals:
     def _receive(self, number: int, frame: FrameType | None) -> None:
         self.received = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         signal.signal(number, self._before[number] or signal.SIG_DFL)
+
+    def anywhere(self, comm: Any) -> str:
+        """What any rank received; collective, the same answer on all."""
+        if comm.size == 1:
+            return self.received
+        return next(filter(None, comm.allgather(self.received)), "")
 
     def __exit__(self, *_: Any) -> None:
         for number, handler in self._before.items():

@@ -1,0 +1,216 @@
+"""Checkpoints: everything a run needs to go on after it was killed, on any number of ranks.
+
+A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a copy of every history file as it was
+then: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
+temporary name, synced, renamed; the last two are kept. Node and point arrays are in an order that does not depend on
+the partition.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from ruptfx import RuptfxError, __version__, fem, parallel
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model, State
+    from ruptfx.recorder import Recorder
+
+FOLDER = "checkpoints"
+KEPT = 2
+
+
+class CheckpointError(RuptfxError):
+    """A checkpoint that must not be used: the reason and the remedy."""
+
+
+class Checkpoints:
+    """Writes the checkpoints of a run when they are due.
+
+    Parameters
+    ----------
+    model : Model
+    recorder : Recorder
+    """
+
+    def __init__(self, model: Model, recorder: Recorder) -> None:
+        self._model, self._recorder = model, recorder
+        self._minutes, self._steps = model.case.output.checkpoint_minutes, model.case.output.checkpoint_steps
+        self._last = time.monotonic()
+
+    def scheduled(self, state: State) -> bool:
+        """Whether the case asks for a checkpoint at this step."""
+        return self._steps is not None and state.step % self._steps == 0
+
+    def due(self, state: State) -> bool:
+        """Scheduled, or late by rank 0's clock: the same answer on all ranks; collective."""
+        if self._steps is not None:
+            return self.scheduled(state)
+        return bool(self._model.comm.bcast(time.monotonic() - self._last > 60 * self._minutes, root=0))
+
+    def write(self, state: State) -> None:
+        """Save now; collective.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks, when the disk is full; the previous checkpoints are untouched.
+        """
+        model = self._model
+        arrays = {name: model.gather_nodes(getattr(state, name)) for name in ("displacement", "velocity")}
+        faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
+        energy = model.comm.gather(state.energy, root=0)
+        self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
+        self._last = time.monotonic()
+
+    def _write(self, state: State, arrays: dict[str, Any], faults: dict[str, Any], energy: Any) -> None:
+        folder = self._recorder.out / FOLDER
+        temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        with h5py.File(temporary / "state.h5", "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
+            for fault, fields in faults.items():
+                for name, values in fields.items():
+                    file[f"{fault}/{name}"] = values
+        for path in self._recorder.settle():
+            shutil.copyfile(path, temporary / path.name)
+        manifest = {
+            "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
+            "dt": self._recorder.dt, "records": self._recorder.records, "largest_work": self._recorder.largest_work,
+            "files": {path.name: _checksum(path) for path in sorted(temporary.iterdir())},
+        }  # fmt: skip
+        (temporary / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
+        for path in temporary.iterdir():
+            _sync(path)
+        shutil.rmtree(final, ignore_errors=True)
+        temporary.replace(final)
+        _sync(folder)
+        for old in _all(self._recorder.out)[:-KEPT]:
+            shutil.rmtree(old)
+
+
+class Checkpoint:
+    """The checkpoint a run goes on from.
+
+    Attributes
+    ----------
+    path : Path
+    manifest : dict
+        Known to all ranks.
+    """
+
+    def __init__(self, path: Path, manifest: dict[str, Any]) -> None:
+        self.path, self.manifest = path, manifest
+
+    @classmethod
+    def latest(cls, comm: fem.MPI.Comm, out: Path, case_hash: str) -> Checkpoint | None:
+        """The newest checkpoint of a run directory, or the one before if that is damaged; None where the run was
+        stopped before its first; collective.
+
+        Raises
+        ------
+        CheckpointError
+            None undamaged, or of another case or version.
+        """
+
+        def find() -> tuple[Path, dict[str, Any]] | None:
+            refused = []
+            for path in reversed(_all(out)):
+                try:
+                    return path, _verified(path, case_hash)
+                except CheckpointError as error:
+                    refused.append(str(error))
+            if refused:
+                raise CheckpointError("\n".join(refused))
+            return None
+
+        found = parallel.on_root(comm, find)
+        return None if found is None else cls(*found)
+
+    def restore_files(self, out: Path) -> None:
+        """Put the history files back as they were; rank 0 only."""
+        for name in self.manifest["files"]:
+            if name != "state.h5":
+                shutil.copyfile(self.path / name, out / name)
+
+    def restore(self, model: Model, state: State) -> None:
+        """Fill the state; collective."""
+
+        def read() -> dict[str, np.ndarray]:
+            found: dict[str, np.ndarray] = {}
+            with h5py.File(self.path / "state.h5") as file:
+                file.visititems(lambda name, item: found.update({name: item[()]}) if hasattr(item, "shape") else None)
+            return found
+
+        arrays = parallel.on_root(model.comm, read)
+        for name in ("displacement", "velocity"):
+            getattr(state, name)[:] = model.scatter_nodes(arrays[name])
+        for fault in model.faults:
+            for name, values in state.faults[fault.name].items():
+                values[:] = arrays[f"{fault.name}/{name}"][fault.interface.number]
+        # What each rank accumulated; on another number of ranks rank 0 takes the sum.
+        saved, rank = self.manifest["energy"], model.comm.rank
+        for name in state.energy:
+            if len(saved) == model.comm.size:
+                state.energy[name] = saved[rank][name]
+            else:
+                state.energy[name] = sum(part[name] for part in saved) if rank == 0 else 0.0
+        state.step = self.manifest["step"]
+        state.time = state.step * self.manifest["dt"]
+
+
+def _all(out: Path) -> list[Path]:
+    return sorted(path for path in (out / FOLDER).glob("step_*") if path.is_dir())
+
+
+def _verified(path: Path, case_hash: str) -> dict[str, Any]:
+    """The manifest, after every check."""
+    try:
+        manifest = json.loads((path / "manifest.json").read_text())
+        seal = manifest.pop("seal")
+    except (OSError, ValueError, KeyError, AttributeError):
+        raise CheckpointError(f"{path}: manifest.json is missing or damaged; it cannot be used") from None
+    if seal != _seal(manifest):
+        raise CheckpointError(f"{path}: manifest.json does not match its own checksum; it cannot be used")
+    if manifest["case_hash"] != case_hash:
+        raise CheckpointError(
+            f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "
+            "resume with the case.toml of the run directory"
+        )
+    if manifest["ruptfx_version"] != __version__:
+        raise CheckpointError(
+            f"{path}: written by ruptfx {manifest['ruptfx_version']}, this is {__version__}; resume with that version"
+        )
+    for name, checksum in manifest["files"].items():
+        file = path / name
+        if not file.is_file() or _checksum(file) != checksum:
+            raise CheckpointError(f"{file}: missing or damaged (its checksum differs); it cannot be used")
+    return manifest
+
+
+def _checksum(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _seal(manifest: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
