@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,13 +30,14 @@ def number(seed: int, name: str, unit: str, schema: dict[str, Any]) -> float:
     return 0.5 * (above + below) if np.isfinite(above + below) else (2 * above + 1 if np.isfinite(above) else below - 1)
 
 
+@cache
+def properties(cls: type[Part]) -> dict[str, dict[str, Any]]:
+    """JSON schema of every field."""
+    return cls.model_json_schema()["properties"]
+
+
 def choices(schema: dict[str, Any]) -> list[dict[str, Any]]:
     return schema.get("anyOf") or schema.get("oneOf") or [schema]
-
-
-def varies(schema: dict[str, Any]) -> bool:
-    """Whether a field accepts a profile."""
-    return any("$ref" in item or "discriminator" in item or "oneOf" in item for item in choices(schema))
 
 
 def folder(schema: dict[str, Any]) -> str | None:
@@ -63,7 +65,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         Give every field that may vary along an interface as a profile.
     """
     result: dict[str, Any] = {}
-    for name, schema in cls.model_json_schema()["properties"].items():
+    for name, schema in properties(cls).items():
         inner = folder(schema)
         options = flat(schema)
         if inner is not None:
@@ -89,14 +91,15 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
 
 def holds(cls: type[Part]) -> bool:
     """Whether an alternative holds another one (a wrapper)."""
-    return any(folder(schema) for schema in cls.model_json_schema()["properties"].values())
+    return any(folder(schema) for schema in properties(cls).values())
 
 
 def friction_laws() -> list[tuple[str, str | None]]:
-    """Every law of the folder, wrappers around every plain law."""
+    """Every law of the folder, wrappers around the simplest plain law and around the one with most parameters."""
     laws = alternatives("ruptfx.friction")
-    plain = [kind for kind, cls in laws.items() if not holds(cls)]
-    return [(kind, inner) for kind, cls in laws.items() for inner in (plain if holds(cls) else [None])]
+    plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
+    held = [plain[0][1], plain[-1][1]]
+    return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
 
 
 def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Any:

@@ -1,0 +1,134 @@
+"""Every time stepper: second order, the energy budget closed to round-off, unstable steps refused."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, SPLIT, advance, case, march, memory_friction
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.model import Model
+from ruptfx.schema import CaseError, alternatives
+from ruptfx.steppers.leapfrog import LeapfrogMotion
+
+pytestmark = pytest.mark.fem
+
+EXPLICIT = [kind for kind, cls in alternatives("ruptfx.steppers").items() if "time_step" in cls.model_fields]
+every_stepper = pytest.mark.parametrize("kind", EXPLICIT)
+EVERYTHING = [
+    {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0, "ramp": 4e-6},
+    {"kind": "traction", "edge": "upper.top", "traction": [1e6, 2e6], "ramp": 3e-6},
+    {"kind": "absorbing", "edge": "upper.right"},
+    {"kind": "absorbing", "edge": "lower.bottom"},
+]
+
+
+@every_stepper
+@pytest.mark.parametrize("contact", [COMPLIANT, SPLIT], ids=["compliant", "split_node"])
+def test_second_order_in_time(kind: str, contact: dict[str, Any]) -> None:
+    """Stuck interface, driven, loaded, absorbing and damped; the solution of the ODE is smooth for t > 0."""
+    duration = 2e-6
+    finals = []
+    for steps in (60, 120, 240):
+        smooth = case({
+            "order": 2, "duration": duration, "boundaries": EVERYTHING, "damping": {"mass": 2e5},
+            "faults.main.contact": contact, "stepper": {"kind": kind, "time_step": duration / steps},
+        })  # fmt: skip
+        _, motion, state = march(smooth)
+        assert state.step == steps and motion.dt == duration / steps
+        finals.append(state.displacement.copy())
+    coarse, fine = (np.linalg.norm(a - b) for a, b in pairwise(finals))
+    # |u_h - u_(h/2)| / |u_(h/2) - u_(h/4)| = 2^2 for a second-order scheme.
+    assert 3.5 < coarse / fine < 4.5
+    assert fine > 1e-9 * np.linalg.norm(finals[-1])
+
+
+@every_stepper
+@pytest.mark.parametrize("contact", [COMPLIANT, SPLIT], ids=["compliant", "split_node"])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_energy_budget_closes(kind: str, contact: dict[str, Any], plane: str) -> None:
+    """Sliding, opening, driven, loaded, absorbing, damped: all that is put in is found again."""
+    busy = case({
+        "plane": plane, "duration": 10e-6, "boundaries": EVERYTHING, "damping": {"mass": 1e4},
+        "faults.main.contact": contact, "faults.main.friction": memory_friction("P1"),
+        "faults.main.initial_stress": {"normal": 0.5e6, "shear": 5e3}, "stepper": {"kind": kind},
+    })  # fmt: skip
+    opened = 0.0
+    model = Model(busy)
+    motion, state = busy.stepper.bind(model), model.initial_state()
+
+    def watch(now: Any) -> None:
+        nonlocal opened
+        opened = max(opened, now.faults["main"]["opening"].max())
+
+    work = 0.0
+    for _ in range(10):
+        advance(motion, state, 1e-6, watch)
+        energy = model.energies(state, motion.dt)
+        work = max(work, abs(energy["boundary_work"]))
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+        assert abs(lost) < 1e-11 * work
+    # It was busy: slid, opened, damped.
+    assert energy["frictional_dissipation"] > 1e-3 * work and energy["damping"] > 1e-3 * work and opened > 1e-8
+
+
+@every_stepper
+def test_antiplane_energy_and_split(kind: str) -> None:
+    sliding = case({
+        "plane": "antiplane", "duration": 6e-6, "faults.main.contact": SPLIT, "stepper": {"kind": kind},
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-6},
+        "faults.main.initial_stress.shear": {
+            "kind": "boxcar", "inside": 3.7e6, "outside": 3e6, "center": 6e-3, "half_width": 2e-3
+        },
+    })  # fmt: skip
+    model, motion, state = march(sliding)
+    energy = model.energies(state, motion.dt)
+    lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+    assert state.faults["main"]["slip"].min() > 0
+    assert abs(lost) < 1e-11 * energy["boundary_work"]
+
+
+@pytest.mark.parametrize(
+    "C_n, limit", [(300e9, "set by the elements"), (3e16, "set by the contact stiffness of faults.main")]
+)
+def test_unstable_step_is_refused(C_n: float, limit: str) -> None:
+    contact = {"kind": "compliant", "C_n": C_n, "C_s": 100e9}
+    stiff = case({"faults.main.contact": contact, "stepper": {"kind": "leapfrog", "time_step": 1e-6}})
+    message = rf"stepper\.time_step = 1e-06 s: unstable, the limit is .* s, {limit}; reduce it"
+    with pytest.raises(CaseError, match=message):
+        stiff.stepper.bind(Model(stiff))
+
+
+@pytest.mark.parametrize("C_n", [300e9, 1e14])
+def test_the_limit_is_the_limit(C_n: float) -> None:
+    """Energy stays bounded just below 2 / omega_max and explodes just above."""
+    moved = case({"order": 3, "faults.main.contact": {"kind": "compliant", "C_n": C_n, "C_s": 100e9}})
+    model = Model(moved)
+    stable = 2 / model.highest_frequency(LeapfrogMotion.free_inverse_mass(model))
+    random = np.random.default_rng(0)
+    growth = []
+    for factor in (0.985, 1.015):
+        motion, state = LeapfrogMotion(model, factor * stable), model.initial_state()
+        # Small enough to keep the interface closed: C_n u << 6 MPa.
+        state.displacement[:] = 1e-16 * random.normal(size=len(state.displacement))
+        advance(motion, state, 25 * motion.dt)
+        before = np.linalg.norm(state.velocity)
+        advance(motion, state, 25 * motion.dt)
+        growth.append(np.linalg.norm(state.velocity) / before)
+    # Per step above the limit: exp(2 acosh(1.015)), that is e^8.7 = 5800 in 25 steps, before the interface opens.
+    assert growth[0] < 3 and growth[1] > 1000
+
+
+def test_chosen_step_does_not_depend_on_the_last_digits() -> None:
+    plain = case()
+    dt = plain.stepper.bind(Model(plain)).dt
+    assert float(f"{dt:.2e}") == pytest.approx(dt, rel=1e-12)
+
+
+def test_safety_scales_the_step() -> None:
+    dts = [(c := case({"stepper": {"kind": "leapfrog", "safety": s}})).stepper.bind(Model(c)).dt for s in (0.9, 0.45)]
+    assert dts[0] / dts[1] == pytest.approx(2, rel=0.02)
