@@ -1,6 +1,6 @@
 // Internal force of isotropic linear elasticity without a matrix, LANES elements at a time, and the leapfrog update of
-// the nodes that need nothing else.  Dimension, components and order are compile-time constants; DERIVATIVE, POINT and
-// WEIGHT (Gauss-Lobatto-Legendre points on [0, 1]) are written in front of this file by matrix_free.py.
+// the nodes that need nothing else.  matrix_free.py writes in front of this file what is known at compile time: DIM,
+// COMPONENTS, ORDER, SIMPLEX, and as TABLES those of the Gauss-Lobatto-Legendre points on [0, 1].
 //
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
 // other (sum factorisation), stress, transposed gradient, scatter.
@@ -11,12 +11,20 @@
 #define LANES 4
 #endif
 #define N (ORDER + 1)
+#define H (N / 2)
 #if SIMPLEX
 #define NODES (DIM + 1)
 #elif DIM == 2
 #define NODES (N * N)
 #else
 #define NODES (N * N * N)
+#endif
+#if SIMPLEX || ORDER == 1
+#define INNER_NODES 0
+#elif DIM == 2
+#define INNER_NODES ((N - 2) * (N - 2))
+#else
+#define INNER_NODES ((N - 2) * (N - 2) * (N - 2))
 #endif
 #define INLINE static inline __attribute__((always_inline))
 #define UNROLL _Pragma("GCC unroll 16")
@@ -27,17 +35,24 @@ typedef long long_lanes __attribute__((vector_size(8 * LANES)));
 typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
 typedef double couple __attribute__((vector_size(16), aligned(8)));
 
-enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS };  // kind of a batch: one of four geometries, plus VISCOUS
+// Kind of a batch: one of four geometries, plus VISCOUS, plus ADVANCE if nodes inside its elements move on with it.
+enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 8 };
 
 struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
     const lanes *number;           // viscosity time if VISCOUS, lambda, shear modulus, geometry
+    const lanes *inner_mass;       // [batch][inner node]: inverse mass of the nodes inside the elements
+    const int *line, *line_start;  // cache lines of displacement a batch is the first to touch, [batches + 2]
+    const int *rim_line, *rim_line_start;  // the same of force, for nodes on the boundaries of elements
     const int *block;              // [blocks + 1]: first batch of every block
-    const int *run_start;          // [blocks + 1]: first run of every block
-    const int *run;                // [runs][2]: first and one past the last of nodes that no later element touches
+    const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
+    const int *single, *single_start;  // the others of these nodes
 };
+
+struct matrix { double even[H + 1][H + 1], odd[H + 1][H + 1]; };
+TABLES
 
 int lanes_per_batch(void) { return LANES; }
 
@@ -165,17 +180,24 @@ INLINE void gather_couples(const double *field, const int *dof, lanes x[2])
 #endif
 }
 
-INLINE void scatter_couples(double *field, const int *dof, const lanes x[2])
+INLINE void scatter_couples(const int add, double *field, const int *dof, const lanes x[2])
 {
 #if LANES == 8
     const lanes even = __builtin_shufflevector(x[0], x[1], 0, 8, 2, 10, 4, 12, 6, 14);
     const lanes odd = __builtin_shufflevector(x[0], x[1], 1, 9, 3, 11, 5, 13, 7, 15);
-#define ADD(lane, from, at) \
-    *(couple *)(field + dof[lane]) += (couple)__builtin_shufflevector(from, from, at, at + 1)
-    ADD(0, even, 0), ADD(1, odd, 0), ADD(2, even, 2), ADD(3, odd, 2);
-    ADD(4, even, 4), ADD(5, odd, 4), ADD(6, even, 6), ADD(7, odd, 6);
+#define PUT(lane, from, at) { \
+        const couple y = __builtin_shufflevector(from, from, at, at + 1); \
+        couple *const place = (couple *)(field + dof[lane]); \
+        *place = add ? *place + y : y; \
+    }
+    PUT(0, even, 0) PUT(1, odd, 0) PUT(2, even, 2) PUT(3, odd, 2)
+    PUT(4, even, 4) PUT(5, odd, 4) PUT(6, even, 6) PUT(7, odd, 6)
 #else
-    UNROLL for (int l = 0; l < LANES; l++) *(couple *)(field + dof[l]) += (couple){x[0][l], x[1][l]};
+    UNROLL for (int l = 0; l < LANES; l++) {
+        couple *const place = (couple *)(field + dof[l]);
+        const couple y = {x[0][l], x[1][l]};
+        *place = add ? *place + y : y;
+    }
 #endif
 }
 #endif
@@ -196,13 +218,16 @@ INLINE void gather(const double *field, const int *dof, lanes x[COMPONENTS])
 }
 
 // Lane after lane: elements of one batch may share nodes.
-INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS])
+INLINE void scatter(const int add, double *field, const int *dof, const lanes x[COMPONENTS])
 {
 #if COMPONENTS > 1
-    scatter_couples(field, dof, x);
+    scatter_couples(add, field, dof, x);
 #endif
     if (COMPONENTS != 2)
-        UNROLL for (int l = 0; l < LANES; l++) field[dof[l] + COMPONENTS - 1] += x[COMPONENTS - 1][l];
+        UNROLL for (int l = 0; l < LANES; l++) {
+            double *const place = field + dof[l] + COMPONENTS - 1;
+            *place = add ? *place + x[COMPONENTS - 1][l] : x[COMPONENTS - 1][l];
+        }
 }
 
 // -- gradient and its transpose -------------------------------------------------------------------------------------
@@ -218,32 +243,46 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
     UNROLL for (int c = 0; c < COMPONENTS; c++) {
         u[c][0] = p[0][c];
         UNROLL for (int d = 1; d < DIM; d++) u[c][0] += p[d][c];
-        u[c][0] *= VOLUME;
-        UNROLL for (int d = 0; d < DIM; d++) u[c][d + 1] = -VOLUME * p[d][c];
+        u[c][0] = -u[c][0];
+        UNROLL for (int d = 0; d < DIM; d++) u[c][d + 1] = p[d][c];
     }
 }
 #else
-// out[i] (+)= sum_j matrix[i][j] in[j] along a line of nodes `stride` apart.
-INLINE void along(const int add, const double matrix[N][N], const lanes *in, lanes *out, const int stride)
+// out[i] (+)= sum_j M[i][j] in[j] along a line of nodes `stride` apart.  Turning the line round changes the sign of M, so
+// sums and differences of opposite nodes need half of the products; even and odd hold (M[i][j] +- M[i][N-1-j]) / 2.
+INLINE void along(const int add, const struct matrix *m, const lanes *in, lanes *out, const int stride)
 {
-    lanes line[N];
-    UNROLL for (int j = 0; j < N; j++) line[j] = in[j * stride];
-    UNROLL for (int i = 0; i < N; i++) {
-        lanes sum = matrix[i][0] * line[0];
-        if (add) sum += out[i * stride];
-        UNROLL for (int j = 1; j < N; j++) sum += matrix[i][j] * line[j];
-        out[i * stride] = sum;
+    lanes sum[H + 1], difference[H + 1];
+    UNROLL for (int j = 0; j < H; j++) {
+        sum[j] = in[j * stride] + in[(N - 1 - j) * stride];
+        difference[j] = in[j * stride] - in[(N - 1 - j) * stride];
+    }
+    if (N % 2) sum[H] = in[H * stride];
+    UNROLL for (int i = 0; i < H; i++) {
+        lanes even = {0}, odd = {0};
+        UNROLL for (int j = 0; j < H + N % 2; j++)
+            if (m->even[i][j] != 0) even = j ? even + m->even[i][j] * sum[j] : m->even[i][j] * sum[j];
+        UNROLL for (int j = 0; j < H; j++)
+            if (m->odd[i][j] != 0) odd = j ? odd + m->odd[i][j] * difference[j] : m->odd[i][j] * difference[j];
+        lanes *const near = out + i * stride, *const far = out + (N - 1 - i) * stride;
+        *near = (add ? *near + odd : odd) + even;
+        *far = (add ? *far + odd : odd) - even;
+    }
+    if (N % 2) {
+        lanes middle = m->odd[H][0] * difference[0];
+        UNROLL for (int j = 1; j < H; j++) middle += m->odd[H][j] * difference[j];
+        out[H * stride] = add ? out[H * stride] + middle : middle;
     }
 }
 
 // The same for all lines of one direction.
-INLINE void along_all(const int add, const double matrix[N][N], const lanes *in, lanes *out, const int stride)
+INLINE void along_all(const int add, const struct matrix *m, const lanes *in, lanes *out, const int stride)
 {
     KEEP for (int a = 0; a < NODES; a += N * stride)
-        KEEP for (int b = 0; b < stride; b++) along(add, matrix, in + a + b, out + a + b, stride);
+        KEEP for (int b = 0; b < stride; b++) along(add, m, in + a + b, out + a + b, stride);
 }
 
-// From displacements to minus the internal force, in place.  The last direction, where nodes are neighbours, is done
+// From displacements to internal force over the weights of the nodes, in place.  The last direction, where nodes are neighbours, is done
 // line by line together with the stress.
 INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][NODES])
 {
@@ -251,10 +290,10 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
     lanes g[DIM - 1][COMPONENTS][NODES];
     UNROLL for (int d = 0; d < DIM - 1; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++)
-            along_all(0, DERIVATIVE, u[c], g[d][c], DIM == 3 && d == 0 ? N * N : N);
+            along_all(0, &DERIVATIVE, u[c], g[d][c], DIM == 3 && d == 0 ? N * N : N);
     KEEP for (int line = 0; line < NODES; line += N) {
         lanes last[COMPONENTS][N];
-        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, DERIVATIVE, u[c] + line, last[c], 1);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + line, last[c], 1);
         UNROLL for (int q = 0; q < N; q++) {
             lanes p[DIM][COMPONENTS];
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
@@ -272,21 +311,41 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
                 last[c][q] = p[DIM - 1][c];
             }
         }
-        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, TRANSPOSED, last[c], u[c] + line, 1);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &TRANSPOSED, last[c], u[c] + line, 1);
     }
     UNROLL for (int d = 0; d < DIM - 1; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++)
-            along_all(1, TRANSPOSED, g[d][c], u[c], DIM == 3 && d == 0 ? N * N : N);
-    UNROLL for (int c = 0; c < COMPONENTS; c++)
-        KEEP for (int node = 0; node < NODES; node++) u[c][node] *= MINUS_WEIGHT[node];
+            along_all(1, &TRANSPOSED, g[d][c], u[c], DIM == 3 && d == 0 ? N * N : N);
 }
 #endif
 
-INLINE void batch_force(const int geometry, const int viscous, const int *dof, const lanes *number,
-                        const double *displacement, const double *velocity, double *force)
+// What a node needs to move on: v = decay v + dt f / m, u += dt v.
+struct motion {
+    double *displacement, *velocity, dt, decay;
+};
+
+// Ask for the share of one node of the memory the next batch is the first to touch, a little at a time: nothing else
+// would, as the nodes of elements follow no pattern that a machine sees.
+INLINE void fetch(const int *line, int count, int node, const double *first, const double *second, int width)
 {
+    const int share = (count + NODES - 1) / NODES, end = (node + 1) * share;
+    for (int k = node * share; k < (end < count ? end : count); k++) {
+        __builtin_prefetch(first + 8L * line[k], 1);
+        __builtin_prefetch(second + 8L * line[k] / width, 1);
+    }
+}
+
+// Forces of one batch.  With `advance` the nodes inside the elements, which no other element touches, move on at once.
+INLINE void batch_force(const int geometry, const int viscous, const int advance, const struct plan *plan, long b,
+                        const double *displacement, const double *velocity, double *force, const double *inverse_mass,
+                        struct motion motion)
+{
+    const int *dof = plan->dof + b * NODES * LANES;
+    const lanes *number = plan->number + plan->start[b];
+    const lanes *inner_mass = plan->inner_mass + b * INNER_NODES;
     lanes u[COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
+        fetch(plan->line + plan->line_start[b + 1], plan->line_start[b + 2] - plan->line_start[b + 1], node, displacement, velocity, 1);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         if (viscous) {
@@ -298,9 +357,19 @@ INLINE void batch_force(const int geometry, const int viscous, const int *dof, c
     }
     apply(geometry, number + viscous, u);
     KEEP for (int node = 0; node < NODES; node++) {
+        fetch(plan->rim_line + plan->rim_line_start[b + 1], plan->rim_line_start[b + 2] - plan->rim_line_start[b + 1], node, force, inverse_mass, COMPONENTS);
         lanes x[COMPONENTS];
-        UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = u[c][node];
-        scatter_add(force, dof + node * LANES, x);
+        if (advance && INNER[node]) {
+            const lanes push = motion.dt * MINUS_WEIGHT[node] * *inner_mass++;
+            gather(motion.velocity, dof + node * LANES, x);
+            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = motion.decay * x[c] + push * u[c][node];
+            scatter(0, motion.velocity, dof + node * LANES, x);
+            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] *= motion.dt;
+            scatter(1, motion.displacement, dof + node * LANES, x);
+        } else {
+            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
+            scatter(1, force, dof + node * LANES, x);
+        }
     }
 }
 
@@ -308,54 +377,64 @@ INLINE void batch_force(const int geometry, const int viscous, const int *dof, c
 
 void add_internal_force(const struct plan *plan, long first, long last, const double *u, const double *v, double *force)
 {
-    for (long b = first; b < last; b++) {
-        const int *dof = plan->dof + b * NODES * LANES;
-        const lanes *number = plan->number + plan->start[b];
-        switch (plan->kind[b]) {
+    for (long b = first; b < last; b++)
+        switch (plan->kind[b] % ADVANCE) {
 #define CASE(geometry) \
-    case geometry: batch_force(geometry, 0, dof, number, u, v, force); break; \
-    case geometry + VISCOUS: batch_force(geometry, 1, dof, number, u, v, force); break;
-            CASE(AFFINE)
-#if !SIMPLEX
-            CASE(BOX)
-            CASE(MULTILINEAR)
-            CASE(POINTWISE)
+    case geometry: batch_force(geometry, 0, 0, plan, b, u, v, force, u, (struct motion){0}); break; \
+    case geometry + VISCOUS: batch_force(geometry, 1, 0, plan, b, u, v, force, u, (struct motion){0}); break;
+#if SIMPLEX
+#define CASES CASE(AFFINE)
+#else
+#define CASES CASE(BOX) CASE(AFFINE) CASE(MULTILINEAR) CASE(POINTWISE)
 #endif
+            CASES
         }
-    }
 }
 
-// v = decay v + dt f / m, u += dt v, f = 0 for a run of nodes.
-INLINE void update(long first, long last, double *u, double *v, double *force, const double *inverse_mass, double dt,
-                   double decay)
+INLINE void advance_node(long node, const struct motion *motion, double *force, const double *inverse_mass)
 {
-    long node = first;
-    for (; node + LANES <= last; node += LANES) {
-        const lanes m = dt * *(const loose *)(inverse_mass + node);
-        UNROLL for (int k = 0; k < COMPONENTS; k++) {
-            long_lanes pick;
-            UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
-            const long i = node * COMPONENTS + k * LANES;
-            const lanes faster = decay * *(loose *)(v + i) + __builtin_shuffle(m, pick) * *(loose *)(force + i);
-            *(loose *)(v + i) = faster;
-            *(loose *)(u + i) += dt * faster;
-            *(loose *)(force + i) = (lanes){0};
-        }
-    }
-    for (long i = node * COMPONENTS; i < last * COMPONENTS; i++) {
-        v[i] = decay * v[i] + dt * inverse_mass[i / COMPONENTS] * force[i];
-        u[i] += dt * v[i];
+    const double push = motion->dt * inverse_mass[node];
+    UNROLL for (long i = node * COMPONENTS; i < (node + 1) * COMPONENTS; i++) {
+        const double v = motion->decay * motion->velocity[i] + push * force[i];
+        motion->velocity[i] = v;
+        motion->displacement[i] += motion->dt * v;
         force[i] = 0;
     }
 }
 
-// Elements of some blocks; after each block the nodes that no later element reads move on.
+// The same for LANES nodes in a row.
+INLINE void advance_row(long node, const struct motion *motion, double *force, const double *inverse_mass)
+{
+    const lanes push = motion->dt * *(const loose *)(inverse_mass + node);
+    UNROLL for (int k = 0; k < COMPONENTS; k++) {
+        long_lanes pick;
+        UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
+        const long i = node * COMPONENTS + k * LANES;
+        const lanes v = motion->decay * *(loose *)(motion->velocity + i) + __builtin_shuffle(push, pick) * *(loose *)(force + i);
+        *(loose *)(motion->velocity + i) = v;
+        *(loose *)(motion->displacement + i) += motion->dt * v;
+        *(loose *)(force + i) = (lanes){0};
+    }
+}
+
+// Elements of some blocks; after each block the nodes that no later element touches move on.
 void step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
           const double *inverse_mass, double dt, double decay)
 {
+    const struct motion motion = {u, v, dt, decay};
     for (long block = first; block < last; block++) {
-        add_internal_force(plan, plan->block[block], plan->block[block + 1], u, v, force);
-        for (long r = plan->run_start[block]; r < plan->run_start[block + 1]; r++)
-            update(plan->run[2 * r], plan->run[2 * r + 1], u, v, force, inverse_mass, dt, decay);
+        for (long b = plan->block[block]; b < plan->block[block + 1]; b++)
+            switch (plan->kind[b]) {
+#undef CASE
+#define CASE(geometry) \
+    case geometry + ADVANCE: batch_force(geometry, 0, 1, plan, b, u, v, force, inverse_mass, motion); break; \
+    case geometry + VISCOUS + ADVANCE: batch_force(geometry, 1, 1, plan, b, u, v, force, inverse_mass, motion); break;
+                CASES
+            default: add_internal_force(plan, b, b + 1, u, v, force);
+            }
+        for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
+            advance_row(plan->row[r], &motion, force, inverse_mass);
+        for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
+            advance_node(plan->single[n], &motion, force, inverse_mass);
     }
 }

@@ -16,7 +16,7 @@ from ruptfx import RuptfxError, fem, native
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.operators import Bulk
 
-BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS = range(5)  # kinds of a batch, as in the C source
+BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 0, 1, 2, 3, 4, 8  # kinds of a batch, as in the C source
 BLOCK_NODES = 2048  # nodes computed between updates: few enough to stay in the second-level cache
 _TENSOR_CELLS = ("quadrilateral", "hexahedron")
 
@@ -24,7 +24,10 @@ _TENSOR_CELLS = ("quadrilateral", "hexahedron")
 class _Plan(ctypes.Structure):
     """`struct plan` of the C source."""
 
-    _fields_ = [(name, ctypes.c_void_p) for name in ("dof", "kind", "start", "number", "block", "run_start", "run")]
+    _fields_ = [(name, ctypes.c_void_p) for name in (
+        "dof", "kind", "start", "number", "inner_mass", "line", "line_start", "rim_line", "rim_line_start", "block",
+        "row", "row_start", "single", "single_start",
+    )]  # fmt: skip
 
 
 class MatrixFree:
@@ -58,7 +61,10 @@ class MatrixFree:
         self._hold("dof", np.ascontiguousarray(nodes * np.int32(self._components), dtype=np.int32))
         kind, start, number = _numbers(bulk, cells, padding, permutation)
         self._hold("kind", kind), self._hold("start", start), self._hold("number", number)
-        self._arguments: dict[str, Any] = {}
+        self._inner = _inner(space, permutation)
+        self._padded = padding.any(axis=1)
+        self._inverse_mass: np.ndarray | None = None
+        self._hold_lines()
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
     def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
@@ -77,28 +83,32 @@ class MatrixFree:
         ----------
         held : ndarray of bool, shape (nodes,)
         """
-        dof = self._keep["dof"].reshape(self._batches, -1)
-        step = max(1, BLOCK_NODES * 4 // dof.shape[1])
+        node = self._keep["dof"].reshape(self._batches, len(self._inner), -1) // self._components
+        size = max(1, BLOCK_NODES * 4 // node[0].size)
         first = np.unique(np.r_[
-            np.arange(0, self._boundary_batches, step), np.arange(self._boundary_batches, self._batches, step),
+            np.arange(0, self._boundary_batches, size), np.arange(self._boundary_batches, self._batches, size),
             self._batches,
         ])  # fmt: skip
         self._boundary_blocks = int(np.searchsorted(first, self._boundary_batches))
         self._blocks = len(first) - 1
+        held = held | self._shared
+        # Nodes inside elements move with their batch, unless one is held or a cell is there twice to fill the batch.
+        inside = node[:, self._inner]
+        advance = ~(self._padded | held[inside].any(axis=(1, 2)))
+        self._keep["kind"][:] = self._keep["kind"] % ADVANCE + ADVANCE * advance
         # Later assignments win: what remains is the last block that touches the node.
         done_in = np.full(self._nodes, -1, dtype=np.int32)
         for block in range(self._blocks):
-            done_in[dof[first[block] : first[block + 1]].ravel() // self._components] = block
-        done_in[held | self._shared] = -1
-        nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :]
-        block_of = done_in[nodes]
-        breaks = np.flatnonzero((np.diff(nodes) != 1) | (np.diff(block_of) != 0)) + 1
-        begin, end = np.r_[0, breaks][: len(nodes)], np.r_[breaks, len(nodes)][: len(nodes)]
-        runs = np.stack([nodes[begin], nodes[end - 1] + 1], axis=1)
-        run_start = np.searchsorted(block_of[begin], np.arange(self._blocks + 1))
+            done_in[node[first[block] : first[block + 1]].ravel()] = block
+        done_in[held] = -1
+        done_in[inside[advance].ravel()] = -1
+        nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :].astype(np.int32)
+        in_row = _rows(nodes, done_in[nodes], node.shape[2])
+        for name, which in (("row", in_row == 0), ("single", in_row < 0)):
+            self._hold(name, np.ascontiguousarray(nodes[which]))
+            starts = np.searchsorted(done_in[nodes[which]], np.arange(self._blocks + 1))
+            self._hold(f"{name}_start", starts.astype(np.int32))
         self._hold("block", first.astype(np.int32))
-        self._hold("run_start", run_start.astype(np.int32))
-        self._hold("run", np.ascontiguousarray(runs, dtype=np.int32))
 
     def step(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
@@ -138,6 +148,12 @@ class MatrixFree:
         self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
 
     def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> None:
+        if arrays[3] is not self._inverse_mass:
+            inside = self._keep["dof"].reshape(self._batches, len(self._inner), -1)[:, self._inner] // self._components
+            mass = _aligned((inside.size // inside.shape[2], inside.shape[2]))
+            mass[:] = arrays[3][inside].reshape(mass.shape)
+            self._hold("inner_mass", mass)
+            self._inverse_mass = arrays[3]
         self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*arrays),
             ctypes.c_double(dt), ctypes.c_double(decay),
@@ -159,6 +175,19 @@ class MatrixFree:
             if array.dtype != np.float64 or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
                 raise RuptfxError(f"matrix_free: a vector of {self._nodes * size} doubles is needed, not {array.shape}")
         return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+
+    def _hold_lines(self) -> None:
+        """Cache lines (8 doubles) that every batch is the first to touch, to be fetched while the one before is computed."""
+        dof = self._keep["dof"].reshape(self._batches, len(self._inner), -1)
+        for prefix, part in (("", dof), ("rim_", dof[:, ~self._inner])):
+            lines = part.reshape(self._batches, -1) // 8
+            first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
+            for batch in range(self._batches - 1, -1, -1):
+                first_touch[lines[batch]] = batch
+            order = np.argsort(first_touch, kind="stable")
+            starts = np.searchsorted(first_touch[order], np.r_[: self._batches + 1, self._batches])
+            self._hold(f"{prefix}line", order[: starts[-1]].astype(np.int32))
+            self._hold(f"{prefix}line_start", starts.astype(np.int32))
 
     def _order_cells(self, space: Any, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Cells by batch (batch, lane), which of them only fill up a batch, and how many batches come first.
@@ -202,6 +231,25 @@ def _shared_nodes(index_map: Any) -> np.ndarray:
     return flag.array > 0
 
 
+def _inner(space: Any, permutation: np.ndarray) -> np.ndarray:
+    """True for the nodes inside a cell, in tensor order."""
+    element = space.element.basix_element
+    inner = np.zeros(len(permutation), dtype=bool)
+    inner[element.entity_dofs[space.mesh.topology.dim][0]] = True
+    return inner[permutation]
+
+
+def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
+    """Place (0 to lanes - 1) of a node in a full row of consecutive nodes of one block; -1 outside of full rows."""
+    if len(nodes) == 0:
+        return np.zeros(0, dtype=np.int64)
+    new_run = np.r_[True, (np.diff(nodes) != 1) | (np.diff(block) != 0)]
+    start = np.flatnonzero(new_run)
+    length = np.diff(np.r_[start, len(nodes)])
+    place = np.arange(len(nodes)) - np.repeat(start, length)
+    return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
+
+
 def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     """Tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
@@ -209,21 +257,34 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     sizes = {"DIM": dim, "COMPONENTS": space.dofmap.index_map_bs, "ORDER": order, "SIMPLEX": int(name not in _TENSOR_CELLS)}
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if name not in _TENSOR_CELLS:
-        return np.arange(dim + 1), text + f"#define VOLUME {1 / (2, 6)[dim - 2]!r}\n"
+        tables = {"double MINUS_WEIGHT[]": np.full(dim + 1, -1 / (2, 6)[dim - 2]), "double INNER[]": np.zeros(dim + 1)}
+        return np.arange(dim + 1), text + _tables(tables)
     points, weights, derivative = gauss_lobatto_legendre(order)
     # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
     permutation = np.lexsort(np.round(element.points, 10).T[::-1])
-    transposed = (weights[:, None] * derivative).T / weights[:, None]
     product = weights
     for _ in range(dim - 1):
         product = np.multiply.outer(product, weights)
-    tables = {
-        "POINT[]": points, "MINUS_WEIGHT[]": -product.ravel(), f"DERIVATIVE[][{order + 1}]": derivative,
-        f"TRANSPOSED[][{order + 1}]": transposed,
-    }  # fmt: skip
-    for declaration, values in tables.items():
-        text += f"static const double {declaration} = {_braces(values)};\n"
-    return permutation, text
+    transposed = (weights[:, None] * derivative).T / weights[:, None]
+    return permutation, text + _tables({
+        "double POINT[]": points, "double MINUS_WEIGHT[]": -product.ravel(),
+        "double INNER[]": _inner(space, permutation),
+        "struct matrix DERIVATIVE": _halves(derivative), "struct matrix TRANSPOSED": _halves(transposed),
+    })  # fmt: skip
+
+
+def _halves(matrix: np.ndarray) -> np.ndarray:
+    """Even and odd half of a matrix that changes sign when rows and columns are turned round."""
+    half = (len(matrix) + 1) // 2
+    even, odd = (0.5 * (matrix + sign * matrix[:, ::-1])[:half, :half] for sign in (1, -1))
+    if len(matrix) % 2:
+        even[:, -1] = matrix[:half, half - 1]  # the middle node is its own opposite
+    return np.stack([even, odd])
+
+
+def _tables(tables: dict[str, np.ndarray]) -> str:
+    constants = (f"static const {name} = {_braces(values)};" for name, values in tables.items())
+    return f"#define TABLES {' '.join(constants)}\n"
 
 
 def _braces(values: np.ndarray) -> str:
@@ -241,6 +302,7 @@ def gauss_lobatto_legendre(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
     barycentric = 1 / np.prod(difference, axis=1)
     derivative = barycentric / barycentric[:, None] / difference
     np.fill_diagonal(derivative, 0)
+    derivative = 0.5 * (derivative - derivative[::-1, ::-1])
     # Rows that sum to zero: a rigid translation gives no force at all.
     np.fill_diagonal(derivative, -derivative.sum(axis=1))
     return x, weights, derivative
