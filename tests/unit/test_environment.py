@@ -1,0 +1,134 @@
+"""The environment itself: versions, the launcher of this MPI, the set-up script and the image's packages."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import ruptfx
+from ruptfx.launch import find_mpiexec
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_version_is_written_the_same_twice():
+    assert ruptfx.__version__ == PROJECT["version"]
+
+
+@pytest.mark.skipif(find_spec("mpi4py") is None, reason="needs mpi4py")
+@pytest.mark.skipif("PMI_SIZE" in os.environ or "OMPI_COMM_WORLD_SIZE" in os.environ, reason="inside mpiexec already")
+def test_mpiexec_is_the_one_of_mpi4py():
+    program = "from ruptfx import fem; print(fem.MPI.COMM_WORLD.size)"
+    done = subprocess.run(
+        [find_mpiexec(), "-n", "2", sys.executable, "-c", program],
+        capture_output=True, text=True, timeout=120, cwd=ROOT, check=True,
+        env=os.environ | {
+            "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+            "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        },
+    )  # fmt: skip
+    # Each of two ranks sees two; with a foreign mpiexec each would see itself only.
+    assert done.stdout.split() == ["2", "2"]
+
+
+def checkout(path: Path) -> Path:
+    """A directory with all that the set-up script reads."""
+    (path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci" / "setup", path / ".ci")
+    shutil.copy(ROOT / "pyproject.toml", path)
+    return path
+
+
+def script(path: Path, name: str, text: str) -> None:
+    path.mkdir(exist_ok=True)
+    (path / name).write_text(f"#!/bin/sh\n{text}\n")
+    (path / name).chmod(0o755)
+
+
+def setup(path: Path, programs: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the set-up script where only `programs` and a few tools are found."""
+    programs.mkdir(exist_ok=True)
+    for tool in ("cat", "rm"):
+        (programs / tool).symlink_to(shutil.which(tool) or tool)
+    return subprocess.run(
+        ["/bin/sh", str(path / ".ci" / "setup")], capture_output=True, text=True, timeout=60, cwd="/", check=False,
+        env={"PATH": str(programs), "HOME": str(path)} | environment,
+    )  # fmt: skip
+
+
+def sentence(done: subprocess.CompletedProcess[str]) -> str:
+    assert done.returncode == 1
+    assert done.stdout == "" and done.stderr.count("\n") == 1 and done.stderr.startswith("setup: "), done.stderr
+    return done.stderr
+
+
+needs_no_system_dolfinx = pytest.mark.skipif(
+    Path("/usr/lib/python3/dist-packages/dolfinx").exists(), reason="the script finds the system's DOLFINx"
+)
+
+
+@needs_no_system_dolfinx
+def test_setup_without_a_python_says_what_to_install(tmp_path: Path):
+    path = checkout(tmp_path)
+    assert "no Python 3.12 or newer was found; install one" in sentence(setup(path, tmp_path / "bin"))
+
+
+@needs_no_system_dolfinx
+def test_setup_runs_candidates_before_it_believes_them(tmp_path: Path):
+    path, programs = checkout(tmp_path), tmp_path / "bin"
+    script(programs, "python3.13", 'echo "pyenv: python3.13: command not found" >&2; exit 127')  # a shim
+    old = 'case "$2" in *version_info*) exit 1;; esac; exit 0'
+    script(programs, "python3", old)
+    assert "no Python 3.12 or newer was found" in sentence(setup(path, programs))
+
+
+@needs_no_system_dolfinx
+def test_setup_names_a_python_without_venv(tmp_path: Path):
+    path, programs = checkout(tmp_path), tmp_path / "bin"
+    script(programs, "python3.13", 'case "$2" in *ensurepip*|*dolfinx*) exit 1;; esac; exit 0')
+    assert "python3.13 has no venv module; install it with" in sentence(setup(path, programs))
+
+
+def test_setup_refuses_a_python_that_was_asked_for_and_does_not_fit(tmp_path: Path):
+    path = checkout(tmp_path)
+    said = sentence(setup(path, tmp_path / "bin", PYTHON="/nonexistent/python"))
+    assert "PYTHON=/nonexistent/python is not a Python 3.12 or newer" in said
+
+
+@pytest.mark.skipif(find_spec("ensurepip") is None, reason="this Python cannot make environments")
+@pytest.mark.parametrize(
+    ("compiler", "words"),
+    [
+        (None, "no C compiler was found"),
+        ('for a; do :; done; grep -q stdio.h "$a" && exit 1; exit 0', "apt-get install libc6-dev"),
+        ('for a; do :; done; grep -q Python.h "$a" && exit 1; exit 0', "apt-get install python3-dev"),
+    ],
+)
+def test_setup_says_what_compiling_lacks(tmp_path: Path, compiler: str | None, words: str):
+    path, programs = checkout(tmp_path), tmp_path / "bin"
+    environment = {"PYTHON": sys.executable}
+    if compiler is not None:
+        script(programs, "mycc", f"PATH=/usr/bin:/bin; {compiler}")
+        environment["CC"] = str(programs / "mycc")
+    assert words in sentence(setup(path, programs, **environment))
+
+
+def names(requirements: list[str]) -> set[str]:
+    found = (re.match(r"[A-Za-z0-9_.-]+", requirement) for requirement in requirements)
+    return {match[0].lower() for match in found if match}
+
+
+def test_image_installs_every_dependency_from_apt():
+    packages = set(re.findall(r"\bpython3-([a-z0-9-]+)", (ROOT / "Dockerfile").read_text()))
+    extras = PROJECT["optional-dependencies"]
+    wanted = names(PROJECT["dependencies"]) | names(extras["fem"]) - {"dolfinx-solver-real"} | {"dolfinx"}
+    assert wanted <= packages, f"not in the Dockerfile: {wanted - packages}"
