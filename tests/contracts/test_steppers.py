@@ -49,31 +49,32 @@ def test_second_order_in_time(kind: str, contact: dict[str, Any]) -> None:
 
 @every_stepper
 @pytest.mark.parametrize("contact", [COMPLIANT, SPLIT], ids=["compliant", "split_node"])
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_energy_budget_closes(kind: str, contact: dict[str, Any], plane: str) -> None:
+@pytest.mark.parametrize("plane, pull, tolerance", [
+    ("stress", -2e6, 1e-11), ("strain", -2e6, 1e-11),
+    # A spring that lets go, or nodes that meet, between two steps: the discrete budget is no longer exact.
+    ("stress", 2e6, 1e-4), ("strain", 2e6, 1e-4),
+])  # fmt: skip
+def test_energy_budget_closes(kind: str, contact: dict[str, Any], plane: str, pull: float, tolerance: float) -> None:
     """Sliding, opening, driven, loaded, absorbing, damped: all that is put in is found again."""
+    boundaries = [EVERYTHING[0], {**EVERYTHING[1], "traction": [1e6, pull]}, *EVERYTHING[2:]]
     busy = case({
-        "plane": plane, "duration": 10e-6, "boundaries": EVERYTHING, "damping": {"mass": 1e4},
+        "plane": plane, "duration": 10e-6, "boundaries": boundaries, "damping": {"mass": 1e4},
         "faults.main.contact": contact, "faults.main.friction": memory_friction("P1"),
         "faults.main.initial_stress": {"normal": 0.5e6, "shear": 5e3}, "stepper": {"kind": kind},
     })  # fmt: skip
-    opened = 0.0
+    opening, worst, work = [], 0.0, 0.0
     model = Model(busy)
     motion, state = busy.stepper.bind(model), model.initial_state()
-
-    def watch(now: Any) -> None:
-        nonlocal opened
-        opened = max(opened, now.faults["main"]["opening"].max())
-
-    work = 0.0
     for _ in range(10):
-        advance(motion, state, 1e-6, watch)
+        advance(motion, state, 1e-6, lambda now: opening.append(now.faults["main"]["opening"].max()))
         energy = model.energies(state, motion.dt)
         work = max(work, abs(energy["boundary_work"]))
         lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
-        assert abs(lost) < 1e-11 * work
-    # It was busy: slid, opened, damped.
-    assert energy["frictional_dissipation"] > 1e-3 * work and energy["damping"] > 1e-3 * work and opened > 1e-8
+        worst = max(worst, abs(lost) / work)
+    assert worst < tolerance
+    # It was busy: slid, damped, opened if pulled.
+    assert energy["frictional_dissipation"] > 1e-4 * work and energy["damping"] > 1e-3 * work
+    assert (max(opening) > 1e-8) == (pull > 0)
 
 
 @every_stepper
