@@ -98,7 +98,8 @@ class Map:
 
     @property
     def has_modes(self) -> bool:
-        return any(isinstance(row.get(self.study.refine.by), str) for row in self.rows)
+        """Whether the table has one, or a failure to show in its place."""
+        return any(isinstance(row.get(self.study.refine.by), str) or row["status"] == "failed" for row in self.rows)
 
     def mode(self, row: Row) -> str:
         return "failed" if row["status"] == "failed" else str(row.get(self.study.refine.by) or "none")

@@ -161,7 +161,7 @@ class Study(Part):
     case: CasePath
     """Case file, relative to the study file."""
     set: dict[str, Any] = {}
-    """Keys of the case that differ from the file at every point."""
+    """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
     sampling: Literal["grid", "latin_hypercube"] = "grid"
     samples: Annotated[int, Field(ge=1)] | None = None
@@ -206,7 +206,7 @@ class Study(Part):
             raise CaseError(f"case = '{path}': not valid TOML: {error}") from None
         quiet = {} if "kind" in table else {"output.figures": False}
         for key, value in {**quiet, **_flat(self.set), **(overrides or {})}.items():
-            set_key(table, key, value)
+            set_key(table, key, copy.deepcopy(value))
         return table
 
     def identity(self) -> dict[str, Any]:
@@ -214,7 +214,7 @@ class Study(Part):
         table = self.base()
         table.pop("title", None)
         keys = sorted(key for axis in self.axes for key in axis.keys)
-        case = {key: value for key, value in _flat(table).items() if key not in keys}
+        case = {key: value for key, value in _flat(table, whole=False).items() if key not in keys}
         return {"axes": keys, "case": hashlib.sha256(json.dumps(case, sort_keys=True).encode()).hexdigest()[:16]}
 
     def combinations(self) -> Iterator[dict[str, Any]]:
@@ -304,14 +304,14 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     return study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}}) if changes else study
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Dotted keys of nested tables and of lists of tables."""
+def _flat(table: Mapping[str, Any], prefix: str = "", whole: bool = True) -> dict[str, Any]:
+    """Dotted keys of nested tables and of lists of tables; tables with a `kind` stay whole if asked to."""
     flat: dict[str, Any] = {}
     for key, value in table.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
+        if isinstance(value, Mapping) and not (whole and "kind" in value):
+            flat |= _flat(value, f"{prefix}{key}.", whole)
         elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
-            flat |= _flat({str(i): item for i, item in enumerate(value)}, f"{prefix}{key}.")
+            flat |= _flat({str(i): item for i, item in enumerate(value)}, f"{prefix}{key}.", whole)
         else:
             flat[f"{prefix}{key}"] = value
     return flat

@@ -1,0 +1,135 @@
+# %% [markdown]
+# # One set of constants for four sliding modes?
+#
+# A calibration with nothing but studies. Stage 1 samples the constants widely (`calibration.toml`). Stage 2 samples
+# narrowly around the best sets of stage 1. Stage 3 runs the best sets of both on meshes twice and four times as fine:
+# a mode that changes with the mesh is not a mode. Every stage continues where it stopped when started again.
+#
+# `python demos/calibration.py` runs more than 2000 short runs, in about half an hour on two cores; the result is
+# `studies/calibration/report.md`. `python demos/calibration.py two` does the same with a two-variable memory of the
+# normal stress.
+
+# %%
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+from ruptfx.study import Axis, read_study, run_study
+from ruptfx.study.refine import Refine
+
+TARGET = {"I": "crack", "II": "pulse", "III": "train", "IV": "mixed"}
+TWO = sys.argv[1:] == ["two"]
+OUT = Path("studies/calibration_two" if TWO else "studies/calibration")
+HERE = Path(__file__).parent
+study = read_study(HERE / ("calibration_two.toml" if TWO else "calibration.toml"))
+constants = [axis.column for axis in study.axes if axis.column != "loading"]
+
+
+# %% [markdown]
+# A set scores one for every loading whose mode is the published one, times the confidence of the classification. A
+# neighbouring mode (a train or a mixture where a pulse is wanted, ...) counts 0.3: it shows the way.
+
+# %%
+NEAR = {"pulse": ("train", "mixed"), "train": ("pulse", "mixed"), "mixed": ("train", "pulse"), "crack": ("mixed",)}
+
+
+def score(results):
+    """Score of one set from its results by loading."""
+    total = 0.0
+    for loading, wanted in TARGET.items():
+        values = results.get(loading, {}).get("values", {})
+        mode, confidence = values.get("mode"), values.get("mode_confidence") or 0.0
+        total += confidence if mode == wanted else 0.3 * confidence * (mode in NEAR[wanted])
+    return total
+
+
+def sets_of(outcome):
+    """Results by set of constants and loading, best first: list of (score, constants, results)."""
+    groups = defaultdict(dict)
+    for point, result in outcome.points:
+        groups[tuple(point.coordinates[name] for name in constants)][point.coordinates["loading"]] = result
+    scored = [(score(results), dict(zip(constants, key, strict=True)), results) for key, results in groups.items()]
+    return sorted(scored, key=lambda item: -item[0])
+
+
+def hits(results):
+    return sum(results.get(k, {}).get("values", {}).get("mode") == wanted for k, wanted in TARGET.items())
+
+
+# %% [markdown]
+# Stage 1, wide; stage 2, a hypercube of a third of the logarithmic size around each of the eight best.
+
+# %%
+first = sets_of(run_study(study, OUT / "wide"))
+print(f"stage 1: {len(first)} sets, best score {first[0][0]:.2f}")
+
+
+def around(centre, axis, size):
+    """The axis, narrowed around a value to a part of its range."""
+    if axis.range is None:
+        return axis
+    low, high = axis.range
+    value = centre[axis.column]
+    if axis.spacing == "log":
+        half = (high / low) ** (size / 2)
+        limits = [max(low, value / half), min(high, value * half)]
+    else:
+        half = (high - low) * size / 2
+        limits = [max(low, value - half), min(high, value + half)]
+    return Axis(**{**axis.model_dump(exclude_none=True), "range": [float(f"{v:.6g}") for v in limits]})
+
+
+everything = list(first)
+for size, count in ((0.3, 25), (0.12, 20)):
+    for number, (_, centre, _) in enumerate(sorted(everything, key=lambda item: -item[0])[:6]):
+        changes = {"axes": [around(centre, axis, size) for axis in study.axes], "samples": count, "seed": number + 2}
+        outcome = run_study(study.model_copy(update=changes), OUT / f"narrow_{size:g}_{number}", show=False)
+        everything += sets_of(outcome)
+        print(f"around set {number}, size {size:g}: best score {max(item[0] for item in everything):.2f}", flush=True)
+everything.sort(key=lambda item: -item[0])
+
+# %% [markdown]
+# Stage 3: the twelve best on finer meshes, nodes 0.25 and 0.125 mm apart.
+
+# %%
+keys = [axis.keys[0] for axis in study.axes if axis.column != "loading"]
+best = Axis(key=keys, name="set", values=[list(c.values()) for _, c, _ in everything[:12]],
+            labels=[f"B{i + 1}" for i in range(12)])  # fmt: skip
+fine = {}
+for size in (1e-3, 0.5e-3):
+    changes = {"axes": [best, study.axis("loading")], "sampling": "grid", "samples": None, "refine": Refine()}
+    changes["set"] = {**study.set, "mesh": {**study.set["mesh"], "element_size": size}}
+    changes["keep"] = ["pictures"]
+    outcome = run_study(study.model_copy(update=changes), OUT / f"mesh_{size * 1e3:g}mm")
+    for point, result in outcome.points:
+        fine[point.coordinates["set"], point.coordinates["loading"], size] = result.get("values", {})
+
+# %% [markdown]
+# The report: how many sets reach how many modes, and the best ones with the evidence.
+
+# %%
+runs = sum(len(results) for _, _, results in everything) + len(fine)
+found = [hits(results) for _, _, results in everything]
+lines = [
+    f"{runs} runs, {len(everything)} sets. Sets with all four modes at 0.5 mm: {found.count(4)}; with three: {found.count(3)}; "
+    f"with two: {found.count(2)}; with one: {found.count(1)}; with none: {found.count(0)}.",
+    "",
+    "Modes at node spacings 0.5 / 0.25 / 0.125 mm, and the ratio of the largest slip rates at the two finer ones.",
+    "",
+    "| set | score | I: crack | II: pulse | III: train | IV: mixed | peak rate ratio I, II, III, IV |",
+    "|---|---|---|---|---|---|---|",
+]
+for i, (value, _, results) in enumerate(everything[:12]):
+    cells, ratios = [], []
+    for loading in TARGET:
+        finer = [fine.get((f"B{i + 1}", loading, size), {}) for size in (1e-3, 0.5e-3)]
+        values = [results.get(loading, {}).get("values", {}), *finer]
+        cells.append(" / ".join(str(v.get("mode", "failed")) for v in values))
+        peaks = [v.get("peak_slip_rate") for v in finer]
+        ratios.append(f"{peaks[1] / peaks[0]:.2f}" if all(peaks) else "-")
+    lines.append(f"| B{i + 1} | {value:.2f} | {' | '.join(cells)} | {', '.join(ratios)} |")
+lines += ["", "| set | " + " | ".join(constants) + " |", "|---" * (len(constants) + 1) + "|"]
+for i, (_, values, _) in enumerate(everything[:12]):
+    lines.append(f"| B{i + 1} | " + " | ".join(f"{values[name]:.4g}" for name in constants) + " |")
+(OUT / "report.md").write_text("\n".join(lines) + "\n")
+print("\n".join(lines))
