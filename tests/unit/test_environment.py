@@ -122,6 +122,14 @@ def test_setup_says_what_compiling_lacks(tmp_path: Path, compiler: str | None, w
     assert words in sentence(setup(path, programs, **environment))
 
 
+def test_installed_package_has_all_files_that_are_not_python():
+    patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["ruptfx"]
+    package = ROOT / "ruptfx"
+    shipped = {path for pattern in patterns for path in package.glob(pattern)}
+    there = {path for path in package.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
+    assert there <= shipped, f"not in package-data: {there - shipped}"
+
+
 def names(requirements: list[str]) -> set[str]:
     found = (re.match(r"[A-Za-z0-9_.-]+", requirement) for requirement in requirements)
     return {match[0].lower() for match in found if match}
