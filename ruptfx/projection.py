@@ -208,8 +208,8 @@ def _solve(
     """Slip rate of every point, shape (n,); not a number where there is none."""
     at_rest, *_ = law(np.zeros_like(trial), sigma, state, dt)
     rate = np.where(np.isfinite(trial) & np.isfinite(at_rest), 0.0, np.nan)
-    closed = sigma > 0
-    rate[~closed] = (trial / impedance)[~closed]  # an open interface carries no shear
+    closed, open_ = sigma > 0, sigma <= 0  # neither, where sigma is not a number
+    rate[open_] = (trial / impedance)[open_]  # an open interface carries no shear
     todo = np.flatnonzero(closed & (trial > at_rest))
     low, high = np.zeros(len(todo)), trial[todo] / impedance[todo]
     v = (trial[todo] - at_rest[todo]) / impedance[todo]
