@@ -24,17 +24,19 @@ UNITS = {
 def rupture_origin(record: Record) -> tuple[float, float]:
     """Position [m] and time [s] from which the rupture runs.
 
-    With a driven boundary its end of the interface at time zero; without one where and when sliding began:
-    the median of the points that slid in the first hundredth of the time that the rupture took.
+    After an impact, the driven end of the interface at time zero. Otherwise, also where a slow drive makes the
+    interface slide later than a shear wave needs to run along it, where and when sliding began: the median of
+    the points that slid in the first hundredth of the time that the rupture took.
     """
     data = record.interface
     position = data["position"].values
-    if data.attrs.get("V_imp", 0) > 0:
-        return float(data.attrs.get("loaded_end", position[0])), 0.0
     arrival = np.asarray(data["rupture_time"].values, dtype=float)
+    end = float(data.attrs.get("loaded_end", position[0]))
     if not np.isfinite(arrival).any():
-        return float(position[0]), 0.0
+        return end, 0.0
     first, last = np.nanmin(arrival), np.nanmax(arrival)
+    if data.attrs.get("V_imp", 0) > 0 and first * data.attrs.get("c_s", 0) < np.ptp(position):
+        return end, 0.0
     return float(np.median(position[arrival <= first + 0.01 * (last - first)])), float(first)
 
 
@@ -48,8 +50,10 @@ def modes_of(record: Record) -> Modes:
 
 def summarise(record: Record) -> dict[str, Any]:
     """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
-    data = record.interface
+    data = record.interface if record.interfaces else {}
     values = _of_sliding(record) if "slip_rate" in data else {}
+    first = data["rupture_time"].values if "rupture_time" in data else np.array([])
+    values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
     for name in ("peak_slip_rate", "max_slip", "max_opening"):
         field = name.removeprefix("max_")
         values[name] = _largest(data[field]) if field in data else np.nan

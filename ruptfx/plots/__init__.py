@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from ruptfx import RuptfxError
 from ruptfx.plots.along import front, slip_profiles, snapshots, space_time
 from ruptfx.plots.budget import energy_budget
-from ruptfx.plots.bulk import fringes, wavefield
+from ruptfx.plots.bulk import fringes, most_fringes, wavefield
 from ruptfx.plots.style import STYLE
 from ruptfx.record import Record
 
@@ -25,16 +25,19 @@ __all__ = [
 ]
 
 _ALONG = (space_time, snapshots, slip_profiles, front)
-_BULK = (fringes, wavefield)
+MOST_FRINGES = 60
 
 
 def all_figures(record: Record) -> dict[str, Figure]:
-    """Every figure the run has the data for, by name: of the interface and the bodies only in two dimensions."""
+    """Every figure the run has the data for, by name: of the interface and the bodies only in two dimensions.
+
+    Fringes are left out of antiplane runs, which have none, and where there are too many to be seen.
+    """
     draw: list[Callable[[Record], Figure]] = []
-    if list(record.path.glob("interface*.h5")) and "slip_rate" in record.interface:
+    if record.interfaces and "slip_rate" in record.interface:
         draw += _ALONG
     if (record.path / "bulk.h5").is_file() and record.bulk["points"].shape[1] == 2:
-        draw += _BULK[record.interface.attrs.get("plane") == "antiplane" :]
+        draw += [fringes] * (0 < most_fringes(record) < MOST_FRINGES) + [wavefield]
     if (record.path / "energy.csv").is_file():
         draw += [energy_budget]
     return {function.__name__: function(record) for function in draw}

@@ -53,11 +53,9 @@ def space_time(record: Record) -> Figure:
     )
     peak = rate.max(initial=0.0)
     if peak > 0 and len(time) > 1:
-        low = LEVEL * (data.attrs.get("V_imp") or peak)
-        sliding = rate[rate > low]
-        middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (peak, peak)
+        low, high, logarithmic = _range(record, rate)
         size, unit = scale(high, "m/s")
-        norm = LogNorm(low / size, high / size) if high > 10 * middle else Normalize(0, high / size)
+        norm = LogNorm(low / size, high / size) if logarithmic else Normalize(0, high / size)
         shown = np.ma.masked_less(rate, low) / size
         edges = _edges(position) / x_size, _edges(time) / t_size
         mesh = ax.pcolormesh(*edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
@@ -68,6 +66,14 @@ def space_time(record: Record) -> Figure:
         note(ax, "no sliding")
     _rays(ax, record, x_size, t_size)
     return figure
+
+
+def _range(record: Record, rate: Array) -> tuple[float, float, bool]:
+    """Sliding threshold, largest slip rate but for a thousandth, and whether pulses call for a logarithmic scale."""
+    low = LEVEL * (record.interface.attrs.get("V_imp") or rate.max())
+    sliding = rate[rate > low]
+    middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (low, rate.max())
+    return float(low), float(high), bool(high > 10 * middle)
 
 
 def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
@@ -100,7 +106,7 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
     """Slip rate, shear traction and normal stress along the interface at several times, one row each.
 
     Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are
-    positive in the direction of the slip.
+    positive in the direction of the slip. Slip rates have a logarithmic axis where narrow pulses ask for it.
 
     Parameters
     ----------
@@ -128,6 +134,10 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
             ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
             ax.set_ylabel(f"{title} ({printed})")
             _marks(ax, record, saved[row], x_size, named=column > 0)
+        low, _, logarithmic = _range(record, np.abs(values))
+        if name == "slip_rate" and logarithmic:
+            axes[0, 0].set_yscale("log", nonpositive="clip")
+            axes[0, 0].set_ylim(low / size, 2 * values.max() / size)
         axes[-1, column].set_xlabel(f"Position ({x_unit})")
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):

@@ -76,6 +76,14 @@ class Raster:
         return image.reshape(self.shape)
 
 
+def most_fringes(record: Record) -> float:
+    """Largest fringe order at the last snapshot but for a hundredth of the points; 0 in antiplane."""
+    bulk = record.bulk
+    if "fringe" not in bulk or not bulk.sizes["time"] or bulk.sizes.get("component") == 1:
+        return 0.0
+    return float(np.quantile(fringe_order(bulk["fringe"].isel(time=-1).values), 0.99))
+
+
 @styled
 def fringes(
     record: Record,

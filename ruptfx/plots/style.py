@@ -111,7 +111,8 @@ def direction(record: Record) -> float:
 
 def default_times(record: Record, saved: Array, count: int) -> Array:
     """Indices of up to `count` saved times while the rupture runs; over the whole run where nothing slid."""
-    arrival = record.interface["rupture_time"].values if "rupture_time" in record.interface else np.array([])
+    tracked = [data["rupture_time"].values for data in record.interfaces.values() if "rupture_time" in data]
+    arrival = np.concatenate([*tracked, np.array([])])
     arrival = arrival[np.isfinite(arrival)]
     first, last = np.quantile(arrival, [0.15, 1.0]) if len(arrival) else (0.0, np.inf)
     running = np.flatnonzero((saved >= first) & (saved <= last))

@@ -25,6 +25,8 @@ def test_summary_of_a_train(tmp_path):
     assert found["tip_speed_over_c_s"] == pytest.approx(1.6733, rel=1e-3)
     assert found["tip_speed_over_c_l"] == pytest.approx(0.9545, rel=1e-3)
     assert found["peak_slip_rate"] == pytest.approx(2, rel=1e-2)
+    # The first front passes the left end at 5 us, the next saved time is 5.2 us.
+    assert found["first_sliding"] == pytest.approx(5.2e-6)
     # A parabola of height 2 m/s lasts 6 mm / 2100 m/s: slip (2/3) x 2 x 2.857 us = 3.81 um, six times.
     assert found["max_slip"] == pytest.approx(6 * 3.81e-6, rel=0.01)
     assert found["energy_closure"] == pytest.approx(2e-4)
@@ -35,13 +37,22 @@ def test_summary_survives_json(tmp_path):
     found = summary_of(tmp_path, np.zeros((len(TIME), len(POSITION))))
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert found["mode"] == "none" and found["tip_speed"] is None and found["max_slip"] == 0
-    assert UNITS.keys() <= found.keys() | {"first_sliding"}
+    assert UNITS.keys() <= found.keys() and found["first_sliding"] is None
 
 
-def test_origin_of_a_spontaneous_rupture(tmp_path):
-    # Without a driven edge the rupture starts where sliding began: at 30 mm, after 5 us.
+@pytest.mark.parametrize(("speed", "late"), [(0.0, 0.0), (0.1, 1.0)])
+def test_origin_of_a_spontaneous_rupture(tmp_path, speed, late):
+    # Without a driven edge, or with one so slow that sliding starts 1 s later, the rupture starts where sliding
+    # began: at 30 mm, after 5 us.
     field = synthetic.crack(TIME, np.abs(POSITION - 0.03))
-    with Record(synthetic.write_run(tmp_path / "run", field, TIME, POSITION, V_imp=0.0)) as record:
+    with Record(synthetic.write_run(tmp_path / "run", field, TIME + late, POSITION, V_imp=speed)) as record:
         position, time = rupture_origin(record)
-        assert position == pytest.approx(0.03, abs=1e-3) and time == pytest.approx(5e-6, abs=2 * np.diff(TIME)[0])
+        assert position == pytest.approx(0.03, abs=1e-3)
+        assert time == pytest.approx(late + 5e-6, abs=2 * np.diff(TIME)[0])
         assert summarise(record)["mode"] == "crack"
+
+
+def test_origin_of_an_impact(tmp_path):
+    # The first front passes the left end after 5 us, less than the 80 us a shear wave takes: the drive is the cause.
+    with Record(synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)) as record:
+        assert rupture_origin(record) == (0.0, 0.0)

@@ -1,13 +1,17 @@
 """Figures: units on every axis, guide lines where they belong, odd runs, and an image that is right in itself."""
 
 import re
+import subprocess
+import sys
 
+import h5py
 import matplotlib
 import numpy as np
 import pytest
 import synthetic
 
 from ruptfx import RuptfxError, plots
+from ruptfx.analysis import summarise
 from ruptfx.plots.bulk import Raster
 from ruptfx.plots.style import default_times, scale
 from ruptfx.record import Record
@@ -100,6 +104,25 @@ def test_runs_killed_early(tmp_path, count):
     with Record(path) as record:
         for figure in plots.all_figures(record).values():
             figure.canvas.draw()
+
+
+def test_stresses_of_rock_make_no_fringes(train):
+    with h5py.File(train.path / "bulk.h5", "a") as file:
+        file["fringe"][:] = 200e6  # 84 fringes
+    assert "fringes" not in plots.all_figures(train)
+
+
+def test_needs_neither_dolfinx_nor_mpi(train):
+    blocked = "import sys; sys.modules.update(dict.fromkeys(['dolfinx', 'mpi4py', 'petsc4py', 'basix', 'ufl']))"
+    code = f"{blocked}; from ruptfx import Record, plots; plots.save_all(Record(sys.argv[1]))"
+    subprocess.run([sys.executable, "-c", code, str(train.path)], check=True)
+    assert len(train.figures) == 7
+
+
+def test_bodies_without_an_interface(train):
+    (train.path / "interface.h5").unlink()
+    assert set(plots.all_figures(Record(train.path))) == {"fringes", "wavefield", "energy_budget"}
+    assert summarise(Record(train.path))["energy_closure"] == pytest.approx(2e-4)
 
 
 def test_missing_files_mean_fewer_figures(train):
