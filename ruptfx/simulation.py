@@ -81,8 +81,9 @@ def simulate(
         if not checkpoint:
             recorder.record(state)
         stepping, first = time.perf_counter(), state.step
+        error = None
         while state.step < recorder.steps:
-            error = _step(motion, state)
+            error = error or _step(motion, state)  # kept until all ranks meet
             regular, due = state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
                 continue
