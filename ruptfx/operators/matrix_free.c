@@ -324,14 +324,25 @@ struct motion {
     double *displacement, *velocity, dt, decay;
 };
 
-// Ask for the share of one node of the memory the next batch is the first to touch, a little at a time: nothing else
-// would, as the nodes of elements follow no pattern that a machine sees.
-INLINE void fetch(const int *line, int count, int node, const double *first, const double *second, int width)
+// Cache lines that the next batch is the first to touch.  They are asked for a few at a time while this one is computed:
+// nothing else would, as the nodes of elements follow no pattern that a machine sees.
+struct ahead {
+    const int *next, *end;
+    int share;
+};
+
+INLINE struct ahead look_ahead(const int *line, const int *start, long b)
 {
-    const int share = (count + NODES - 1) / NODES, end = (node + 1) * share;
-    for (int k = node * share; k < (end < count ? end : count); k++) {
-        __builtin_prefetch(first + 8L * line[k], 1);
-        __builtin_prefetch(second + 8L * line[k] / width, 1);
+    const int count = start[b + 2] - start[b + 1];
+    return (struct ahead){line + start[b + 1], line + start[b + 2], (count + NODES - 1) / NODES};
+}
+
+INLINE void fetch(struct ahead *ahead, const double *first, const double *second, int width)
+{
+    const int *stop = ahead->next + ahead->share;
+    for (; ahead->next < stop && ahead->next < ahead->end; ahead->next++) {
+        __builtin_prefetch(first + 8L * *ahead->next, 1);
+        __builtin_prefetch(second + 8L * *ahead->next / width, 1);
     }
 }
 
@@ -343,9 +354,11 @@ INLINE void batch_force(const int geometry, const int viscous, const int advance
     const int *dof = plan->dof + b * NODES * LANES;
     const lanes *number = plan->number + plan->start[b];
     const lanes *inner_mass = plan->inner_mass + b * INNER_NODES;
+    struct ahead line = look_ahead(plan->line, plan->line_start, b);
+    struct ahead rim_line = look_ahead(plan->rim_line, plan->rim_line_start, b);
     lanes u[COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
-        fetch(plan->line + plan->line_start[b + 1], plan->line_start[b + 2] - plan->line_start[b + 1], node, displacement, velocity, 1);
+        fetch(&line, displacement, velocity, 1);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         if (viscous) {
@@ -357,7 +370,7 @@ INLINE void batch_force(const int geometry, const int viscous, const int advance
     }
     apply(geometry, number + viscous, u);
     KEEP for (int node = 0; node < NODES; node++) {
-        fetch(plan->rim_line + plan->rim_line_start[b + 1], plan->rim_line_start[b + 2] - plan->rim_line_start[b + 1], node, force, inverse_mass, COMPONENTS);
+        fetch(&rim_line, force, inverse_mass, COMPONENTS);
         lanes x[COMPONENTS];
         if (advance && INNER[node]) {
             const lanes push = motion.dt * MINUS_WEIGHT[node] * *inner_mass++;

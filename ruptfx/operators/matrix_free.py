@@ -54,7 +54,7 @@ class MatrixFree:
         self._library = native.load("matrix_free", constants + files(__package__).joinpath("matrix_free.c").read_text())
         lanes = self._library.lanes_per_batch()
         self._plan, self._keep = _Plan(), {}
-        cells, padding, self._boundary_batches = self._order_cells(space, lanes)
+        cells, padding, self._boundary_batches = self._order_cells(bulk, lanes)
         self._batches = len(cells)
         # (batch, node, lane): lanes of one node are neighbours in memory.
         nodes = space.dofmap.list[:, permutation][cells].transpose(0, 2, 1)
@@ -189,18 +189,20 @@ class MatrixFree:
             self._hold(f"{prefix}line", order[: starts[-1]].astype(np.int32))
             self._hold(f"{prefix}line_start", starts.astype(np.int32))
 
-    def _order_cells(self, space: Any, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
+    def _order_cells(self, bulk: Bulk, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Cells by batch (batch, lane), which of them only fill up a batch, and how many batches come first.
 
         Elements at shared nodes come first, so that their force travels while the others are computed; within both
         groups elements follow the numbering of their nodes, so that vectors are read nearly in order.
         """
+        space = bulk.space
         owned = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
         dofmap = space.dofmap.list[:owned]
         boundary = self._shared[dofmap].any(axis=1)
+        counts = np.ones(owned, dtype=bool) if bulk.only is None else bulk.only[:owned]
         place = dofmap.min(axis=1)
         groups, fillers = [], []
-        for group in (np.flatnonzero(boundary), np.flatnonzero(~boundary)):
+        for group in (np.flatnonzero(boundary & counts), np.flatnonzero(~boundary & counts)):
             group = group[np.argsort(place[group], kind="stable")]
             spare = -len(group) % lanes
             groups.append(np.r_[group, group[-1:].repeat(spare)].reshape(-1, lanes))
@@ -217,7 +219,7 @@ def _refuse_unknown(bulk: Bulk) -> None:
     limit = 8 if cell in _TENSOR_CELLS else 1
     if order > limit:
         raise RuptfxError(f"matrix_free goes up to order {limit} on a {cell}, not {order}; {remedy}")
-    if limit == 1 and bulk.space.mesh.geometry.cmap.degree > 1:
+    if limit == 1 and _geometry_element(bulk.space.mesh).degree > 1:
         raise RuptfxError(f"matrix_free wants a {cell} with straight edges; {remedy}")
 
 
@@ -257,7 +259,7 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     sizes = {"DIM": dim, "COMPONENTS": space.dofmap.index_map_bs, "ORDER": order, "SIMPLEX": int(name not in _TENSOR_CELLS)}
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if name not in _TENSOR_CELLS:
-        tables = {"double MINUS_WEIGHT[]": np.full(dim + 1, -1 / (2, 6)[dim - 2]), "double INNER[]": np.zeros(dim + 1)}
+        tables = {"double MINUS_WEIGHT[]": np.full(dim + 1, -1 / (2, 6)[dim - 2]), "char INNER[]": np.zeros(dim + 1, dtype=int)}
         return np.arange(dim + 1), text + _tables(tables)
     points, weights, derivative = gauss_lobatto_legendre(order)
     # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
@@ -268,7 +270,7 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     transposed = (weights[:, None] * derivative).T / weights[:, None]
     return permutation, text + _tables({
         "double POINT[]": points, "double MINUS_WEIGHT[]": -product.ravel(),
-        "double INNER[]": _inner(space, permutation),
+        "char INNER[]": _inner(space, permutation).astype(int),
         "struct matrix DERIVATIVE": _halves(derivative), "struct matrix TRANSPOSED": _halves(transposed),
     })  # fmt: skip
 
@@ -288,7 +290,7 @@ def _tables(tables: dict[str, np.ndarray]) -> str:
 
 
 def _braces(values: np.ndarray) -> str:
-    items = [_braces(row) if np.ndim(row) else repr(float(row)) for row in values]
+    items = [_braces(row) if np.ndim(row) else repr(row.item()) for row in values]
     return "{" + ", ".join(items) + "}"
 
 
@@ -324,7 +326,7 @@ def _numbers(
     if mesh.geometry.dim != mesh.topology.dim:
         raise RuptfxError("matrix_free: the mesh must fill its space (2D cells in 2D, 3D cells in 3D)")
     tensor = mesh.basix_cell().name in _TENSOR_CELLS
-    curved = mesh.geometry.cmap.degree > 1
+    curved = _geometry_element(mesh).degree > 1
     viscosity = None if bulk.viscosity_time is None else np.asarray(bulk.viscosity_time, dtype=float)
     geometry = np.full(cells.shape, POINTWISE, dtype=np.uint8) if curved else _classify(coordinates, corners, cells, tensor)
     kind = geometry.max(axis=1)
@@ -363,6 +365,10 @@ def _aligned(shape: tuple[int, int]) -> np.ndarray:
     raw = np.empty(shape[0] * shape[1] + 8)
     offset = (-raw.ctypes.data // 8) % 8
     return raw[offset : offset + shape[0] * shape[1]].reshape(shape)
+
+
+def _geometry_element(mesh: Any) -> Any:
+    return mesh.ufl_domain().ufl_coordinate_element()
 
 
 def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -414,9 +420,9 @@ def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
 
 def _pointwise(mesh: Any, x: np.ndarray, space: Any, permutation: np.ndarray) -> np.ndarray:
     """Scaled inverse Jacobian at every node of cells with curved edges."""
-    cmap, basix = mesh.geometry.cmap, fem.basix
+    described, basix = _geometry_element(mesh), fem.basix
     element = basix.create_element(
-        basix.ElementFamily.P, mesh.basix_cell(), cmap.degree, lagrange_variant=basix.LagrangeVariant(cmap.variant)
+        basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
     )
     slopes = element.tabulate(1, space.element.basix_element.points[permutation])[1:, :, :, 0]
     jacobian = np.einsum("dqk,blka->blqda", slopes, x)

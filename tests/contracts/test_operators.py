@@ -1,0 +1,320 @@
+"""Every operator agrees with the UFL form, on any number of ranks; the fused step equals the plain one."""
+
+from __future__ import annotations
+
+import tracemalloc
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+fem = pytest.importorskip("ruptfx.fem")
+
+from ruptfx import RuptfxError, operators  # noqa: E402
+from ruptfx.materials import Material  # noqa: E402
+from ruptfx.materials.isotropic_elastic import IsotropicElastic  # noqa: E402
+from ruptfx.operators import Bulk  # noqa: E402
+from ruptfx.operators.ufl_form import UflForm  # noqa: E402
+from ruptfx.schema import kinds  # noqa: E402
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+SOFT = IsotropicElastic(density=1.0, young_modulus=2.0, poisson_ratio=0.3)
+STIFF = IsotropicElastic(density=1.0, young_modulus=5.0, poisson_ratio=0.2)
+
+
+class Setting(NamedTuple):
+    cell: str
+    order: int
+    plane: Any
+    shape: str  # box, affine, bent, curved
+    damped: bool = False
+
+
+# Every element, plane, geometry and both parities of the order; each distinct form costs a compilation, so not all
+# combinations.
+SETTINGS = [
+    Setting("quadrilateral", 1, "stress", "box"),
+    Setting("quadrilateral", 1, "strain", "bent", True),
+    Setting("quadrilateral", 2, "stress", "affine"),
+    Setting("quadrilateral", 4, "stress", "box"),
+    Setting("quadrilateral", 4, "stress", "affine", True),
+    Setting("quadrilateral", 4, "stress", "bent", True),
+    Setting("quadrilateral", 3, "antiplane", "bent", True),
+    Setting("quadrilateral", 5, "strain", "bent"),
+    Setting("quadrilateral", 8, "antiplane", "affine"),
+    Setting("quadrilateral", 3, "stress", "curved"),
+    Setting("hexahedron", 1, "solid", "bent"),
+    Setting("hexahedron", 2, "solid", "box"),
+    Setting("hexahedron", 2, "solid", "affine", True),
+    Setting("hexahedron", 3, "solid", "bent"),
+    Setting("triangle", 1, "strain", "bent", True),
+    Setting("triangle", 1, "antiplane", "bent"),
+    Setting("tetrahedron", 1, "solid", "bent"),
+]
+UNDAMPED = [setting for setting in SETTINGS if not setting.damped]
+STRAIGHT = [setting for setting in UNDAMPED if setting.shape != "curved"]
+
+
+def make_mesh(cell: str, shape: str) -> Any:
+    """Two plates' worth of cells, sheared, bent at the corners, or with curved edges."""
+    meshes = fem.dolfinx.mesh
+    kind = getattr(meshes.CellType, cell)
+    if shape == "curved":
+        return curved_mesh(cell)
+    if cell in ("quadrilateral", "triangle"):
+        mesh = meshes.create_rectangle(fem.MPI.COMM_WORLD, [[0, 0], [1, 0.75]], [8, 6], kind)
+    else:
+        mesh = meshes.create_box(fem.MPI.COMM_WORLD, [[0, 0, 0], [1, 0.75, 0.5]], [4, 3, 2], kind)
+    x = mesh.geometry.x
+    if shape == "affine":
+        x[:, 0] += 0.3 * x[:, 1] - 0.2 * x[:, 2]
+    if shape == "bent":
+        x[:, 0], x[:, 1] = x[:, 0] + 0.1 * np.sin(5 * x[:, 1] + 3 * x[:, 0]), x[:, 1] + 0.1 * np.sin(4 * x[:, 0])
+    return mesh
+
+
+def curved_mesh(cell: str) -> Any:
+    """A strip of two quadrilaterals with second-order geometry."""
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 0.5, 3), indexing="ij"), axis=-1).reshape(-1, 2)
+    number = np.arange(15).reshape(5, 3)
+    # Vertices, then the middles of the edges (0, 1), (0, 2), (1, 3), (2, 3), then the middle of the cell.
+    places = [(0, 0), (2, 0), (0, 2), (2, 2), (1, 0), (0, 1), (2, 1), (1, 2), (1, 1)]
+    cells = np.array([[number[i + k, j] for i, j in places] for k in (0, 2)], dtype=np.int64)
+    points = grid + 0.05 * np.sin(4 * grid[:, ::-1])
+    comm = fem.MPI.COMM_WORLD
+    if comm.rank:
+        cells, points = cells[:0], points[:0]
+
+    def partitioner(_: Any, parts: int, *__: Any) -> Any:
+        owner = np.arange(len(cells), dtype=np.int32) % parts
+        lists = fem.dolfinx.graph.adjacencylist(owner, np.arange(len(cells) + 1, dtype=np.int32))
+        return getattr(lists, "_cpp_object", lists)
+
+    return fem.create_mesh(comm, cells, points, cell, partitioner, order=2)
+
+
+@cache
+def make_bulk(setting: Setting) -> Bulk:
+    mesh = make_mesh(setting.cell, setting.shape)
+    components = {"antiplane": 1, "solid": 3}.get(setting.plane, 2)
+    space = fem.lagrange(mesh, setting.order, components)
+    # By place, not by number: the same on any number of ranks.
+    middle = mesh.geometry.x[fem.geometry_dofmap(mesh)].mean(axis=1)
+    material = (np.sin(40 * middle.sum(axis=1)) > 0).astype(np.int32)
+    viscosity = np.where(middle[:, 1] > 0.4, 0.1 + 0.5 * middle[:, 0], 0.0)
+    return Bulk(space, setting.plane, [SOFT, STIFF], material, viscosity if setting.damped else None)
+
+
+@cache
+def make_operator(kind: str, setting: Setting) -> Any:
+    try:
+        return operators.create(kind, make_bulk(setting))
+    except RuptfxError as refusal:
+        pytest.skip(str(refusal))
+
+
+@cache
+def make_reference(setting: Setting) -> UflForm:
+    return UflForm(make_bulk(setting))
+
+
+def local_size(bulk: Bulk) -> int:
+    index_map = bulk.space.dofmap.index_map
+    return (index_map.size_local + index_map.num_ghosts) * bulk.space.dofmap.index_map_bs
+
+
+def random_fields(bulk: Bulk, count: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(7 + fem.MPI.COMM_WORLD.rank)
+    return [rng.standard_normal(local_size(bulk)) for _ in range(count)]
+
+
+def internal_force(operator: Any, displacement: np.ndarray, velocity: np.ndarray | None = None) -> np.ndarray:
+    force = np.zeros_like(displacement)
+    operator.add_internal_force(displacement, np.zeros_like(displacement) if velocity is None else velocity, force)
+    return force
+
+
+def nodal(bulk: Bulk, values: np.ndarray) -> np.ndarray:
+    """Vector of local degrees of freedom from values at the nodes, shape (nodes, components)."""
+    return np.ascontiguousarray(values[:, : bulk.space.dofmap.index_map_bs]).ravel()
+
+
+def name(setting: Setting) -> str:
+    return "-".join(str(part) for part in setting)
+
+
+fast = pytest.mark.parametrize("kind", [kind for kind in kinds("ruptfx.operators") if kind != "ufl_form"])
+every = pytest.mark.parametrize("kind", kinds("ruptfx.operators"))
+
+
+@fast
+@pytest.mark.parametrize("setting", SETTINGS, ids=name)
+def test_agrees_with_the_form(kind: str, setting: Setting) -> None:
+    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+    displacement, velocity = random_fields(bulk, 2)
+    expected = internal_force(make_reference(setting), displacement, velocity)
+    found = internal_force(operator, displacement, velocity)
+    scale = np.abs(expected).max(initial=0)
+    assert np.abs(found - expected).max(initial=0) <= 1e-12 * scale
+
+
+@fast
+@pytest.mark.parametrize("setting", UNDAMPED, ids=name)
+def test_symmetric(kind: str, setting: Setting) -> None:
+    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+    a, b = random_fields(bulk, 2)
+    left, right = b @ internal_force(operator, a), a @ internal_force(operator, b)
+    assert left == pytest.approx(right, rel=1e-11, abs=1e-11 * np.abs(a).sum())
+
+
+@every
+@pytest.mark.parametrize("setting", UNDAMPED, ids=name)
+def test_rigid_motion_gives_no_force(kind: str, setting: Setting) -> None:
+    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+    x = bulk.space.tabulate_dof_coordinates()
+    motions = [np.ones_like(x)]
+    if setting.plane != "antiplane":
+        motions.append(np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1))
+    scale = np.abs(internal_force(operator, random_fields(bulk, 1)[0])).max(initial=0)
+    for motion in motions:
+        assert np.abs(internal_force(operator, nodal(bulk, motion))).max(initial=0) <= 1e-13 * scale
+
+
+@every
+@pytest.mark.parametrize("setting", STRAIGHT, ids=name)
+def test_energy_of_a_linear_field_is_exact(kind: str, setting: Setting) -> None:
+    """With u = A x the energy is the sum over materials of W(A) times the volume."""
+    bulk, operator = make_bulk(setting), make_operator(kind, setting)
+    gradient = np.array([[0.3, -0.2, 0.1], [0.5, 0.4, -0.3], [0.2, -0.1, 0.6]])
+    dim = bulk.space.mesh.geometry.dim
+    gradient[dim:, :], gradient[:, dim:] = 0, 0
+    x = bulk.space.tabulate_dof_coordinates()
+    field = nodal(bulk, x @ gradient.T)
+    strain = 0.5 * (gradient + gradient.T)
+    expected = 0.0
+    for index, material in enumerate(bulk.materials):
+        if setting.plane == "antiplane":
+            density = 0.5 * material.shear_modulus * gradient[0] @ gradient[0]
+        else:
+            lame = material.lame_lambda(bulk.plane)
+            density = 0.5 * lame * np.trace(strain) ** 2 + material.shear_modulus * np.sum(strain**2)
+        expected += density * volume(bulk, index)
+    comm = bulk.space.mesh.comm
+    energy = comm.allreduce(-0.5 * field @ internal_force(operator, field))
+    assert energy == pytest.approx(expected, rel=1e-12)
+
+
+def volume(bulk: Bulk, index: int) -> float:
+    mesh = bulk.space.mesh
+    tags = fem.dolfinx.mesh.meshtags(
+        mesh, mesh.topology.dim, np.arange(len(bulk.cell_material), dtype=np.int32), bulk.cell_material
+    )
+    dx = fem.ufl.Measure("dx", domain=mesh, subdomain_data=tags)
+    one = fem.dolfinx.fem.Constant(mesh, 1.0)
+    return mesh.comm.allreduce(fem.dolfinx.fem.assemble_scalar(fem.dolfinx.fem.form(one * dx(index))))
+
+
+# -- the fused step ------------------------------------------------------------------------------------------------
+
+FUSED = [setting for setting in SETTINGS if setting.order <= 4]
+
+
+def steppable(kind: str, setting: Setting) -> Any:
+    operator = make_operator(kind, setting)
+    if not hasattr(operator, "prepare_step"):
+        pytest.skip(f"{kind} has no fused step")
+    return operator
+
+
+@fast
+@pytest.mark.parametrize("decay", [1.0, 0.9])
+@pytest.mark.parametrize("scattered", [False, True], ids=["edge held", "any held"])
+@pytest.mark.parametrize("setting", FUSED, ids=name)
+def test_fused_step_is_the_plain_step(kind: str, setting: Setting, scattered: bool, decay: float) -> None:
+    bulk, operator = make_bulk(setting), steppable(kind, setting)
+    components, dt = bulk.space.dofmap.index_map_bs, 0.1
+    displacement, velocity, draw = random_fields(bulk, 3)
+    draw = draw.reshape(-1, components)[:, 0]
+    inverse_mass = np.exp(draw)
+    held = draw > 1 if scattered else bulk.space.tabulate_dof_coordinates()[:, 1] < 0.01
+    operator.prepare_step(held)
+    expected_force = internal_force(operator, displacement, velocity)
+    still = np.repeat(held | shared_nodes(bulk), components)
+    expected_velocity = np.where(
+        still, velocity, decay * velocity + dt * np.repeat(inverse_mass, components) * expected_force
+    )
+    expected_displacement = np.where(still, displacement, displacement + dt * expected_velocity)
+    expected_force[~still] = 0
+    force = np.zeros_like(displacement)
+    operator.step(displacement, velocity, force, inverse_mass, dt, decay)
+    for found, expected in (
+        (force, expected_force), (velocity, expected_velocity), (displacement, expected_displacement),
+    ):  # fmt: skip
+        assert np.abs(found - expected).max(initial=0) <= 1e-14 * max(1, np.abs(expected).max(initial=0))
+
+
+def shared_nodes(bulk: Bulk) -> np.ndarray:
+    index_map = bulk.space.dofmap.index_map
+    flag = fem.dolfinx.la.vector(index_map, 1)
+    flag.array[:] = np.arange(len(flag.array)) >= index_map.size_local
+    flag.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+    flag.scatter_forward()
+    return flag.array > 0
+
+
+@fast
+def test_shared_forces_are_ready_before_the_interior(kind: str) -> None:
+    """What travels while the interior is computed is complete after `step_boundary` and untouched afterwards."""
+    setting = SETTINGS[3]
+    bulk, operator = make_bulk(setting), steppable(kind, setting)
+    displacement, velocity = random_fields(bulk, 2)
+    shared = np.repeat(shared_nodes(bulk), 2)
+    expected = internal_force(operator, displacement)[shared]
+    operator.prepare_step(np.zeros(local_size(bulk) // 2, dtype=bool))
+    force, inverse_mass = np.zeros_like(displacement), np.ones(local_size(bulk) // 2)
+    operator.step_boundary(displacement, velocity, force, inverse_mass, 0.1)
+    np.testing.assert_allclose(force[shared], expected, rtol=0, atol=1e-13 * np.abs(expected).max(initial=1))
+    force[shared] = np.nan
+    operator.step_interior(displacement, velocity, force, inverse_mass, 0.1)
+    assert np.isnan(force[shared]).all() and np.isfinite(displacement).all()
+
+
+@fast
+def test_no_allocation_per_step(kind: str) -> None:
+    bulk, operator = make_bulk(SETTINGS[4]), steppable(kind, SETTINGS[4])
+    displacement, velocity = random_fields(bulk, 2)
+    force, inverse_mass = np.zeros_like(displacement), np.ones(len(displacement) // 2)
+    operator.prepare_step(np.zeros(len(inverse_mass), dtype=bool))
+
+    def steps() -> None:
+        for _ in range(20):
+            operator.step(displacement, velocity, force, inverse_mass, 1e-3)
+            operator.add_internal_force(displacement, velocity, force)
+
+    steps()
+    tracemalloc.start()
+    steps()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # Small Python objects of the call come and go; one vector of this mesh takes more than 8 kB.
+    assert displacement.nbytes > 8000 and peak < 4000
+
+
+@fast
+def test_not_a_number_stays_one(kind: str) -> None:
+    bulk, operator = make_bulk(SETTINGS[3]), make_operator(kind, SETTINGS[3])
+    displacement = random_fields(bulk, 1)[0]
+    displacement[bulk.space.dofmap.list[0, 0] * 2] = np.nan
+    assert np.isnan(internal_force(operator, displacement)).any()
+
+
+def test_other_materials_are_refused_with_the_remedy() -> None:
+    class Other(Material):
+        pass
+
+    bulk = make_bulk(SETTINGS[0])
+    other = Bulk(bulk.space, bulk.plane, [Other(density=1.0)], bulk.cell_material)
+    with pytest.raises(RuptfxError, match="operator = 'ufl_form'"):
+        operators.create("matrix_free", other)
