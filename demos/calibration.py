@@ -15,7 +15,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from ruptfx.study import Axis, read_study, run_study
-from ruptfx.study.refine import Refine
+from ruptfx.study.definition import Refine
 
 TARGET = {"I": "crack", "II": "pulse", "III": "train", "IV": "mixed"}
 TWO = sys.argv[1:] == ["two"]
@@ -110,9 +110,9 @@ for size in (1e-3, 0.5e-3):
 # %%
 runs = sum(len(results) for _, _, results in everything) + len(fine)
 found = [hits(results) for _, _, results in everything]
+reached = ", ".join(f"{number} modes: {found.count(number)}" for number in range(4, -1, -1))
 lines = [
-    f"{runs} runs, {len(everything)} sets. Sets with all four modes at 0.5 mm: {found.count(4)}; with three: {found.count(3)}; "
-    f"with two: {found.count(2)}; with one: {found.count(1)}; with none: {found.count(0)}.",
+    f"{runs} runs, {len(everything)} sets. Sets that reach, at nodes 0.5 mm apart, {reached}.",
     "",
     "Modes at node spacings 0.5 / 0.25 / 0.125 mm, and the ratio of the largest slip rates at the two finer ones.",
     "",

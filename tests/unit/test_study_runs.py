@@ -1,0 +1,203 @@
+"""Running studies with a stand-in for the solver: what is run, kept, refused, refined and written."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+pytest.importorskip("distributed")
+
+from ruptfx import RuptfxError, launch
+from ruptfx.study import read_csv, read_study, run_study
+from ruptfx.study.store import Store
+
+IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
+# Pulses above a diagonal of the map, no mesh dependence but at 20 m/s; some loadings fail in their own way.
+STAND_IN = """
+import json, os, signal, sys, time
+for line in sys.stdin:
+    case = json.loads(line)["case"]
+    sigma, speed = case["faults"]["main"]["initial_stress"]["normal"], case["boundaries"][0]["velocity"]
+    if speed == 13.0:
+        print("about to die", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+    if speed == 17.0:
+        time.sleep(60)
+    if speed == 19.0:
+        answer = {"status": "failed", "error": "unstable\\nstep"}
+    else:
+        fine = case["mesh"]["element_size"] < 1e-3
+        mode = "pulse" if sigma * speed > 50e6 and not (fine and speed == 20.0) else "crack"
+        answer = {"status": "done", "values": {"mode": mode, "product": sigma * speed, "nothing": None}}
+    print(json.dumps(answer), flush=True)
+"""
+
+
+@pytest.fixture(autouse=True)
+def _stand_in(monkeypatch):
+    monkeypatch.setattr(launch, "mpi_command", lambda ranks, module: [sys.executable, "-c", STAND_IN])
+
+
+def study(tmp_path, speeds, sigmas=(1e6, 10e6), extra="", top=""):
+    path = tmp_path / "study.toml"
+    path.write_text(
+        f'case = "{IMPACT}"\n{top}\n'
+        f'[[axes]]\nname = "Sigma_0"\nkey = "faults.main.initial_stress.normal"\nunit = "Pa"\n'
+        f'spacing = "log"\nvalues = {list(sigmas)}\n'
+        f'[[axes]]\nname = "V_imp"\nkey = "boundaries.0.velocity"\nunit = "m/s"\nvalues = {list(speeds)}\n{extra}'
+    )
+    return read_study(path)
+
+
+def run(tmp_path, *arguments, out="out", **options):
+    extra = {key: options.pop(key) for key in ("extra", "top") if key in options}
+    return run_study(study(tmp_path, *arguments, **extra), tmp_path / out, show=False, **options)
+
+
+def finished(out):
+    return [line.split()[1] for line in (out / "points.log").read_text().splitlines()]
+
+
+def test_products_hold_every_point(tmp_path):
+    run(tmp_path, [2.0, 8.0])
+    table = read_csv(tmp_path / "out" / "table.csv")
+    assert [(r["Sigma_0"], r["V_imp"], r["mode"], r["product"]) for r in table] == [
+        (1e6, 2.0, "crack", 2e6), (1e6, 8.0, "crack", 8e6), (10e6, 2.0, "crack", 2e7), (10e6, 8.0, "pulse", 8e7),
+    ]  # fmt: skip
+    with xarray.open_dataset(tmp_path / "out" / "table.nc", engine="h5netcdf") as data:
+        assert data["product"].dims == ("Sigma_0", "V_imp") and data["Sigma_0"].attrs["units"] == "Pa"
+        np.testing.assert_array_equal(data["product"], [[2e6, 8e6], [2e7, 8e7]])
+        assert data["mode"].sel(Sigma_0=10e6, V_imp=8.0) == "pulse"
+    for name in ("mode_map.png", "mode_map.pdf", "mode_map.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 1000
+
+
+def test_only_new_points_run(tmp_path):
+    assert run(tmp_path, [2.0, 8.0]).known_before == 0
+    again = run(tmp_path, [2.0, 4.0, 8.0])
+    assert again.known_before == 4 and len(again.points) == 6
+    log = finished(tmp_path / "out")
+    assert len(log) == 6 == len(set(log))
+
+
+def test_a_crash_costs_one_point_and_is_recorded(tmp_path):
+    found = run(tmp_path, [2.0, 13.0, 19.0])
+    assert found.failed == 4
+    errors = {r["V_imp"]: r["error"] for r in read_csv(tmp_path / "out" / "table.csv")}
+    assert "crashed (SIGKILL): about to die" in errors[13.0] and errors[19.0] == "unstable step"
+    assert errors[2.0] is None
+    # Failed points are known, too, unless asked to run again.
+    assert run(tmp_path, [2.0, 13.0, 19.0]).known_before == 6
+    assert run(tmp_path, [2.0, 13.0, 19.0], retry=True).known_before == 2
+
+
+def test_time_limit(tmp_path):
+    found = run(tmp_path, [17.0], [1e6], top="time_limit = 0.5")
+    assert found.points[0][1]["error"] == "took longer than time_limit = 0.5 s"
+
+
+def test_two_processes_and_another_study_are_refused(tmp_path):
+    run(tmp_path, [2.0])
+    with Store(tmp_path / "out", study(tmp_path, [2.0])), pytest.raises(RuptfxError, match=r"process \d+ on .* works"):
+        run(tmp_path, [2.0])
+    with pytest.raises(RuptfxError, match="another study: the case differs"):
+        run(tmp_path, [2.0], extra="[set]\nduration = 1e-6")
+    with pytest.raises(RuptfxError, match="another study, with axes"):
+        run(tmp_path, [2.0], extra='[[axes]]\nkey = "duration"\nvalues = [1e-6]')
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("")
+    with pytest.raises(RuptfxError, match=r"holds something else \(thesis.tex\)"):
+        run(tmp_path, [2.0], out="mine")
+    assert run(tmp_path, [2.0]).known_before == 2  # nothing was lost
+
+
+def test_what_a_killed_study_leaves_is_removed(tmp_path):
+    run(tmp_path, [2.0])
+    (tmp_path / "out" / "points" / ".half").mkdir()
+    run(tmp_path, [2.0])
+    assert not list((tmp_path / "out" / "points").glob(".*"))
+
+
+def test_refinement_locates_the_boundary_and_asks_a_finer_mesh(tmp_path):
+    extra = '[refine]\nwidth = 0.05\nfine = { "mesh.element_size" = 0.5e-3 }'
+    run(tmp_path, [2.0, 20.0], extra=extra, refined=True)
+    table = read_csv(tmp_path / "out" / "table.csv")
+    # The boundary sigma V = 50e6 crosses the lines sigma = 10e6 at V = 5, and V = 20 at sigma = 2.5e6.
+    line = sorted((r["V_imp"], r["mode"]) for r in table if r["Sigma_0"] == 10e6)
+    low, high = max(v for v, mode in line if mode == "crack"), min(v for v, mode in line if mode == "pulse")
+    assert low <= 5.0 < high and high - low <= 0.05 * 18
+    other = sorted((r["Sigma_0"], r["mode"]) for r in table if r["V_imp"] == 20.0)
+    low, high = max(s for s, mode in other if mode == "crack"), min(s for s, mode in other if mode == "pulse")
+    assert low <= 2.5e6 < high and np.log(high / low) <= 0.05 * np.log(10)
+    fine = [(r["V_imp"], r["mode"], r["fine_mesh"]) for r in table if r["fine_mesh"] is not None]
+    assert len(fine) == 4 and (20.0, "pulse", "crack") in fine
+    text = json.loads((tmp_path / "out" / "refinement.json").read_text())["summary"]
+    assert "3 of 4 points beside them keep their mode" in text
+    # Nothing runs again.
+    assert run(tmp_path, [2.0, 20.0], extra=extra, refined=True).known_before == len(table) + 4
+
+
+def test_hypercube_table_and_data_set(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(
+        f'case = "{IMPACT}"\nsampling = "latin_hypercube"\nsamples = 5\nseed = 3\n'
+        '[[axes]]\nname = "V_imp"\nkey = "boundaries.0.velocity"\nrange = [1.0, 9.0]\n'
+        '[[axes]]\nkey = "faults.main.friction.L_p"\nrange = [1e-6, 1e-4]'
+    )
+    run_study(read_study(path), tmp_path / "out", show=False)
+    with xarray.open_dataset(tmp_path / "out" / "table.nc", engine="h5netcdf") as data:
+        assert data["product"].dims == ("point",)
+        np.testing.assert_allclose(data["product"], 6e6 * data["V_imp"])
+
+
+def test_a_scheduler_elsewhere(tmp_path):
+    from distributed import LocalCluster
+
+    threads = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with LocalCluster(**threads, protocol="tcp") as cluster:
+        assert run(tmp_path, [2.0, 13.0], scheduler=cluster.scheduler_address).failed == 2
+    with pytest.raises(RuptfxError, match="no dask scheduler answers"):
+        run(tmp_path, [4.0], scheduler="tcp://127.0.0.1:9")
+
+
+def test_missing_dask_is_said(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RuptfxError, match="pip install dask distributed"):
+        run(tmp_path, [2.0])
+
+
+def test_lock_is_free_after_an_error_and_blocks_other_threads(tmp_path):
+    plan = study(tmp_path, [2.0])
+    seen = []
+
+    def second():
+        try:
+            with Store(tmp_path / "out", plan):
+                seen.append("in")
+        except RuptfxError:
+            seen.append("refused")
+
+    with pytest.raises(ZeroDivisionError), Store(tmp_path / "out", plan):
+        thread = threading.Thread(target=second)
+        thread.start()
+        thread.join()
+        raise ZeroDivisionError
+    second()
+    assert seen == ["refused", "in"]
+
+
+def test_children_end_with_their_study(tmp_path):
+    import psutil
+
+    run(tmp_path, [2.0])
+    deadline = time.monotonic() + 5
+    while psutil.Process().children() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [child for child in psutil.Process().children() if "-c" in child.cmdline()]
