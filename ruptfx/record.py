@@ -136,9 +136,11 @@ class Record:
     def _open_interface(self, path: Path) -> xarray.Dataset:
         try:
             # Without file locking a run that still writes is neither disturbed nor refused.
-            file = h5netcdf.File(path, "r", locking=False)
+            file = h5py.File(path, "r", locking=False)
             self._open.append(file)
-            data = xarray.open_dataset(H5NetCDFStore(file), decode_timedelta=False)
+            for item in file.values():  # a damaged file shows itself here
+                dict(item.attrs)
+            data = xarray.open_dataset(H5NetCDFStore(h5netcdf.File(file)), decode_timedelta=False)
             written = _written(data["time"].values)
             data["position"], data["normal_stress"]
         except (OSError, KeyError, ValueError, RuntimeError) as error:
