@@ -6,6 +6,7 @@ Every other module says ``from ruptfx import fem`` and never imports DOLFINx, pe
 # ruff: noqa: I001
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -16,7 +17,7 @@ with suppress(ModuleNotFoundError):
     # The wheel: puts its own libraries in place before petsc4py looks for them.
     import dolfinx_solver  # noqa: F401
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, native
 
 try:
     from mpi4py import MPI
@@ -42,7 +43,13 @@ VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 if VERSION < (0, 9):
     raise RuptfxError(f"DOLFINx {dolfinx.__version__} is too old: ruptfx needs 0.9 to 0.11")
 
-JIT_OPTIONS = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
+# FFCx names a compiled form after its text and flags. What -march=native made stays with its processor: a cache on a
+# shared disk or in an image would crash another one.
+_MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
+JIT_OPTIONS = {
+    "cffi_extra_compile_args": ["-O3", "-march=native"],
+    "cache_dir": str(native.cache_directory() / f"forms-{_MACHINE}"),
+}
 
 
 def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fem.FunctionSpace:
