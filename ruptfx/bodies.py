@@ -39,6 +39,8 @@ class Bodies:
     tags : dict of str to int
         Facet tag of an edge ``"upper.left"`` or of an interface side ``"main.plus"``.
     interfaces : list of str
+    one_sided : dict of str to str
+        As in `RawMesh`.
     """
 
     mesh: Any
@@ -47,6 +49,7 @@ class Bodies:
     facets: Any
     tags: dict[str, int]
     interfaces: list[str]
+    one_sided: dict[str, str]
 
     @property
     def edges(self) -> list[str]:
@@ -87,10 +90,11 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
             f"{n}.{side}": f
             for n, pair in raw.interfaces.items()
             for side, f in zip(("plus", "minus"), pair, strict=True)
+            if side == "plus" or n not in raw.one_sided
         }
         named = raw.edges | sides
-        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, list(raw.interfaces), named)
-    cell, dim, bodies, cell_body, interfaces, named = comm.bcast(described, root=0)
+        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, list(raw.interfaces), raw.one_sided, named)
+    cell, dim, bodies, cell_body, interfaces, one_sided, named = comm.bcast(described, root=0)
 
     def partitioner(_: Any, parts: int, *__: Any) -> Any:
         if raw is None:
@@ -103,7 +107,9 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
     points = raw.points if raw is not None else np.zeros((0, dim))
     mesh = fem.create_mesh(comm, cells, points, cell, partitioner)
     facets, tags = _tag_facets(mesh, named)
-    return Bodies(mesh, bodies, cell_body[mesh.topology.original_cell_index].astype(np.int32), facets, tags, interfaces)
+    tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
+    cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided)
 
 
 def check_orientation(raw: RawMesh) -> None:

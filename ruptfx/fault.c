@@ -7,6 +7,7 @@
 #define LOCAL $local
 #define TANGENTS $tangents
 #define NORMAL $has_normal
+#define ONE_SIDED $one_sided
 #define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
 
 static const double tolerance = $tolerance;
@@ -40,8 +41,8 @@ $unpack
                 double u = 0, v = 0;
                 for (int c = 0; c < COMPONENTS; c++) {
                     const long p = plus[i] * COMPONENTS + c, q = minus[i] * COMPONENTS + c;
-                    u += r[k * COMPONENTS + c] * (displacement[p] - displacement[q]);
-                    v += r[k * COMPONENTS + c] * (velocity[p] - velocity[q]);
+                    u += r[k * COMPONENTS + c] * (displacement[p] - (ONE_SIDED ? 0 : displacement[q]));
+                    v += r[k * COMPONENTS + c] * (velocity[p] - (ONE_SIDED ? 0 : velocity[q]));
                 }
                 jump_u[k][l] = u;
                 jump_v[k][l] = v;
@@ -145,9 +146,10 @@ $store_new
                 for (int k = 0; k < LOCAL; k++) pull += A_weight[i] * r[k * COMPONENTS + c] * change[k];
                 const long p = plus[i] * COMPONENTS + c, q = minus[i] * COMPONENTS + c;
                 velocity[p] -= dt * inverse_mass[p] * pull;
-                velocity[q] += dt * inverse_mass[q] * pull;
                 // For the reaction where an edge that meets the interface is driven.
                 force[p] -= pull;
+                if (ONE_SIDED) continue;
+                velocity[q] += dt * inverse_mass[q] * pull;
                 force[q] += pull;
             }
         }

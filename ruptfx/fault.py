@@ -146,7 +146,8 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, dt: float) -> tup
         Inverse lumped mass of every degree of freedom [1/kg]; zero where the motion is prescribed.
     """
     inverse = inverse_mass.reshape(-1, interface.frame.shape[2])
-    mobility = np.einsum("ikc,ic->ik", interface.frame**2, inverse[interface.plus] + inverse[interface.minus])
+    both = inverse[interface.plus] + (0 if interface.one_sided else inverse[interface.minus])
+    mobility = np.einsum("ikc,ic->ik", interface.rows**2, both)
     # Where both sides are driven nothing yields: any large impedance will do.
     mobility = np.maximum(mobility, 1e-12 * mobility.max(initial=1e-300))
     z = 1 / (dt * interface.weight[:, None] * mobility)
@@ -247,9 +248,25 @@ class FaultStep:
         self._owned = face.owned.astype(float)
         self._inverse_mass = inverse_mass
         self._index = [np.ascontiguousarray(side, dtype=np.int64) for side in (face.plus, face.minus)]
-        self._frame = np.ascontiguousarray(face.frame)
+        self._frame = np.ascontiguousarray(face.rows)
         self._bound: tuple[Any, ...] = ()
         self.work = 0.0
+        self._was_open = True
+
+    def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
+        """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""
+        is_open = self.fault.interface.has_normal and bool(state["opening"].any())
+        collides, self._was_open = is_open or self._was_open, is_open
+        return self.fault.interface.split(self.fault.interface.jump(velocity))[0] if collides else None
+
+    def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
+        """Energy lost in closing gaps over a step, points of this rank [J]."""
+        if rate_old is None:
+            return 0.0
+        face = self.fault.interface
+        rate, _ = face.split(face.jump(velocity))
+        power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, rate)
+        return float(self._owned @ (face.weight * power)) * self.dt
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
@@ -371,7 +388,7 @@ def _source(
     text = files("ruptfx").joinpath("fault.c").read_text()
     return Template(text).substitute(
         components=fault.interface.frame.shape[2], local=fault.interface.frame.shape[1], tangents=tangents,
-        has_normal=int(has_normal), tolerance=repr(TOLERANCE), max_iterations=MAX_ITERATIONS,
+        has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), tolerance=repr(TOLERANCE), max_iterations=MAX_ITERATIONS,
         unpack=lines(unpack), load=lines(load),
         bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
         trial=to_c(_expressions(targets)), bind_law=lines(bind),

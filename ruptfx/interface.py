@@ -42,6 +42,8 @@ class Interface:
         True on exactly one rank for every point; sums over points count these.
     total : int
         Points of the whole interface.
+    other_side : str
+        `meshed`, or without a minus side (`minus` is then `plus`): `rigid`, `antisymmetric`, `symmetric`.
     """
 
     points: np.ndarray
@@ -53,6 +55,26 @@ class Interface:
     weight: np.ndarray
     owned: np.ndarray
     total: int
+    other_side: str = "meshed"
+
+    @property
+    def one_sided(self) -> bool:
+        return self.other_side != "meshed"
+
+    @property
+    def jump_factor(self) -> np.ndarray:
+        """Jump over displacement of the plus side where it has no meshed partner, shape (local,).
+
+        A mirror image moves with the opposite tangential (antisymmetric) or normal (symmetric) displacement; the
+        weights of such an interface are half its area, because half its traction's work is done on each body.
+        """
+        normal, tangential = {"antisymmetric": (0.0, 2.0), "symmetric": (2.0, 0.0)}.get(self.other_side, (1.0, 1.0))
+        return np.array([normal] * self.has_normal + [tangential] * self.tangents)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Local directions times `jump_factor`: the rows of J, shape (n, local, components)."""
+        return self.frame * self.jump_factor[:, None]
 
     @property
     def has_normal(self) -> bool:
@@ -75,14 +97,16 @@ class Interface:
         ndarray, shape (n, local)
         """
         nodal = field.reshape(-1, self.frame.shape[2])
-        return np.einsum("ikc,ic->ik", self.frame, nodal[self.plus] - nodal[self.minus])
+        difference = nodal[self.plus] if self.one_sided else nodal[self.plus] - nodal[self.minus]
+        return np.einsum("ikc,ic->ik", self.rows, difference)
 
     def assemble(self, traction: np.ndarray, out: np.ndarray) -> None:
         """out += J' W traction, with the traction in the local frame, shape (n, local)."""
-        vector = self.weight[:, None] * np.einsum("ikc,ik->ic", self.frame, traction)
+        vector = self.weight[:, None] * np.einsum("ikc,ik->ic", self.rows, traction)
         nodal = out.reshape(-1, self.frame.shape[2])
         np.add.at(nodal, self.plus, vector)
-        np.subtract.at(nodal, self.minus, vector)
+        if not self.one_sided:
+            np.subtract.at(nodal, self.minus, vector)
 
     def add_force(self, out: np.ndarray, traction: np.ndarray, scale: np.ndarray) -> None:
         """out -= scale J' W traction: what the bodies feel, times e.g. the inverse mass of every degree of freedom."""
@@ -103,6 +127,7 @@ def build_interface(
     plus_tag: int,
     minus_tag: int,
     name: str,
+    other_side: str = "meshed",
 ) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
@@ -115,6 +140,8 @@ def build_interface(
     plus_tag, minus_tag : int
     name : str
         For error messages.
+    other_side : str
+        As in `Interface`; unless it is `meshed`, both tags are those of the plus side.
 
     Raises
     ------
@@ -129,6 +156,10 @@ def build_interface(
     plus, minus, error = _pair(coordinates, sides[0], sides[1], name)
     parallel.raise_on_all(comm, error)
     normal, weight = _normals_and_weights(space, facets, minus_tag, minus)
+    if other_side != "meshed":
+        normal = -normal  # that of the plus body points the other way
+    if other_side in ("antisymmetric", "symmetric"):
+        weight = 0.5 * weight
     owned = plus < space.dofmap.index_map.size_local
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = comm.allreduce(float(np.abs(coordinates).max(initial=0)), op=fem.MPI.MAX)
@@ -139,7 +170,7 @@ def build_interface(
     order = np.argsort(number)
     return Interface(
         points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
-        frame[order], weight[order], owned[order], total,
+        frame[order], weight[order], owned[order], total, other_side,
     )  # fmt: skip
 
 

@@ -59,10 +59,11 @@ class InitialStress(Part):
             Shear stress, slip rate and state of a rate-and-state law that contradict each other.
         """
         shear = np.zeros((len(face.position), face.tangents))
-        if self.tensor is not None:
-            local = np.einsum("ikc,cd,id->ik", face.frame, self.matrix(face.frame.shape[2]), face.frame[:, 0])
+        tensor = self.matrix(face.frame.shape[2])
+        if tensor is not None:
+            local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
             return -local[:, 0], local[:, 1:]
-        normal = evaluate(self.normal, face.position)
+        normal = evaluate(self.normal or 0.0, face.position)
         rate = law.given_slip_rate()
         carried = None
         if rate is not None:
@@ -72,7 +73,7 @@ class InitialStress(Part):
             shear[:, 0] = evaluate(self.shear, face.position)
             if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
                 raise CaseError(
-                    "initial_stress.shear: the law's initial slip rate and state carry another stress; give two of three"
+                    "initial_stress.shear: the law's initial slip rate and state carry another; give two of three"
                 )
         elif carried is not None:
             shear[:, 0] = carried

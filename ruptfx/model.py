@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
+from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
@@ -22,6 +23,31 @@ from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.operators import ufl_form
 from ruptfx.schema import CaseError, nearest
+
+
+@dataclass(frozen=True)
+class Viscosity:
+    """Kelvin-Voigt damping of some elements: the force -eta K v.
+
+    Attributes
+    ----------
+    eta : float
+        [s]
+    operator : Operator
+        K of these elements.
+    nodes : ndarray of bool, shape (nodes,)
+        Nodes of the elements this rank owns.
+    """
+
+    eta: float
+    operator: operators.Operator
+    nodes: np.ndarray
+
+
+def three_digits(value: float) -> float:
+    """Rounded down, so that a result does not depend on the last digits of an eigenvalue and hence on the ranks."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / unit * (1 + 1e-9)) * unit)
 
 
 @dataclass
@@ -93,6 +119,56 @@ class Model:
         if unknown:
             raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
         self.loads = Loads(self, case.boundaries)
+        self.viscosity = self._viscosity()
+
+    def _viscosity(self) -> Viscosity | None:
+        """Kelvin-Voigt damping next to the interfaces."""
+        given = self.case.damping.kelvin_voigt
+        if given is None:
+            return None
+        centres = fem.dolfinx.mesh.compute_midpoints(
+            self.mesh, self.mesh.topology.dim, np.arange(len(self.bodies.cell_body), dtype=np.int32)
+        )[:, : self.mesh.geometry.dim]
+        points = [parallel.share_rows(self.comm, fault.interface.points) for fault in self.faults]
+        if not points:
+            raise CaseError("damping.kelvin_voigt: there is no interface; use damping.mass")
+        tree = cKDTree(np.concatenate(points))
+        if given.thickness is None:
+            x = self.coordinates[self.space.dofmap.list]
+            near = tree.query(x.reshape(-1, x.shape[2]))[0].reshape(x.shape[:2]).min(axis=1)
+            chosen = near < 1e-6 * np.linalg.norm(np.ptp(x, axis=1), axis=1)
+        else:
+            chosen = tree.query(centres)[0] <= given.thickness
+        if not parallel.total(self.comm, chosen.sum()):
+            raise CaseError(f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there")
+        stable = 2 / self.highest_frequency(self.free_inverse_mass())
+        eta = given.eta or three_digits(given.fraction * stable)
+        bulk = operators.Bulk(self.space, self.case.plane, self.materials, self.bodies.cell_body, only=chosen)
+        touched = np.zeros(self.nodes, dtype=bool)
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
+        if not chosen[:owned].any():
+            chosen[0] = True  # an operator needs an element; its nodes are not touched
+        return Viscosity(eta, operators.create(self.case.operator, bulk), touched)
+
+    def free_inverse_mass(self) -> np.ndarray:
+        """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
+        inverse = 1 / self.mass
+        for dofs, _ in self.loads.driven:
+            inverse[dofs] = 0
+        return inverse
+
+    def stable_time_step(self) -> float:
+        """Largest stable explicit step [s].
+
+        2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
+        eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
+        """
+        stable = 2 / self.highest_frequency(self.free_inverse_mass())
+        if self.viscosity is None:
+            return stable
+        eta = self.viscosity.eta
+        return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
 
     def _materials(self) -> list[Material]:
         """Material of every body, in the order of the bodies."""
@@ -132,7 +208,7 @@ class Model:
             known = ", ".join(self.bodies.interfaces) or "none"
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
         tags = self.bodies.tags
-        face = build_interface(self.space, self.bodies.facets, tags[f"{name}.plus"], tags[f"{name}.minus"], name)
+        face = build_interface(self.space, self.bodies.facets, tags[f"{name}.plus"], tags[f"{name}.minus"], name, self.bodies.one_sided.get(name, "meshed"))
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):
@@ -296,7 +372,9 @@ class Model:
             "damping": state.energy["damping"],
             "boundary_work": state.energy["boundary_work"] + sum(fault.preload_work(middle) for fault in self.faults),
         }
-        summed = parallel.total(self.comm, list(here.values()))
+        # A mirror image holds and loses what the meshed half does.
+        copies = 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
+        summed = copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
 
     def highest_frequency(self, free: np.ndarray) -> float:

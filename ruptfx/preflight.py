@@ -51,7 +51,7 @@ def preflight(case: Case) -> Iterator[Row]:
     if len(model.materials) > 1 and case.plane in ("stress", "strain"):
         yield from _pairing(model)
     motion = case.stepper.bind(model)
-    stable = 2 / model.highest_frequency(leapfrog.LeapfrogMotion.free_inverse_mass(model))
+    stable = model.stable_time_step()
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = int(np.ceil(case.duration / motion.dt))
     yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")

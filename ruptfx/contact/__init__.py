@@ -75,6 +75,16 @@ class ContactMethod(Alternative):
         """Frictional power [W/m2] of one shear component over the step that ends with this update."""
         raise NotImplementedError
 
+    def lost_in_impact(self, normal_stress: Array, rate_old: Array, rate: Array) -> Array:
+        """Power [W/m2] lost by a gap that closes, over the step that ends with this update.
+
+        Parameters
+        ----------
+        normal_stress : [Pa]
+        rate_old, rate : opening rate before and after [m/s].
+        """
+        return 0.0 * normal_stress
+
     def stored(self, normal_stress: Array, shear_traction: list[Array], opening: Array, slip: list[Array]) -> Array:
         """Elastic energy held in the interface [J/m2].
 

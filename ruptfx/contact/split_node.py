@@ -22,6 +22,10 @@ class SplitNode(ContactMethod):
             impedance=z_s,
         )
 
+    def lost_in_impact(self, normal_stress: Array, rate_old: Array, rate: Array) -> Array:
+        # Rigid contact stops the gap at once: a plastic impact of the two nodal masses.
+        return -0.5 * normal_stress * (rate_old + rate)
+
     def dissipated(self, traction_old: Array, traction: Array, rate_old: Array, rate: Array) -> Array:
         # The traction acts in the middle between the two slip rates.
         return 0.5 * traction * (rate_old + rate)

@@ -32,6 +32,9 @@ class RawMesh:
         Named boundary facets, ``"upper.left"``.
     interfaces : dict of str to (ndarray, ndarray)
         Facets of the plus and of the minus side in the same order, vertex by vertex at the same place.
+    one_sided : dict of str to str
+        Interfaces whose minus side is not meshed (both facets are then those of the plus side), and what it is:
+        ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
     """
 
     cell: str
@@ -41,6 +44,7 @@ class RawMesh:
     cell_body: np.ndarray
     edges: dict[str, np.ndarray] = field(default_factory=dict)
     interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    one_sided: dict[str, str] = field(default_factory=dict)
 
 
 class MeshSource(Alternative):

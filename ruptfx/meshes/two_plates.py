@@ -31,21 +31,14 @@ class TwoPlates(MeshSource):
 
     def levels(self) -> np.ndarray:
         """Heights of the element rows above the interface, shape (rows + 1,) [m]."""
-        if self.growth == 1:
-            rows = max(1, round(self.height / self.element_size))
-            return np.linspace(0, self.height, rows + 1)
-        sizes = [self.element_size]
-        while sum(sizes) < self.height:
-            sizes.append(sizes[-1] * self.growth)
-        heights = np.concatenate([[0.0], np.cumsum(sizes)])
-        return heights * self.height / heights[-1]
+        return row_levels(self.height, self.element_size, self.growth)
 
     def build(self) -> RawMesh:
         columns = max(1, round(self.length / self.element_size))
         x = self.left + np.linspace(0, self.length, columns + 1)
         levels = self.levels()
-        upper, upper_cells, upper_sides = _grid(x, levels)
-        lower, lower_cells, lower_sides = _grid(x, -levels[::-1])
+        upper, upper_cells, upper_sides = grid(x, levels)
+        lower, lower_cells, lower_sides = grid(x, -levels[::-1])
         shift = len(upper)
         return RawMesh(
             cell="quadrilateral", points=np.concatenate([upper, lower]),
@@ -59,7 +52,18 @@ class TwoPlates(MeshSource):
         )  # fmt: skip
 
 
-def _grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def row_levels(height: float, size: float, growth: float) -> np.ndarray:
+    """Heights of element rows that begin with `size` and grow by a factor, scaled to end at `height` [m]."""
+    if growth == 1:
+        return np.linspace(0, height, max(1, round(height / size)) + 1)
+    sizes = [size]
+    while sum(sizes) < height:
+        sizes.append(sizes[-1] * growth)
+    heights = np.concatenate([[0.0], np.cumsum(sizes)])
+    return heights * height / heights[-1]
+
+
+def grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Points, cells in tensor order and the facets of the four sides of a rectangle."""
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     number = np.arange(len(points)).reshape(len(x), len(y))

@@ -31,6 +31,8 @@ class Bulk:
         Index into `materials` of every local cell (ghosts included).
     viscosity_time : ndarray or None, shape (cells,)
         Kelvin-Voigt time eta [s] of every local cell: the force is K (u + eta v). None where there is no damping.
+    only : ndarray of bool or None, shape (cells,)
+        Local cells that count; None for all.
     """
 
     space: Any
@@ -38,6 +40,7 @@ class Bulk:
     materials: list[Material]
     cell_material: np.ndarray
     viscosity_time: np.ndarray | None = None
+    only: np.ndarray | None = None
 
 
 class Operator(Protocol):

@@ -20,7 +20,9 @@ def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
     """The material index of every local cell as tags for a measure."""
     mesh = bulk.space.mesh
     cells = np.arange(len(bulk.cell_material), dtype=np.int32)
-    return fem.dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, bulk.cell_material)
+    if bulk.only is not None:
+        cells = cells[bulk.only]
+    return fem.dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, bulk.cell_material[cells])
 
 
 def measure(bulk: Bulk) -> fem.ufl.Measure:

@@ -32,10 +32,11 @@ class Leapfrog(Stepper):
     """Given instead of chosen; refused if it is not stable."""
 
     def bind(self, model: Model) -> LeapfrogMotion:
-        free = LeapfrogMotion.free_inverse_mass(model)
-        stable = 2 / model.highest_frequency(free)
+        from ruptfx.model import three_digits
+
+        stable = model.stable_time_step()
         if self.time_step is None:
-            return LeapfrogMotion(model, _three_digits(self.safety * stable))
+            return LeapfrogMotion(model, three_digits(self.safety * stable))
         if self.time_step > stable:
             raise CaseError(
                 f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, "
@@ -44,15 +45,9 @@ class Leapfrog(Stepper):
         return LeapfrogMotion(model, self.time_step)
 
 
-def _three_digits(value: float) -> float:
-    """Rounded down, so that the step does not depend on the last digits of an eigenvalue and hence on the ranks."""
-    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
-    return float(np.floor(value / unit * (1 + 1e-9)) * unit)
-
-
 def what_limits(model: Model, stable: float) -> str:
     """Whether elements or the stiffness of an interface set the stable step."""
-    inverse = LeapfrogMotion.free_inverse_mass(model)
+    inverse = model.free_inverse_mass()
     worst, name = 0.0, ""
     for fault in model.faults:
         normal, shear = fault.contact.stiffness()
@@ -88,6 +83,8 @@ class LeapfrogMotion:
         for fault in model.faults:
             for side in (fault.interface.plus, fault.interface.minus):
                 held.reshape(-1, c)[side] = True
+        if model.viscosity is not None:
+            held.reshape(-1, c)[model.viscosity.nodes] = True
         held_nodes = held.reshape(-1, c).any(axis=1)
         # With mass damping every node loses energy that must be counted.
         operator: Any = model.operator
@@ -104,6 +101,10 @@ class LeapfrogMotion:
         self._mass, self._dashpot = mass[dofs], (2 * decay / dt)[dofs]
         self._driven = prescribed[dofs].astype(float)
         self._owned = (dofs < model.owned_nodes * c).astype(float)
+        if model.viscosity is not None:
+            self._viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
+            self._viscous_among_held = np.searchsorted(dofs, self._viscous)
+            self._viscous_force = np.zeros(len(mass))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         # Contact feels the mass with the dashpots in it, and cannot move what is driven.
         self._inverse_mass = np.where(prescribed, 0.0, effective)
@@ -114,10 +115,7 @@ class LeapfrogMotion:
     @staticmethod
     def free_inverse_mass(model: Model) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
-        inverse = 1 / model.mass
-        for dofs, _ in model.loads.driven:
-            inverse[dofs] = 0
-        return inverse
+        return model.free_inverse_mass()
 
     def step(self, state: State) -> None:
         """One step; `state.time` becomes the time of the new displacement.
@@ -131,6 +129,7 @@ class LeapfrogMotion:
         for force, load in self.model.loads.force:
             # Work of the load by the mean velocity is added once the new one is known.
             state.force += ramp(state.time, load.ramp) * force
+        moving = [fault_step.opening_rate(state.faults[name], state.velocity) for name, fault_step in self._faults]
         pointer = _pointer
         n = ctypes.c_long(len(self._dofs))
         self._library.kick(
@@ -139,18 +138,19 @@ class LeapfrogMotion:
         )  # fmt: skip
         for dofs, drive in self.model.loads.driven:
             state.velocity[dofs] = drive.velocity * ramp(state.time + 0.5 * self.dt, drive.ramp)
-        for name, fault_step in self._faults:
+        for (name, fault_step), rate_old in zip(self._faults, moving, strict=True):
             state.energy["frictional_dissipation"] += fault_step(
                 state.faults[name], state.displacement, state.velocity, state.force, state.time
             )
             state.energy["boundary_work"] += fault_step.work
+            state.energy["damping"] += fault_step.impact_loss(state.faults[name], state.velocity, rate_old)
         self._load_work(state)
         self._library.drift(
             n, pointer(self._dofs), ctypes.c_double(self.dt), pointer(self._mass), pointer(self._dashpot),
             pointer(self._driven), pointer(self._owned), pointer(self._velocity_old), pointer(state.velocity),
             pointer(state.displacement), pointer(state.force), pointer(self._work),
         )  # fmt: skip
-        state.energy["damping"] += self._work[0]
+        state.energy["damping"] += self._work[0] + self._viscous_work(state)
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
         state.step += 1
@@ -163,7 +163,21 @@ class LeapfrogMotion:
             operator.step(state.displacement, state.velocity, state.force, self._plain_inverse_mass, self.dt)
         else:
             operator.add_internal_force(state.displacement, state.velocity, state.force)
+        viscosity = self.model.viscosity
+        if viscosity is not None:
+            force, dofs = self._viscous_force, self._viscous
+            force[dofs] = 0
+            viscosity.operator.add_internal_force(state.velocity, state.velocity, force)
+            force[dofs] *= viscosity.eta
+            state.force[dofs] += force[dofs]
         self.model.sum_shared(state.force)
+
+    def _viscous_work(self, state: State) -> float:
+        """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""
+        if self.model.viscosity is None:
+            return 0.0
+        mean = 0.5 * (self._velocity_old[self._viscous_among_held] + state.velocity[self._viscous])
+        return -float(self._viscous_force[self._viscous] @ mean) * self.dt
 
     def _load_work(self, state: State) -> None:
         for force, load in self.model.loads.force:

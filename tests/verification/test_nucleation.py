@@ -1,4 +1,4 @@
-"""Initial stress in its three forms and every way to start a rupture: exact values, and an energy budget that closes."""
+"""Initial stress in its three forms and every way to start a rupture: exact values, closed energy budget."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ruptfx.schema import CaseError
 pytestmark = pytest.mark.fem
 
 WEAKENING = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 2e-7}
+STIFF = {"kind": "compliant", "C_n": 300e12, "C_s": 10e12}
 NUCLEATIONS = {
     "overstress": {"extra": {"kind": "boxcar", "inside": 2.4e6, "outside": 0.0, "center": 6e-3, "half_width": 1e-3}},
     "smooth_patch": {"extra": 3e6, "center": 6e-3, "radius": 2e-3, "rise": 1e-6},
@@ -39,7 +40,7 @@ def loaded(contact: dict, nucleation: dict | list) -> Case:
     })  # fmt: skip
 
 
-@pytest.mark.parametrize("contact", [SPLIT, {"kind": "compliant", "C_n": 300e12, "C_s": 10e12}], ids=lambda c: c["kind"])
+@pytest.mark.parametrize("contact", [SPLIT, STIFF], ids=lambda contact: contact["kind"])
 @pytest.mark.parametrize("kind", NUCLEATIONS)
 def test_nucleation_starts_a_rupture_and_its_work_is_accounted_for(kind: str, contact: dict) -> None:
     model, state, dt = run(loaded(contact, {"kind": kind, **NUCLEATIONS[kind]}))

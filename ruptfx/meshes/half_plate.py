@@ -1,0 +1,47 @@
+"""One rectangular plate and its mirror image."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes.two_plates import grid, row_levels
+from ruptfx.schema import Unit
+from ruptfx.units import Coordinate, Length
+
+
+class HalfPlate(MeshSource):
+    """The upper one of two equal plates that meet at y = 0; the lower one is its mirror image and costs nothing.
+
+    `antisymmetric` motion (shear rupture, modes II and III) keeps the normal stress of the interface, `symmetric`
+    motion (opening, mode I) has no slip. The interface is called `main`, the edges are `upper.left`, `upper.right`
+    and `upper.top`.
+    """
+
+    length: Length
+    height: Length
+    """Of one plate."""
+    element_size: Length
+    """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
+    symmetry: Literal["antisymmetric", "symmetric"] = "antisymmetric"
+    growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
+    """Ratio of the heights of neighbouring elements away from the interface."""
+    left: Coordinate = 0.0
+    """x of the left end."""
+
+    def build(self) -> RawMesh:
+        return plate(self.length, self.height, self.element_size, self.growth, self.left, self.symmetry)
+
+
+def plate(length: float, height: float, size: float, growth: float, left: float, other_side: str) -> RawMesh:
+    """A plate above the interface `main`, whose minus side is not meshed."""
+    x = left + np.linspace(0, length, max(1, round(length / size)) + 1)
+    points, cells, sides = grid(x, row_levels(height, size, growth))
+    return RawMesh(
+        cell="quadrilateral", points=points, cells=cells, bodies=["upper"], cell_body=np.zeros(len(cells), dtype=int),
+        edges={f"upper.{side}": sides[side] for side in ("left", "right", "top")},
+        interfaces={"main": (sides["bottom"], sides["bottom"])}, one_sided={"main": other_side},
+    )  # fmt: skip
