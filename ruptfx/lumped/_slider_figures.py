@@ -1,0 +1,173 @@
+"""Figures of the spring slider, one per experiment."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+
+from ruptfx.lumped._style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, TWO_COLUMNS, new_figure, styled
+
+
+def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    name = dataset.attrs["experiment"]
+    return {name: _DRAW[name](dataset)}
+
+
+@styled
+def velocity_steps(dataset: xarray.Dataset) -> Figure:
+    """Friction and speeds against the displacement of the drive."""
+    figure = new_figure(ONE_COLUMN, 3.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    x = dataset.drive_displacement * 1e6
+    top.plot(x, dataset.friction, color=STICK_SLIP)
+    top.set_ylabel("friction coefficient")
+    bottom.plot(x, dataset.slip_rate * 1e6, color=STEADY, label="slip rate")
+    bottom.plot(x, dataset.drive_speed * 1e6, color="0.4", linestyle="--", linewidth=0.7, label="drive")
+    bottom.set(yscale="log", xlabel="drive displacement [µm]", ylabel="speed [µm/s]")
+    bottom.legend(loc="upper right")
+    return figure
+
+
+@styled
+def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
+    """Friction through the holds, and the static friction against their duration."""
+    figure = new_figure(TWO_COLUMNS, 2.7)
+    left, right = figure.subplots(1, 2)
+    shades = np.linspace(0.2, 1, dataset.sizes["hold"])
+    for shade, run in zip(shades, (dataset.isel(hold=i) for i in range(dataset.sizes["hold"])), strict=True):
+        restart = float(run.drive_displacement[np.argmax(run.drive_speed.values == 0)])
+        left.plot(
+            (run.drive_displacement - restart) * 1e6, run.friction, color=STICK_SLIP, alpha=float(shade),
+            label=f"{float(run.hold):g} s",
+        )
+    left.set(xlabel="drive displacement from the hold [µm]", ylabel="friction coefficient")
+    left.set_title("(a)")
+    left.legend(title="hold", title_fontsize=7)
+    right.plot(dataset.hold, dataset.static_friction, "o", color=STICK_SLIP, label="simulation")
+    slope, last = dataset.attrs["b"], dataset.isel(hold=-1)
+    line = float(last.static_friction) + slope * np.log(dataset.hold / float(last.hold))
+    right.plot(dataset.hold, line, "--", color="0.4", label=f"slope b = {slope:g} per e-fold")
+    right.axhline(float(dataset.steady_friction), color=STEADY, linestyle=":", label="steady sliding")
+    right.set(xscale="log", xlabel="duration of the hold [s]", ylabel="static friction coefficient")
+    right.set_title("(b)")
+    right.legend()
+    return figure
+
+
+@styled
+def modulated_speed(dataset: xarray.Dataset) -> Figure:
+    """Friction against the modulated speed: loops about the steady line."""
+    figure = new_figure(ONE_COLUMN, 2.8)
+    ax = figure.subplots()
+    order = np.argsort(dataset.drive_speed.values)
+    speed = dataset.drive_speed.values * 1e6
+    for colour, loop in zip((STICK_SLIP, ACCENT, STEADY, "0.3", "0.6"), dataset.friction, strict=False):
+        ax.plot(speed, loop, color=colour, label=f"{float(loop.period):g} s")
+        for at in (0.02, 0.52):
+            i = int(at * len(speed))
+            ax.annotate(
+                "", (speed[i + 6], loop[i + 6]), (speed[i], loop[i]),
+                arrowprops={"arrowstyle": "->", "color": colour, "lw": 1},
+            )
+    ax.plot(speed[order], dataset.steady_friction.values[order], "k:", label="steady")
+    ax.set(xscale="log", xlabel="drive speed [µm/s]", ylabel="friction coefficient")
+    ax.legend(title="period", title_fontsize=7)
+    return figure
+
+
+@styled
+def modulated_load(dataset: xarray.Dataset) -> Figure:
+    """Mean friction, its harmonics and the critical stiffness against the amplitude of the load."""
+    critical = bool(np.isfinite(dataset.K_c.values).any())
+    figure = new_figure(TWO_COLUMNS, 2.4)
+    axes = figure.subplots(1, 2 + critical)
+    fine = np.linspace(0, float(dataset.eps.max()), 100)
+    axes[0].plot(dataset.eps, 100 * dataset.mean_change, "o-", color=STICK_SLIP, label="simulation")
+    axes[0].plot(fine, 100 * np.interp(fine, dataset.eps, dataset.law), "--", color="0.4", label="constant age")
+    axes[0].set_ylabel("change of mean friction [%]")
+    axes[0].legend()
+    axes[1].plot(dataset.eps, dataset.first_harmonic, "o-", color=STEADY, label="f")
+    axes[1].plot(dataset.eps, dataset.second_harmonic, "s-", color=ACCENT, label="2 f")
+    axes[1].set(ylabel="harmonic of F / W", ylim=(0, None))
+    axes[1].legend()
+    if critical:
+        axes[2].plot(dataset.eps, dataset.K_c / float(dataset.attrs["K_c"]), "o-", color="k")
+        axes[2].set(ylabel=r"$K_c(\epsilon)\,/\,K_c(0)$", ylim=(0, 1.05))
+    for letter, ax in zip("abc", axes, strict=False):
+        ax.set_title(f"({letter})")
+        ax.set_xlabel(r"load amplitude $\epsilon$")
+    return figure
+
+
+@styled
+def stability(dataset: xarray.Dataset) -> Figure:
+    """Stick-slip and steady sliding over speed and stiffness, with the linear boundary."""
+    figure = new_figure(ONE_COLUMN, 2.8)
+    ax = figure.subplots()
+    speed = dataset.speed * 1e6
+    ax.pcolormesh(
+        speed, dataset.stiffness * 1e-4, dataset.oscillates.astype(float), shading="nearest", rasterized=True,
+        cmap=ListedColormap(["#dfe8f0", "#f0d8d4"]), vmin=0, vmax=1,
+    )
+    ax.plot(speed, dataset.k_c_linear * 1e-4, color="k", label="linear analysis")
+    ax.plot(speed, dataset.k_c_simulated * 1e-4, ".", color=STICK_SLIP, markersize=4, label="simulation")
+    ax.annotate("stick-slip", (0.06, 0.08), xycoords="axes fraction", color=STICK_SLIP)
+    ax.annotate("steady sliding", (0.06, 0.88), xycoords="axes fraction", color=STEADY)
+    ax.set(xscale="log", xlabel="drive speed [µm/s]", ylabel=r"$K / W$ [$10^4$ m$^{-1}$]")
+    ax.legend(loc="upper right")
+    return figure
+
+
+@styled
+def bifurcation(dataset: xarray.Dataset) -> Figure:
+    """Amplitude and harmonic content against stiffness, and the waves."""
+    figure = new_figure(TWO_COLUMNS, 3.0)
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
+    left.plot(dataset.ratio, dataset.amplitude, "o-", color=STICK_SLIP)
+    left.axvline(1, color="0.4", linestyle=":", linewidth=0.8)
+    left.set(xlabel=r"$K / K_c$", ylabel="peak-to-peak friction", ylim=(0, None))
+    left.set_title("(a)")
+    second = left.twinx()
+    second.spines["right"].set_visible(True)
+    second.plot(dataset.ratio, dataset.harmonic, "s--", color=STEADY, markersize=3)
+    second.set(ylim=(0, 1))
+    second.set_ylabel("second / first harmonic", color=STEADY)
+    chosen = np.unique(np.linspace(0, dataset.sizes["ratio"] - 1, min(5, dataset.sizes["ratio"])).astype(int))
+    step = 1.1 * float(dataset.amplitude.max())
+    for row, index in enumerate(chosen):
+        wave = dataset.wave.isel(ratio=index)
+        right.plot(dataset.wave_time, wave - wave.mean() - row * step, color=STICK_SLIP, linewidth=0.8)
+        right.annotate(
+            f"{float(wave.ratio):g}", (1.01, -row * step), xycoords=("axes fraction", "data"), va="center", fontsize=7
+        )
+    right.set(xlabel="time [s]", ylabel="friction coefficient, shifted")
+    right.set_title(r"(b)  waves at $K / K_c$ (right)")
+    return figure
+
+
+@styled
+def fit(dataset: xarray.Dataset) -> Figure:
+    """The measured trace, the fit and its parameters with their intervals."""
+    figure = new_figure(ONE_COLUMN * 1.5, 3.2)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    top.plot(dataset.time, dataset.measured, ".", color="0.6", markersize=2, label="measured")
+    top.plot(dataset.time, dataset.fitted, color=STICK_SLIP, label="fit")
+    top.set_ylabel("friction coefficient")
+    top.legend(loc="lower right")
+    level = 100 * dataset.attrs["confidence"]
+    text = [f"{level:.0f} % intervals"]
+    for name, factor, unit in (("a", 1, ""), ("b", 1, ""), ("D_c", 1e6, " µm")):
+        value, low, high = (float(dataset[name + end]) * factor for end in ("", "_low", "_high"))
+        text.append(rf"${name}$ = {value:.4g}{unit}  [{low:.4g}, {high:.4g}]")
+    top.set_title("\n".join(text), fontsize=7)
+    bottom.plot(dataset.time, dataset.fitted - dataset.measured, color=STEADY, linewidth=0.6)
+    bottom.set(xlabel="time [s]", ylabel="residual")
+    return figure
+
+
+_DRAW = {
+    "velocity_steps": velocity_steps, "slide_hold_slide": slide_hold_slide, "modulated_speed": modulated_speed,
+    "modulated_load": modulated_load, "stability": stability, "bifurcation": bifurcation, "fit": fit,
+}

@@ -1,0 +1,134 @@
+"""a, b and D_c from a measured friction trace, with confidence intervals."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import xarray
+from pydantic import Field, ValidationInfo, field_validator
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from ruptfx import RuptfxError
+from ruptfx.lumped import Progress, variable
+from ruptfx.lumped._slider import Slider, integrate
+from ruptfx.lumped._slider_protocols import Experiment
+
+_COLUMNS = ("time", "drive_speed", "friction")
+_FITTED = ("a", "b", "D_c", "f_0")
+
+
+class Fit(Experiment):
+    """Fit a, b, D_c and f_0 to a trace of friction under a drive of piecewise constant speed.
+
+    Least squares in ln a, ln b, ln D_c (all positive) and f_0, from the values of `friction` in the case. The
+    intervals follow from the curvature of the misfit and assume independent errors of equal size.
+    """
+
+    name = "fit"
+    kind: Literal["fit"] = "fit"
+    trace: str
+    """CSV file with the columns time [s], drive_speed [m/s] and friction, and a header that names them."""
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+
+    @field_validator("trace")
+    @classmethod
+    def _found(cls, trace: str, info: ValidationInfo) -> str:
+        path = Path((info.context or {}).get("directory") or ".") / trace
+        if not path.is_file():
+            raise ValueError(f"no such file ({path}); give a CSV with the columns {', '.join(_COLUMNS)}")
+        return str(path.resolve())
+
+    def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        time, drive, measured = read_trace(self.trace)
+        law = slider.law
+        start = np.array([*(np.log(float(getattr(law, name))) for name in _FITTED[:3]), float(law.f_0)])
+        # The steady friction of the case is a poor guess of that of the sample; its level is not.
+        start[3] += measured[0] - modelled(slider, start, time[:2], drive[:2])[0]
+        calls = 0
+
+        def misfit(parameters: np.ndarray) -> np.ndarray:
+            nonlocal calls
+            calls += 1
+            progress(min(calls / 60, 0.95), f"fit, {calls} runs")
+            try:
+                return modelled(slider, parameters, time, drive) - measured
+            except RuptfxError:  # this trial runs away; a large misfit sends the search back
+                return np.full(len(time), 1.0)
+
+        found = least_squares(misfit, start, method="trf", x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4, xtol=1e-9)
+        if not found.success:
+            raise RuptfxError(f"the fit of {self.trace} failed: {found.message}; start closer with friction.a, b, D_c")
+        low, high = _interval(found.x, found.jac, found.fun, self.confidence)
+        values, low, high = (np.array([*np.exp(x[:3]), x[3]]) for x in (found.x, low, high))
+        fields = {
+            "measured": variable("time", measured, "1", "measured friction coefficient"),
+            "fitted": variable("time", measured + found.fun, "1", "fitted friction coefficient"),
+            "drive_speed": variable("time", drive, "m/s", "speed of the drive"),
+            "misfit": variable((), float(np.sqrt(np.mean(found.fun**2))), "1", "RMS misfit"),
+        }
+        for name, value, lower, upper in zip(_FITTED, values, low, high, strict=True):
+            unit = "m" if name == "D_c" else "1"
+            fields |= {
+                name: variable((), value, unit, f"fitted {name}"),
+                f"{name}_low": variable((), lower, unit, f"lower bound of {name}"),
+                f"{name}_high": variable((), upper, unit, f"upper bound of {name}"),
+            }
+        coords = {"time": variable("time", time, "s", "time")}
+        return xarray.Dataset(fields, coords, {"experiment": self.name, "confidence": self.confidence})
+
+
+def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np.ndarray) -> np.ndarray:
+    """Friction coefficient at the times, from steady sliding at the first speed; `parameters` as in `Fit`."""
+    values = dict(zip(_FITTED, (float(v) for v in (*np.exp(parameters[:3]), parameters[3])), strict=True))
+    trial = Slider(
+        slider.law.model_copy(update=values), slider.normal_force, slider.stiffness, slider.mass,
+        slider.interface_length,
+    )
+    # Speed i holds from time i to time i + 1.
+    starts = [0, *(np.flatnonzero(np.diff(drive[:-1])) + 1), len(time) - 1]
+    y, friction = trial.steady(drive[0]), np.empty(len(time))
+    for first, last in zip(starts[:-1], starts[1:], strict=True):
+        motion = integrate(trial, y, time[first : last + 1], float(drive[first]), rtol=1e-9)
+        friction[first : last + 1], y = motion.friction, motion.end
+    return friction
+
+
+def _interval(x: np.ndarray, jac: np.ndarray, residual: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds x -+ t sqrt(diag((J' J)^-1) s^2) with Student's t, s^2 = |r|^2 / (n - p)."""
+    freedom = len(residual) - len(x)
+    covariance = np.linalg.pinv(jac.T @ jac) * (residual @ residual) / freedom
+    half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance))
+    return x - half, x + half
+
+
+def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time [s], drive speed [m/s] and friction of a CSV file with a header.
+
+    Raises
+    ------
+    RuptfxError
+        Columns missing, entries that are no numbers, too few rows, times that do not increase.
+    """
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuptfxError(f"{path}: cannot be read: {error}") from None
+    known = [name.strip() for name in rows[0]] if rows else []
+    missing = [name for name in _COLUMNS if name not in known]
+    if missing:
+        raise RuptfxError(f"{path}: column {', '.join(missing)} is missing; the first line must name the columns")
+    try:
+        clean = [{key.strip(): value for key, value in row.items() if key} for row in rows]
+        table = np.array([[float(row[name]) for name in _COLUMNS] for row in clean])
+    except (TypeError, ValueError) as error:
+        raise RuptfxError(f"{path}: not a number: {error}") from None
+    if len(table) < 20 or not np.isfinite(table).all():
+        raise RuptfxError(f"{path}: at least 20 rows of numbers are needed to fit, found {len(table)}")
+    if np.any(np.diff(table[:, 0]) <= 0):
+        raise RuptfxError(f"{path}: time must increase from row to row")
+    return table[:, 0], table[:, 1], table[:, 2]

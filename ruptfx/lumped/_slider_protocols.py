@@ -1,0 +1,169 @@
+"""What is done to the slider: velocity steps, slide-hold-slide, modulated speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import xarray
+from pydantic import Field
+
+from ruptfx.lumped import Progress, variable
+from ruptfx.lumped._slider import Motion, Slider, integrate
+from ruptfx.schema import Part
+from ruptfx.units import Duration, Length, Speed
+
+Samples = Annotated[int, Field(ge=20, le=1_000_000)]
+
+
+class Experiment(Part):
+    """The contract of an experiment on a slider."""
+
+    name: ClassVar[str]
+
+    def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        raise NotImplementedError
+
+
+def follow(
+    slider: Slider, segments: Iterable[tuple[float, float]], samples: int, start: np.ndarray | None = None
+) -> list[Motion]:
+    """Motion through segments (duration [s], drive speed [m/s]), from steady sliding at the first speed.
+
+    Times run through; each segment has `samples` times, denser after its start where the friction changes fast.
+    """
+    motions: list[Motion] = []
+    time = 0.0
+    for duration, speed in segments:
+        y = motions[-1].end if motions else slider.steady(speed) if start is None else start
+        times = time + duration * np.linspace(0, 1, samples) ** 1.5
+        motions.append(integrate(slider, y, times, speed))
+        time += duration
+    return motions
+
+
+def traces(motions: list[Motion], speeds: Iterable[float]) -> dict[str, Any]:
+    """Variables of a dataset along `time`."""
+    time = np.concatenate([m.time for m in motions])
+    drive = np.concatenate([np.full(len(m.time), speed) for m, speed in zip(motions, speeds, strict=True)])
+    travel = np.concatenate([[0.0], np.cumsum(drive[1:] * np.diff(time))])
+    theta = np.exp(np.concatenate([m.y[1] for m in motions]))
+    return {
+        "time": variable("sample", time, "s", "time"),
+        "drive_speed": variable("sample", drive, "m/s", "speed of the drive"),
+        "drive_displacement": variable("sample", travel, "m", "displacement of the drive"),
+        "friction": variable("sample", np.concatenate([m.friction for m in motions]), "1", "friction coefficient"),
+        "slip_rate": variable("sample", np.concatenate([m.slip_rate for m in motions]), "m/s", "slip rate"),
+        "theta": variable("sample", theta, "s", "age of the contacts"),
+    }
+
+
+class VelocitySteps(Experiment):
+    """The drive jumps from one speed to the next."""
+
+    name = "velocity_steps"
+    kind: Literal["velocity_steps"] = "velocity_steps"
+    speeds: Annotated[list[Speed], Field(min_length=2)] = [1e-6, 1e-5, 1e-6]
+    distance: Length = 20e-6
+    """Driven at each speed [m]."""
+    samples: Samples = 1500
+
+    def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        progress(0.1, f"{len(self.speeds)} speeds")
+        motions = follow(slider, [(self.distance / speed, speed) for speed in self.speeds], self.samples)
+        ends = np.array([m.friction[-1] for m in motions])
+        logs = np.diff(np.log(self.speeds))
+        # The direct effect is the first extreme, upwards where the speed goes up.
+        peaks = [m.friction.max() if up > 0 else m.friction.min() for m, up in zip(motions[1:], logs, strict=True)]
+        return xarray.Dataset(
+            {
+                **traces(motions, self.speeds),
+                "step_direct": variable("step", (peaks - ends[:-1]) / logs, "1", "peak change per e-fold of speed"),
+                "step_steady": variable("step", np.diff(ends) / logs, "1", "steady change per e-fold of speed"),
+                "step_speed": variable("step", np.array(self.speeds[1:]), "m/s", "speed after the step"),
+            },
+            attrs={"experiment": self.name},
+        )
+
+
+class SlideHoldSlide(Experiment):
+    """The drive stops for a time and starts again; the peak on restarting is the static friction."""
+
+    name = "slide_hold_slide"
+    kind: Literal["slide_hold_slide"] = "slide_hold_slide"
+    speed: Speed = 1e-6
+    holds: Annotated[list[Duration], Field(min_length=2)] = [1.0, 10.0, 100.0, 1000.0, 10000.0]
+    distance: Length = 10e-6
+    """Driven after each hold [m]."""
+    samples: Samples = 4000
+
+    def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        runs, peaks, lows = [], [], []
+        for number, hold in enumerate(self.holds):
+            progress(number / len(self.holds), f"hold of {hold:g} s")
+            sliding = self.distance / self.speed
+            # Steady sliding, hold, reload; a drive at rest is a very slow one.
+            motions = follow(slider, [(0.1 * sliding, self.speed), (hold, 0.0), (sliding, self.speed)], self.samples)
+            runs.append(traces(motions, [self.speed, 0.0, self.speed]))
+            peaks.append(motions[2].friction.max())
+            lows.append(motions[1].friction[-1])
+        steady = float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
+        slope = np.diff(peaks) / np.diff(np.log(self.holds))
+        together = {
+            name: variable(("hold", "sample"), np.array([run[name][1] for run in runs]), *runs[0][name][2].values())
+            for name in runs[0]
+        }
+        return xarray.Dataset(
+            {
+                **together,
+                "static_friction": variable("hold", np.array(peaks), "1", "static friction coefficient"),
+                "relaxed_friction": variable("hold", np.array(lows), "1", "friction coefficient at the end of the hold"),
+                "steady_friction": variable((), steady, "1", "steady friction coefficient"),
+                "healing_slope": variable((), slope[-1], "1", "static friction per e-fold of hold, longest holds"),
+            },
+            coords={"hold": variable("hold", np.array(self.holds), "s", "duration of the hold")},
+            attrs={"experiment": self.name},
+        )
+
+
+class ModulatedSpeed(Experiment):
+    """The drive's speed swings slowly, V = speed ratio^sin(2 pi t / period); friction runs round a loop."""
+
+    name = "modulated_speed"
+    kind: Literal["modulated_speed"] = "modulated_speed"
+    speed: Speed = 1e-6
+    ratio: Annotated[float, Field(gt=1, le=1000)] = 10.0
+    periods: Annotated[list[Duration], Field(min_length=1)] = [3.0, 30.0, 300.0]
+    cycles: Annotated[int, Field(ge=2, le=50)] = 3
+    samples: Samples = 600
+
+    def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        phase = np.linspace(0, 1, self.samples)
+        drive = self.speed * self.ratio ** np.sin(2 * np.pi * phase)
+        loops, areas = [], []
+        for number, period in enumerate(self.periods):
+            progress(number / len(self.periods), f"period of {period:g} s")
+
+            def speed(time: float, period: float = period) -> float:
+                return self.speed * self.ratio ** np.sin(2 * np.pi * time / period)
+
+            before = integrate(slider, slider.steady(self.speed), np.array([0, (self.cycles - 1) * period]), speed)
+            last = integrate(slider, before.end, period * (self.cycles - 1 + phase), speed)
+            loops.append(last.friction)
+            # Oriented area of the loop in the plane of ln V and friction.
+            areas.append(np.trapezoid(last.friction, np.log(drive)))
+        steady = slider.law.steady_strength(drive, slider.normal_force) / slider.normal_force
+        return xarray.Dataset(
+            {
+                "friction": variable(("period", "phase"), np.array(loops), "1", "friction coefficient"),
+                "drive_speed": variable("phase", drive, "m/s", "speed of the drive"),
+                "steady_friction": variable("phase", steady, "1", "steady friction coefficient"),
+                "loop_area": variable("period", np.array(areas), "1", "area of the loop in ln V and friction"),
+            },
+            coords={
+                "period": variable("period", np.array(self.periods), "s", "period of the modulation"),
+                "phase": variable("phase", phase, "1", "fraction of the cycle"),
+            },
+            attrs={"experiment": self.name},
+        )

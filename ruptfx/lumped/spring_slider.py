@@ -1,0 +1,98 @@
+"""Rate-and-state spring slider: one block, one spring, the friction laws of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Union
+
+import numpy as np
+import xarray
+from pydantic import Discriminator, Tag, model_validator
+
+from ruptfx.friction import AnyFriction
+from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.lumped import LumpedModel, Progress, Summary, silent
+from ruptfx.lumped._slider import Slider, critical_stiffness
+from ruptfx.lumped._slider_fit import Fit
+from ruptfx.lumped._slider_protocols import ModulatedSpeed, SlideHoldSlide, VelocitySteps
+from ruptfx.lumped._slider_stability import Bifurcation, ModulatedLoad, StabilityDiagram
+from ruptfx.units import NonNegative, Positive
+
+_EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, Fit)
+
+
+def _tag(value: Any) -> str:
+    # Tags in angle brackets stay out of the keys that errors name.
+    return f"<{value.get('kind')}>" if isinstance(value, Mapping) else f"<{getattr(value, 'name', None)}>"
+
+
+AnyExperiment = Annotated[
+    Union[tuple(Annotated[cls, Tag(f"<{cls.name}>")] for cls in _EXPERIMENTS)],  # noqa: UP007
+    Discriminator(
+        _tag, custom_error_type="unknown_kind",
+        custom_error_message=f"an experiment needs a 'kind', one of: {', '.join(c.name for c in _EXPERIMENTS)}",
+    ),
+]
+
+PMMA = {"kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6}
+
+
+class SpringSlider(LumpedModel):
+    """Rate-and-state slider on a spring: velocity steps, healing, stability, modulated speed and load, fits.
+
+    Source: Baumberger, Berthoud, Caroli et al. (2001), C. R. Acad. Sci., eqs. 6-9; Ruina (1983). The default
+    friction is of the size found for PMMA near room temperature.
+    """
+
+    friction: AnyFriction = PMMA
+    normal_force: Positive = 16.0
+    """W [N]."""
+    stiffness: Positive = 1e6
+    """K of the spring [N/m]."""
+    mass: NonNegative = 0.0
+    """M [kg]; 0 is quasi-static."""
+    interface_length: NonNegative = 0.0
+    """lambda [m]: the interface is a spring of stiffness W / lambda; 0 is rigid."""
+    experiment: AnyExperiment = VelocitySteps()
+
+    @model_validator(mode="after")
+    def _usable(self) -> SpringSlider:
+        if not isinstance(self.friction, RateAndState):
+            raise ValueError(f"friction.kind = '{self.friction.kind()}': the slider needs a rate_and_state_* law "
+                             "with an age theta (ageing, slip, saturating)")
+        if not self.friction.is_uniform():
+            raise ValueError("friction: a single block has one value of each parameter, not a profile")
+        return self
+
+    def slider(self) -> Slider:
+        assert isinstance(self.friction, RateAndState)
+        return Slider(self.friction, self.normal_force, self.stiffness, self.mass, self.interface_length)
+
+    def run(self, progress: Progress = silent) -> xarray.Dataset:
+        slider = self.slider()
+        dataset = self.experiment.run(slider, progress)
+        speed = getattr(self.experiment, "speed", float(slider.law.V_0))
+        critical, omega = critical_stiffness(slider, speed)
+        dataset.attrs |= {
+            "K_c": critical, "K_over_K_c": self.stiffness / critical if critical else float("inf"),
+            "onset_frequency": omega / (2 * np.pi), "a": float(slider.law.a), "b": float(slider.law.b),
+            "normal_force": self.normal_force, "law": self.friction.kind(),
+        }
+        return dataset
+
+    @staticmethod
+    def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
+        from ruptfx.lumped._slider_figures import figures
+
+        return figures(dataset)
+
+    @staticmethod
+    def summarise(dataset: xarray.Dataset) -> Summary:
+        summary = LumpedModel.summarise(dataset)
+        for name in ("step_direct", "step_steady", "static_friction", "loop_area", "mean_change", "amplitude"):
+            if name in dataset:
+                summary[name] = [float(value) for value in dataset[name].values]
+        if "k_c_linear" in dataset:
+            error = np.abs(dataset.k_c_simulated - dataset.k_c_linear) / dataset.cell
+            summary["largest_k_c_error_in_cells"] = float(error.max())
+        return summary
