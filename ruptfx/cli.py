@@ -43,6 +43,10 @@ def _reported(comm: Any = None) -> Iterator[None]:
             label = "case error" if isinstance(error, CaseError) else "error"
             errors.print(f"[bold red]{label}:[/] ", end="")
             errors.print(str(error), markup=False)
+        if type(error).__name__ == "DiskError":
+            # HDF5 cannot write what it still holds and would fall over it at exit.
+            sys.stderr.flush()
+            os._exit(EXIT_ERROR)
         raise typer.Exit(EXIT_INTERRUPTED if type(error).__name__ == "Interrupted" else EXIT_ERROR) from None
     except Exception:
         if comm is None or comm.size == 1:

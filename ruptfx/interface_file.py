@@ -94,11 +94,14 @@ class InterfaceFile:
         self._file.close()
         self._file = h5netcdf.File(self.path, "a")
 
-    def close(self, complete: bool) -> None:
-        """Write the rest and say whether the run came to its end."""
+    def complete(self) -> None:
+        """Say that the run came to its end."""
+        self._file.attrs["complete"] = 1
+
+    def close(self) -> None:
+        """Write the rest."""
         try:
             self.flush()
-            self._file.attrs["complete"] = int(complete)
         finally:
             self._file.close()
 

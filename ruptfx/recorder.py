@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "boundary_work")
 
 
+class DiskError(RuptfxError):
+    """The disk is full or gone; HDF5 may then be unable to close its files."""
+
+
 def prepare_directory(comm: fem.MPI.Comm, out: Path, again: Case | None = None) -> None:
     """Make the run directory, on all ranks or none.
 
@@ -156,10 +160,10 @@ class Recorder:
         def guarded() -> None:
             try:
                 write()
-            except OSError as error:
-                raise RuptfxError(
-                    f"{self.out}: cannot be written ({error.strerror or error}); free some space and run again, "
-                    f"{self.records} records are there"
+            except (OSError, RuntimeError) as error:  # HDF5 reports either
+                raise DiskError(
+                    f"{self.out}: cannot be written ({getattr(error, 'strerror', None) or error}); free some space and "
+                    f"go on with --resume, or run again; {self.records} records were made"
                 ) from None
 
         parallel.on_root(self.model.comm, guarded)
@@ -202,13 +206,14 @@ class Recorder:
         if self.model.comm.rank == 0:
             if error is not None:
                 self.log.error("stopped: %s", error)
-            for name, file in self._files.items():
+            else:
+                for history in self._files.values():
+                    history.complete()
+            for file in (*self._files.values(), self._bulk, self._energy):
                 # On a full disk closing fails too; the first error is the one to report.
                 with suppress(OSError, RuntimeError) if error is not None else nullcontext():
-                    file.close(complete=error is None)
-                    self.log.info("fault %s: %d records", name, self.records)
-            self._bulk.close()
-            self._energy.close()
+                    file.close()
+            self.log.info("%d records", self.records)
             for handler in self.log.handlers:
                 handler.close()
             self.log.handlers = []

@@ -1,0 +1,200 @@
+"""What breaks a run, and that nothing is lost: killed, stopped, out of disk, damaged and foreign checkpoints."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import tomli_w
+from compare import largest_difference
+from small_cases import impact
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.launch import find_mpiexec
+from ruptfx.record import Record
+
+CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6}
+LIMIT = 120  # seconds; a deadlock looks like a slow run
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("case") / "impact.toml"
+    path.write_text(tomli_w.dumps(impact(6e6, 2.0, changes=CHANGES)))
+    return path
+
+
+def command(case: Path, out: Path, ranks: int, *options: str) -> list[str]:
+    launcher = [find_mpiexec(), "-n", str(ranks)] if ranks > 1 else []
+    return [*launcher, sys.executable, "-m", "ruptfx", "run", str(case), "--out", str(out), "--quiet", *options]
+
+
+def run(case: Path, out: Path, ranks: int = 1, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(case, out, ranks, *options), capture_output=True, text=True, timeout=LIMIT, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def reference(case_file: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Runs that nothing disturbed, by number of ranks."""
+    folder = tmp_path_factory.mktemp("reference")
+    for ranks in (1, 2):
+        done = run(case_file, folder / str(ranks), ranks)
+        assert done.returncode == 0, done.stderr
+    return {ranks: folder / str(ranks) for ranks in (1, 2)}
+
+
+def stop_after(case: Path, out: Path, ranks: int, checkpoints: int, number: signal.Signals) -> int:
+    """Start a run, send it a signal once it has written some checkpoints; the exit code.
+
+    A run that is over before the signal would test nothing, so that is an error.
+    """
+    process = subprocess.Popen(
+        command(case, out, ranks), start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + LIMIT
+    while len(list((out / "checkpoints").glob("step_*"))) < checkpoints and time.monotonic() < deadline:
+        assert process.poll() is None, "the run ended before it could be stopped"
+        time.sleep(0.005)
+    os.killpg(process.pid, number)
+    process.wait(timeout=LIMIT)
+    return process.returncode
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_run_resumes_to_the_same_files(ranks, case_file, reference, tmp_path):
+    stop_after(case_file, tmp_path / "run", ranks, 1, signal.SIGKILL)
+    assert not (tmp_path / "run" / "summary.json").exists()
+    done = run(case_file, tmp_path / "run", ranks, "--resume")
+    assert done.returncode == 0, done.stderr
+    # The state holds every bit that matters, and the files are put back as they were: no difference at all.
+    assert max(largest_difference(reference[ranks], tmp_path / "run").values()) == 0
+
+
+@pytest.mark.faults
+@pytest.mark.slow
+@pytest.mark.parametrize("trial", range(30))
+def test_killed_at_random_times(trial, case_file, reference, tmp_path):
+    ranks, chance = 1 + trial % 2, random.Random(trial)
+    began = time.monotonic()
+    run(case_file, tmp_path / "whole", ranks)
+    duration = time.monotonic() - began
+    out, kills = tmp_path / "run", 0
+    for _ in range(3):
+        process = subprocess.Popen(command(case_file, out, ranks, "--resume"), start_new_session=True)
+        time.sleep(chance.uniform(0.2, 1.0) * duration)
+        kills += process.poll() is None
+        os.killpg(process.pid, signal.SIGKILL) if process.poll() is None else None
+        process.wait(timeout=LIMIT)
+    assert kills > 0
+    assert run(case_file, out, ranks, "--resume").returncode == 0
+    assert max(largest_difference(reference[ranks], out).values()) == 0
+
+
+@pytest.mark.faults
+def test_resumes_on_another_number_of_ranks(case_file, reference, tmp_path):
+    stop_after(case_file, tmp_path / "run", 2, 1, signal.SIGKILL)
+    done = run(case_file, tmp_path / "run", 3, "--resume")
+    assert done.returncode == 0, done.stderr
+    # Sums over elements come in another order: round-off, which 350 steps amplify little.
+    assert max(largest_difference(reference[1], tmp_path / "run").values()) < 1e-10
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_write_a_checkpoint_first(number, case_file, reference, tmp_path):
+    assert stop_after(case_file, tmp_path / "run", 1, 1, number) == 130
+    newest = max((tmp_path / "run" / "checkpoints").glob("step_*"))
+    step = Record(reference[1]).summary["time_step"]
+    with Record(tmp_path / "run") as record:
+        assert not record.complete
+        # The checkpoint is younger than the last record and less than one record interval (0.5 us) older.
+        assert 0 <= int(newest.name[5:]) * step - float(record.interface.time[-1]) < 0.51e-6
+    assert run(case_file, tmp_path / "run", 1, "--resume").returncode == 0
+    assert max(largest_difference(reference[1], tmp_path / "run").values()) == 0
+
+
+@pytest.mark.faults
+def test_resume_before_the_first_checkpoint_begins_again(case_file, reference, tmp_path):
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "case.toml").write_text((reference[1] / "case.toml").read_text())
+    (out / "interface.h5").write_bytes(b"cut in the middle of its first")
+    assert run(case_file, out, 1, "--resume").returncode == 0
+    assert max(largest_difference(reference[1], out).values()) == 0
+
+
+@pytest.fixture
+def killed(case_file: Path, tmp_path: Path) -> Path:
+    """A run with two checkpoints that was killed."""
+    stop_after(case_file, tmp_path / "run", 1, 2, signal.SIGKILL)
+    return tmp_path / "run"
+
+
+def flip_a_byte(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.faults
+def test_damaged_checkpoint_gives_way_to_the_one_before(killed, case_file, reference):
+    flip_a_byte(max((killed / "checkpoints").glob("step_*")) / "state.h5")
+    assert run(case_file, killed, 1, "--resume").returncode == 0
+    assert max(largest_difference(reference[1], killed).values()) == 0
+
+
+@pytest.mark.faults
+def test_damaged_checkpoints_are_refused(killed, case_file):
+    for folder in (killed / "checkpoints").glob("step_*"):
+        flip_a_byte(folder / "state.h5")
+    done = run(case_file, killed, 1, "--resume")
+    assert done.returncode == 1
+    assert "checksum differs" in done.stderr and "state.h5" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.faults
+def test_checkpoint_of_another_case_is_refused(killed, case_file):
+    done = run(case_file, killed, 1, "--resume", "--set", "duration=19e-6")
+    assert done.returncode == 1
+    assert "belongs to case" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.faults
+def test_complete_run_is_not_run_again(case_file, reference):
+    before = (reference[1] / "summary.json").stat().st_mtime_ns
+    assert run(case_file, reference[1], 1, "--resume").returncode == 0
+    assert (reference[1] / "summary.json").stat().st_mtime_ns == before
+
+
+@pytest.mark.faults
+def test_full_disk_is_a_clear_error_and_keeps_the_checkpoint(case_file, reference, tmp_path):
+    out = tmp_path / "run"
+
+    # No file may grow beyond 0.7 MB: writing then fails as on a full disk. Set after MPI has made its own files.
+    program = (
+        "import resource, signal, sys; import ruptfx.fem; from ruptfx.cli import app; "
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, 700_000)); "
+        "app(sys.argv[1:])"
+    )
+    arguments = command(case_file, out, 1)[3:]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=LIMIT, check=False
+    )
+    assert done.returncode == 1, done.stderr
+    assert "cannot be written" in done.stderr
+    assert "ruptfx/" not in done.stderr  # HDF5 may complain of its own objects, but no traceback is ours
+    assert list((out / "checkpoints").glob("step_*"))
+    assert run(case_file, out, 1, "--resume").returncode == 0
+    assert max(largest_difference(reference[1], out).values()) == 0
