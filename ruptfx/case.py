@@ -20,6 +20,7 @@ from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.schema import CaseError, Name, Part, Unit, find, json_schema, kinds, nearest
 from ruptfx.steppers import AnyStepper
+from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed
 
 FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "steppers"]
@@ -98,6 +99,7 @@ class Case(Part):
     damping: Damping = Damping()
     stepper: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
     output: Output = Output()
+    stop_when: StopWhen | None = None
 
     @field_validator("operator")
     @classmethod

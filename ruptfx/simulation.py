@@ -19,6 +19,7 @@ from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
 from ruptfx.recorder import Recorder, prepare_directory, versions, write_summary
+from ruptfx.stopping import StopRules
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
 
@@ -80,9 +81,10 @@ def simulate(
         checkpoints = Checkpoints(model, recorder)
         if not checkpoint:
             recorder.record(state)
+        stopping, ended = StopRules(model), ""
         stepping, first = time.perf_counter(), state.step
         error = None
-        while state.step < recorder.steps:
+        while state.step < recorder.steps and not ended:
             error = error or _step(motion, state)  # kept until all ranks meet
             regular, due = state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
@@ -91,6 +93,7 @@ def simulate(
             if due:
                 recorder.record(state)
                 bar.update(state.time, state.step, recorder.peak_slip_rate)
+                ended = stopping.reached(state)
             stop = signals.anywhere(comm)
             if stop or checkpoints.due(state):
                 checkpoints.write(state)
@@ -102,7 +105,7 @@ def simulate(
         stepping = time.perf_counter() - stepping
     _finish(model, out, {
         "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt,
-        "nodes": model.total_nodes,
+        "nodes": model.total_nodes, "ended_by": ended or "duration",
         "node_updates_per_second": model.total_nodes * (state.step - first) / stepping, "ranks": comm.size,
     })  # fmt: skip
     return Record(out)

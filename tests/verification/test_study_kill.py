@@ -75,8 +75,10 @@ def test_ten_kills_change_nothing(tmp_path, start):
 
     calm, wild = (read_csv(tmp_path / name / "table.csv") for name in ("calm", "wild"))
     assert len(calm) == 48
-    for one, other in zip(calm, wild, strict=True):
-        assert {k: v for k, v in one.items() if k not in TIMINGS} == {k: v for k, v in other.items() if k not in TIMINGS}
+    for row in (*calm, *wild):
+        for name in TIMINGS:
+            row.pop(name, None)
+    assert calm == wild
     log = Counter(line.split()[1] for line in (tmp_path / "wild" / "points.log").read_text().splitlines())
     # A kill between the rename and its line in the log may cost a line, never add one.
     assert max(log.values()) == 1 and len(log) >= 47
