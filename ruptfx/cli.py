@@ -42,7 +42,7 @@ def _reported(comm: Any = None) -> Iterator[None]:
         if comm is None or comm.rank == 0:
             label = "case error" if isinstance(error, CaseError) else "error"
             errors.print(f"[bold red]{label}:[/] ", end="")
-            errors.print(str(error), markup=False)
+            errors.print(str(error), markup=False, soft_wrap=True)
         if type(error).__name__ == "DiskError":
             # HDF5 cannot write what it still holds and would fall over it at exit.
             sys.stderr.flush()
