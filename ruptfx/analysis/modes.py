@@ -179,10 +179,13 @@ def classify(
 
 
 def regime(speed: float, c_R: float | None, c_s: float | None, c_p: float | None) -> str:
-    """Name of a rupture speed among the wave speeds; 2 % above c_p are allowed for the error of the fit."""
+    """Name of a rupture speed among the wave speeds; 2 % above c_p are allowed for the error of the fit.
+
+    In antiplane motion all three are c_s, and a slower rupture is sub-shear.
+    """
     if not (c_R and c_s and c_p) or not np.isfinite(speed):
         return "unknown"
-    limits = {"sub-Rayleigh": c_R, "sub-shear": c_s, "supershear": 1.02 * c_p}
+    limits = {"sub-Rayleigh": c_R if c_R < c_s else 0.0, "sub-shear": c_s, "supershear": 1.02 * c_p}
     return next((name for name, limit in limits.items() if speed <= limit), "supersonic")
 
 

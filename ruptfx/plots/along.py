@@ -134,6 +134,9 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
             ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
             ax.set_ylabel(f"{title} ({printed})")
             _marks(ax, record, saved[row], x_size, named=column > 0)
+        middle, largest = values.mean() / size, np.abs(values).max() / size
+        if np.ptp(values) / size < 0.01 * largest:  # show rounding as what it is
+            axes[0, column].set_ylim(middle - 0.05 * largest, middle + 0.05 * largest)
         low, _, logarithmic = _range(record, np.abs(values))
         if name == "slip_rate" and logarithmic:
             axes[0, 0].set_yscale("log", nonpositive="clip")

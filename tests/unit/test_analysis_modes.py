@@ -153,6 +153,7 @@ def test_zone_ends_lie_between_points():
 )
 def test_regime(speed, name):
     assert modes.regime(speed, 1155.0, 1255.0, 2200.0) == name
+    assert modes.regime(1100, 1255.0, 1255.0, 1255.0) == "sub-shear"
 
 
 def test_median_of_three():
