@@ -80,7 +80,7 @@ def around(centre, axis, size):
 
 
 everything = list(first)
-for size, count in ((0.3, 25), (0.12, 20)):
+for size, count in ((0.3, 20), (0.12, 20)):
     for number, (_, centre, _) in enumerate(sorted(everything, key=lambda item: -item[0])[:6]):
         changes = {"axes": [around(centre, axis, size) for axis in study.axes], "samples": count, "seed": number + 2}
         outcome = run_study(study.model_copy(update=changes), OUT / f"narrow_{size:g}_{number}", show=False)

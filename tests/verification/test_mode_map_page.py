@@ -1,0 +1,206 @@
+"""The map's page in a real browser: it works from the disk without a network, and does what it says it does."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from ruptfx.plots import mode_map
+from ruptfx.study import read_study
+from ruptfx.study.store import write_json
+from ruptfx.study.table import rows, write_csv
+
+IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
+BROWSER = next((b for b in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if b), None)
+browser = pytest.mark.skipif(BROWSER is None, reason="no chromium or google-chrome is installed")
+websocket = pytest.importorskip("tornado.websocket")
+
+STUDY = f"""
+title = "Modes <of> two plates & more"
+case = "{IMPACT}"
+[[axes]]
+key = "faults.main.initial_stress.normal"
+name = "Sigma_0"
+label = "Compression"
+unit = "Pa"
+spacing = "log"
+values = [1e6, 4e6, 16e6]
+[[axes]]
+key = "boundaries.0.velocity"
+name = "V_imp"
+label = "Impact speed"
+unit = "m/s"
+values = [2.0, 4.0, 6.0, 8.0]
+[[axes]]
+name = "set"
+key = ["faults.main.friction.law.mu_d"]
+labels = ["A", "B"]
+values = [[0.1], [0.2]]
+[[marks]]
+label = "I"
+point = [4e6, 4.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory) -> Path:
+    """A study directory by construction: 24 points, one failed; pictures of a single colour."""
+    out = tmp_path_factory.mktemp("map")
+    (out / "study.toml").write_text(STUDY)
+    study = read_study(out / "study.toml")
+    known = []
+    for number, point in enumerate(study.points()):
+        sigma, speed = point.values["Sigma_0"], point.values["V_imp"]
+        values = {
+            "mode": "pulse" if sigma * speed > 20e6 else "crack", "mode_at_half_threshold": "crack",
+            "tip_speed_over_c_l": 0.9, "peak_slip_rate": speed, "max_slip": speed * 1e-6,
+            "kinetic_share": 0.5, "strain_share": 0.25, "frictional_dissipation_share": 0.25,
+        }  # fmt: skip
+        result = {"status": "done", "values": values}
+        if number == 0:
+            result = {"status": "failed", "error": "the run crashed </script>"}
+        known.append((point, result))
+        directory = out / "points" / point.hash
+        directory.mkdir(parents=True)
+        for name in ("space_time", "snapshots"):
+            Image.new("RGB", (40, 20), "red").save(directory / f"{name}.png")
+    write_csv(out / "table.csv", rows(study, known, {}))
+    write_json(out / "study.json", {"study": study.model_dump(mode="json", exclude_none=True)})
+    paths = mode_map.save(out)
+    assert [path.name for path in paths] == ["mode_map.png", "mode_map.pdf", "mode_map.html"]
+    return out / "mode_map.html"
+
+
+def test_the_page_is_one_file_without_links(page):
+    text = page.read_text()
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
+    assert not [url for url in re.findall(r"https?://[^\"' ]+", text) if "www.w3.org/2000/svg" not in url]
+    assert "<title>Modes &lt;of> two plates &amp; more</title>" in text
+
+
+class Tab:
+    """One tab of a headless browser, spoken to by the Chrome DevTools Protocol."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket, self._number, self.events = socket, 0, []
+
+    async def call(self, method: str, **parameters: Any) -> dict:
+        self._number += 1
+        await self._socket.write_message(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(await asyncio.wait_for(self._socket.read_message(), 30))
+            if message.get("id") == self._number:
+                assert "error" not in message, message
+                return message["result"]
+            self.events.append(message)
+
+    async def value(self, expression: str) -> Any:
+        result = await self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in result, result
+        return result["result"].get("value")
+
+    async def centre(self, selector: str) -> tuple[float, float]:
+        x, y = await self.value(
+            f"(() => {{ const n = document.querySelector({json.dumps(selector)});"
+            "n.scrollIntoView({block: 'nearest'});"
+            "const r = n.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+        )
+        return x, y
+
+    async def mouse(self, kind: str, x: float, y: float) -> None:
+        button = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
+        await self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **button)
+
+    async def click(self, selector: str) -> None:
+        x, y = await self.centre(selector)
+        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+            await self.mouse(kind, x, y)
+
+
+def visit(page: Path, profile: Path, act: Any) -> None:
+    """Open the page in a fresh browser and do something there."""
+    command = [
+        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+        f"--user-data-dir={profile}", "--remote-debugging-port=0", "--remote-allow-origins=*",
+        "--window-size=1400,1000",
+    ]  # fmt: skip
+    with subprocess.Popen([*command, "about:blank"], stderr=subprocess.PIPE, text=True) as process:
+        try:
+            line = next(line for line in process.stderr if "DevTools listening on" in line)
+            asyncio.run(_talk(line.split()[-1], page, act))
+        finally:
+            process.kill()
+
+
+async def _talk(address: str, page: Path, act: Any) -> None:
+    connect = websocket.websocket_connect
+    socket = await connect(address)
+    browser = Tab(socket)
+    target = (await browser.call("Target.createTarget", url="about:blank"))["targetId"]
+    socket = await connect(re.sub(r"/devtools/.*", f"/devtools/page/{target}", address), max_message_size=1 << 26)
+    tab = Tab(socket)
+    for domain in ("Page", "Runtime", "Network", "Log"):
+        await tab.call(f"{domain}.enable")
+    rates = {"latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+    await tab.call("Network.emulateNetworkConditions", offline=True, **rates)
+    await tab.call("Page.navigate", url=page.as_uri())
+    for _ in range(100):
+        if await tab.value("document.readyState === 'complete' && document.querySelectorAll('.point').length > 0"):
+            break
+        await asyncio.sleep(0.1)
+    await act(tab)
+    requests = [e["params"]["request"]["url"] for e in tab.events if e["method"] == "Network.requestWillBeSent"]
+    assert all(url.startswith(("file:", "data:", "about:")) for url in requests), requests
+    wrong = [e for e in tab.events if e["method"] in ("Runtime.exceptionThrown", "Log.entryAdded")]
+    assert not wrong, wrong
+
+
+@browser
+def test_hover_click_and_toggle(page, tmp_path):
+    async def act(tab: Tab) -> None:
+        assert await tab.value("document.querySelectorAll('#map .point').length") == 12
+        assert await tab.value("document.querySelector('h1').textContent") == "Modes <of> two plates & more"
+        fills = "[...document.querySelectorAll('#map .point')].map(n => n.getAttribute('fill'))"
+        modes = await tab.value(fills)
+        assert len(set(modes)) == 3  # crack, pulse, failed
+
+        # A pointer over the last point: 16 MPa, 8 m/s.
+        last = "#map .point:nth-of-type(12)"
+        await tab.mouse("mouseMoved", *await tab.centre(last))
+        assert await tab.value("getComputedStyle(document.getElementById('tip')).display") == "block"
+        tip = await tab.value("document.getElementById('tip').textContent")
+        for text in ("Compression (MPa)16", "Impact speed (m/s)8", "modepulse", "Tip speed / c_l0.9", "slip (µm)8"):
+            assert text in tip
+
+        await tab.click(last)
+        assert "Compression 16 MPa" in await tab.value("document.querySelector('#detail h2').textContent")
+        images = "[...document.querySelectorAll('#detail img')]"
+        sizes = f"Promise.all({images}.map(i => i.decode().then(() => i.naturalWidth)))"
+        assert await tab.value(sizes) == [40, 40]
+        detail = await tab.value("document.getElementById('detail').textContent")
+        assert "peak slip rate8" in detail and "friction 25.0 %" in detail and "kinetic 50.0 %" in detail
+
+        names = await tab.value("[...document.querySelectorAll('#colours button')].map(b => b.textContent)")
+        assert names == ["Mode", "Tip speed / c_l", "Peak slip rate", "Largest slip", "Work dissipated by friction"]
+        await tab.click("#colours button:nth-child(3)")
+        assert await tab.value("document.querySelector('#colours [aria-pressed=true]').textContent") == "Peak slip rate"
+        rates = await tab.value(fills)
+        assert len(set(rates)) == 5 and rates != modes  # four speeds, and the failed point
+        assert "Peak slip rate (m/s):28" in await tab.value("document.getElementById('legend').textContent")
+        await tab.click("#colours button:nth-child(1)")
+        assert await tab.value(fills) == modes
+
+        await tab.click("#map .point:nth-of-type(1)")
+        assert "the run crashed </script>" in await tab.value("document.getElementById('detail').textContent")
+        await tab.click("#facets button:nth-child(2)")
+        assert len(set(await tab.value(fills))) == 2  # no failure in the other set
+
+    visit(page, tmp_path / "profile", act)
