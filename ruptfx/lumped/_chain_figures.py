@@ -26,8 +26,8 @@ def _first_large(dataset: xarray.Dataset) -> int:
 
 
 def _breaks(dataset: xarray.Dataset) -> Breaks:
-    arrays = (dataset[f"break_{name}"].values for name in ("time", "block", "count"))
-    return Breaks(*arrays, dataset.attrs["delay"], dataset.contacts.values)
+    time, block, count = (dataset[f"break_{name}"].values for name in ("time", "block", "count"))
+    return Breaks(time, block, count, dataset.attrs["delay"], dataset.contacts.values)
 
 
 def _map(figure: Figure, ax: Any, data: xarray.DataArray, label: str, cmap: str, **limits: float) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.sparse import kron, identity
+from scipy.sparse import identity, kron
 
 from ruptfx import RuptfxError
 from ruptfx.friction._rate_and_state import RateAndState
@@ -240,6 +240,7 @@ def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.
         )
     if not solution.success:
         raise RuptfxError(f"the stability diagram could not be integrated: {solution.message}")
-    age = solution.y.reshape(slider.size, count, -1)[1] - slider.steady(speeds)[1][:, None]
-    quarter = age.shape[1] // 4
-    return np.ptp(age[:, -quarter:], axis=1) > np.ptp(age[:, quarter : 2 * quarter], axis=1)
+    away = np.abs(solution.y.reshape(slider.size, count, -1)[1] - slider.steady(speeds)[1][:, None])
+    quarter = away.shape[1] // 4
+    grows = away[:, -quarter:].max(axis=1) > away[:, quarter : 2 * quarter].max(axis=1)
+    return grows | (away.max(axis=1) > 0.3)  # the second: runaways, which stand still before the end

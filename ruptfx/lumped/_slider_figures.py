@@ -125,7 +125,13 @@ def bifurcation(dataset: xarray.Dataset) -> Figure:
     """Amplitude and harmonic content against stiffness, and the waves."""
     figure = new_figure(TWO_COLUMNS, 3.0)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
-    left.plot(dataset.ratio, dataset.amplitude, "o-", color=STICK_SLIP)
+    left.plot(dataset.ratio, dataset.amplitude, "-", color=STICK_SLIP)
+    settled = np.abs(dataset.drift.values) < 0.01
+    for chosen, face, label in ((settled, STICK_SLIP, "settled"), (~settled, "w", "still changing")):
+        left.plot(
+            dataset.ratio[chosen], dataset.amplitude[chosen], "o", color=STICK_SLIP, markerfacecolor=face, label=label
+        )
+    left.legend(loc="lower left")
     left.axvline(1, color="0.4", linestyle=":", linewidth=0.8)
     left.set(xlabel=r"$K / K_c$", ylabel="peak-to-peak friction", ylim=(0, None))
     left.set_title("(a)")

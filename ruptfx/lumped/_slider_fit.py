@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -91,7 +92,7 @@ def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np
     # Speed i holds from time i to time i + 1.
     starts = [0, *(np.flatnonzero(np.diff(drive[:-1])) + 1), len(time) - 1]
     y, friction = trial.steady(drive[0]), np.empty(len(time))
-    for first, last in zip(starts[:-1], starts[1:], strict=True):
+    for first, last in pairwise(starts):
         motion = integrate(trial, y, time[first : last + 1], float(drive[first]), rtol=1e-9)
         friction[first : last + 1], y = motion.friction, motion.end
     return friction

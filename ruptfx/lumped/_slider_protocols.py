@@ -118,7 +118,7 @@ class SlideHoldSlide(Experiment):
             {
                 **together,
                 "static_friction": variable("hold", np.array(peaks), "1", "static friction coefficient"),
-                "relaxed_friction": variable("hold", np.array(lows), "1", "friction coefficient at the end of the hold"),
+                "relaxed_friction": variable("hold", np.array(lows), "1", "friction at the end of the hold"),
                 "steady_friction": variable((), steady, "1", "steady friction coefficient"),
                 "healing_slope": variable((), slope[-1], "1", "static friction per e-fold of hold, longest holds"),
             },

@@ -68,9 +68,10 @@ class Bifurcation(Experiment):
     name = "bifurcation"
     kind: Literal["bifurcation"] = "bifurcation"
     speed: Speed = 1e-6
-    ratios: Annotated[list[Positive], Field(min_length=1)] = [1.02, 0.99, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7, 0.6, 0.5]
-    """Stiffness over K_c, in the order they are visited; the motion carries over."""
-    periods: Annotated[int, Field(ge=10, le=1000)] = 60
+    ratios: Annotated[list[Positive], Field(min_length=1)] = [0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.94, 0.97, 0.985, 1.02]
+    """Stiffness over K_c, in the order they are visited; the motion carries over, so that rising order settles
+    fastest (close to K_c oscillations grow very slowly)."""
+    periods: Annotated[int, Field(ge=10, le=1000)] = 40
     samples: Samples = 6000
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
@@ -80,22 +81,24 @@ class Bifurcation(Experiment):
         if not critical:
             raise RuptfxError(f"the slider is stable at every stiffness at speed = {self.speed:g}")
         duration, shown = self.periods * 2 * np.pi / omega, 8
-        y = slider.with_stiffness(critical).steady(self.speed) + [0, 0.05, *[0] * (slider.size - 2)]
+        y, before = slider.with_stiffness(critical).steady(self.speed), critical
+        y[1] += 0.05
         rows, waves = [], []
         for number, ratio in enumerate(self.ratios):
             progress(number / len(self.ratios), f"K / K_c = {ratio:g}")
             softer = slider.with_stiffness(ratio * critical)
             # The same force at the start: the new spring is stretched accordingly.
-            y = np.array([y[0] * (critical * (1 if number == 0 else self.ratios[number - 1])) / (ratio * critical), *y[1:]])
+            y[0] *= before / (ratio * critical)
             motion = integrate(softer, y, np.linspace(0, duration, self.samples), self.speed)
-            y = motion.end
-            late = motion.friction[self.samples // 2 :]
-            rows.append((np.ptp(late), late.mean(), *_cycles(motion, omega)))
+            y, before = motion.end.copy(), ratio * critical
+            third, last = np.array_split(motion.friction, 4)[2:]
+            rows.append((np.ptp(last), np.ptp(last) / np.ptp(third) - 1, last.mean(), *_cycles(motion, omega)))
             waves.append(motion.friction[-self.samples * shown // self.periods :])
-        amplitude, mean, frequency, harmonic = np.array(rows).T
+        amplitude, drift, mean, frequency, harmonic = np.array(rows).T
         return xarray.Dataset(
             {
                 "amplitude": variable("ratio", amplitude, "1", "peak-to-peak friction coefficient"),
+                "drift": variable("ratio", drift, "1", "relative change of the amplitude over the last quarter"),
                 "mean_friction": variable("ratio", mean, "1", "mean friction coefficient"),
                 "frequency": variable("ratio", frequency / 2 / np.pi, "Hz", "frequency"),
                 "harmonic": variable("ratio", harmonic, "1", "second over first harmonic"),

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 ONE_COLUMN, TWO_COLUMNS = 3.5, 7.1  # inches
 STICK_SLIP, STEADY, UNDECIDED, ACCENT = "#b5382a", "#2a6099", "#8a8a8a", "#e0a030"
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 8, "xtick.labelsize": 7, "ytick.labelsize": 7,
     "legend.fontsize": 7, "legend.frameon": False, "axes.spines.top": False, "axes.spines.right": False,
     "axes.linewidth": 0.7, "lines.linewidth": 1.0, "lines.markersize": 4, "xtick.direction": "out",

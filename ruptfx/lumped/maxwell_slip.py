@@ -10,7 +10,7 @@ Forces are divided by the load of a block N_b, drive displacements by N_b / k, i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import xarray
@@ -137,12 +137,12 @@ class MaxwellSlip(LumpedModel):
             alphas = layer.alpha(R_a, self.mu_s, surface.pressure)
             verdict = layer.verdict(R_a, self.mu_s, surface.pressure)
             rows.append((surface.name, R_a, *critical, *alphas, verdict, surface.observed))
-        columns = list(zip(*rows, strict=True)) if rows else [()] * 8
-        names, R_a, low, high, alpha_low, alpha_high, verdicts, observed = columns
+        columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 8
+        names, sizes, low, high, alpha_low, alpha_high, verdicts, observed = columns
         bounds = layer.critical(self.mu_s)
         return xarray.Dataset(
             {
-                "R_a": variable("surface", np.array(R_a, float), "m", "arithmetic mean roughness"),
+                "R_a": variable("surface", np.array(sizes, float), "m", "arithmetic mean roughness"),
                 "R_a_crit_low": variable("surface", np.array(low, float), "m", "smallest critical roughness"),
                 "R_a_crit_high": variable("surface", np.array(high, float), "m", "largest critical roughness"),
                 "alpha_low": variable("surface", np.array(alpha_low, float), "1", "smallest shape parameter"),

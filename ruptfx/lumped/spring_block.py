@@ -127,9 +127,9 @@ class SpringBlock(LumpedModel):
                 share = max(integrator.time / self.duration, len(large) / (self.large_events + 1))
                 progress(min(share, 0.99), f"t = {integrator.time:.2f} s, {len(large)} large events")
                 # An event has ended when nothing has detached for twice the delay.
-                if len(large) >= self.large_events:
-                    if integrator.time > large[self.large_events - 1].end + 2 * self.delay:
-                        break
+                enough = len(large) >= self.large_events
+                if enough and integrator.time > large[self.large_events - 1].end + 2 * self.delay:
+                    break
         return self._dataset(chain, history, self._events(chain, history))
 
     def _breaks(self, chain: Chain, history: History) -> Breaks:
@@ -200,8 +200,8 @@ class SpringBlock(LumpedModel):
                 "speed of the first large event over its local front speed",
             ),
             **{
-                f"slow_front_{name}": variable("slow_front", np.array([getattr(f, name) for f in slow], float), unit, text)
-                for name, unit, text in (
+                f"slow_front_{n}": variable("slow_front", np.array([getattr(f, n) for f in slow], float), unit, text)
+                for n, unit, text in (
                     ("start", "s", "start"), ("end", "s", "end"), ("first_block", "1", "first block"),
                     ("last_block", "1", "last block"),
                 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import numpy as np
 import xarray
@@ -11,10 +11,11 @@ from pydantic import Discriminator, Tag, model_validator
 
 from ruptfx.friction import AnyFriction
 from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent
 from ruptfx.lumped._slider import Slider, critical_stiffness
 from ruptfx.lumped._slider_fit import Fit
-from ruptfx.lumped._slider_protocols import ModulatedSpeed, SlideHoldSlide, VelocitySteps
+from ruptfx.lumped._slider_protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
 from ruptfx.lumped._slider_stability import Bifurcation, ModulatedLoad, StabilityDiagram
 from ruptfx.units import NonNegative, Positive
 
@@ -26,15 +27,18 @@ def _tag(value: Any) -> str:
     return f"<{value.get('kind')}>" if isinstance(value, Mapping) else f"<{getattr(value, 'name', None)}>"
 
 
-AnyExperiment = Annotated[
-    Union[tuple(Annotated[cls, Tag(f"<{cls.name}>")] for cls in _EXPERIMENTS)],  # noqa: UP007
-    Discriminator(
-        _tag, custom_error_type="unknown_kind",
-        custom_error_message=f"an experiment needs a 'kind', one of: {', '.join(c.name for c in _EXPERIMENTS)}",
-    ),
-]
+if TYPE_CHECKING:
+    AnyExperiment = Experiment
+else:
+    AnyExperiment = Annotated[
+        Union[tuple(Annotated[cls, Tag(f"<{cls.name}>")] for cls in _EXPERIMENTS)],  # noqa: UP007
+        Discriminator(
+            _tag, custom_error_type="unknown_kind",
+            custom_error_message=f"an experiment needs a 'kind', one of: {', '.join(c.name for c in _EXPERIMENTS)}",
+        ),
+    ]
 
-PMMA = {"kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6}
+PMMA = RateAndStateAgeing(a=0.013, b=0.026, D_c=0.42e-6, f_0=0.36, V_0=1e-6)
 
 
 class SpringSlider(LumpedModel):
@@ -58,8 +62,9 @@ class SpringSlider(LumpedModel):
     @model_validator(mode="after")
     def _usable(self) -> SpringSlider:
         if not isinstance(self.friction, RateAndState):
-            raise ValueError(f"friction.kind = '{self.friction.kind()}': the slider needs a rate_and_state_* law "
-                             "with an age theta (ageing, slip, saturating)")
+            raise ValueError(
+                f"friction.kind = '{self.friction.kind()}': use rate_and_state_ageing, _slip or _saturating"
+            )
         if not self.friction.is_uniform():
             raise ValueError("friction: a single block has one value of each parameter, not a profile")
         return self
