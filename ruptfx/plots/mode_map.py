@@ -30,6 +30,7 @@ from ruptfx.study.table import Row, read_csv
 
 MODES = {
     "crack": ("#0072B2", "s"), "pulse": ("#E69F00", "^"), "train": ("#D55E00", "D"), "mixed": ("#009E73", "o"),
+    "sub-Rayleigh": ("#0072B2", "s"), "sub-shear": ("#56B4E9", "v"), "supershear": ("#D55E00", "^"),
     "arrested": ("#8a8a8a", "x"), "none": ("#e2e2e2", "."), "failed": ("#ffffff", "$!$"),
 }  # fmt: skip
 """Colour and symbol of every mode; the colours are told apart by the colour blind too."""
@@ -195,7 +196,7 @@ def _axes(ax: Axes, shown: Map) -> None:
 
 def _unit(axis: Axis) -> tuple[float, str]:
     """Size and name of the unit on an axis: Pa becomes MPa."""
-    values = axis.range or [v for v in axis.values or [] if isinstance(v, int | float)]
+    values = axis.range or axis.labels or axis.values or []
     try:
         return scale(np.array(values), axis.unit)
     except KeyError:

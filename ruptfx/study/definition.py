@@ -36,8 +36,8 @@ class Axis(Part):
     """How figures call it."""
     unit: str = "1"
     values: Annotated[list[Any], Field(min_length=1)] | None = None
-    labels: list[str] | None = None
-    """Names of the values, for axes whose values are not numbers."""
+    labels: list[str] | list[float] | None = None
+    """What tables and figures show for the values: names, or the numbers they stand for."""
     range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     points: Annotated[int, Field(ge=2)] | None = None
     spacing: Literal["linear", "log"] = "linear"
@@ -67,8 +67,9 @@ class Axis(Part):
 
     @property
     def numeric(self) -> bool:
-        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values or [])
-        return self.labels is None and numbers
+        """Whether its coordinates are numbers."""
+        shown = self.labels if self.labels is not None else self.values or []
+        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in shown)
 
     def sequence(self) -> list[Any]:
         """The values of a grid, in the order of the file."""

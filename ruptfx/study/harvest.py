@@ -36,12 +36,17 @@ def harvest(run: Path, keep: list[str]) -> dict[str, Any]:
     values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
     if (run / "interface.h5").is_file() or list(run.glob("interface_*.h5")):
         with Record(run) as record:
-            values |= _energies(record)
+            values |= {"rupture": _rupture(values), **_energies(record)}
             if "pictures" in keep:
                 _draw(record, run.parent)
     if "run" not in keep:
         shutil.rmtree(run)
     return values
+
+
+def _rupture(values: dict[str, Any]) -> str | None:
+    """How far and how fast in one word: none, arrested, or the speed regime."""
+    return values.get("mode") if values.get("mode") in ("none", "arrested") else values.get("speed_regime")
 
 
 def _energies(record: Record) -> dict[str, float]:

@@ -27,7 +27,8 @@ class Step:
 def boundaries(study: Study, known: Known) -> Iterator[Step]:
     """All steps across a boundary, on every line of the grid along every numeric axis."""
     for axis in study.axes:
-        if not axis.numeric or (axis.values is not None and len(axis.values) < 2):
+        # Between two labels there is no value.
+        if not axis.numeric or axis.labels is not None or (axis.values is not None and len(axis.values) < 2):
             continue
         column = axis.column
         lines: dict[tuple[Any, ...], list[tuple[Point, Result]]] = {}
