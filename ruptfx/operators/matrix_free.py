@@ -18,6 +18,7 @@ from ruptfx.operators import Bulk
 
 BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 0, 1, 2, 3, 4, 8  # kinds of a batch, as in the C source
 BLOCK_NODES = 2048  # nodes computed between updates: few enough to stay in the second-level cache
+WINDOW_NODES = 32768  # nodes computed before memory is taken to have left the caches
 _TENSOR_CELLS = ("quadrilateral", "hexahedron")
 
 
@@ -177,17 +178,23 @@ class MatrixFree:
         return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def _hold_lines(self) -> None:
-        """Cache lines (8 doubles) that every batch is the first to touch, to be fetched while the one before is computed."""
+        """Cache lines (8 doubles) every batch touches for the first time in a while, to be fetched one batch earlier."""
         dof = self._keep["dof"].reshape(self._batches, len(self._inner), -1)
+        window = max(1, WINDOW_NODES // dof[0, self._inner | (np.arange(len(self._inner)) % 2 == 0)].size)
         for prefix, part in (("", dof), ("rim_", dof[:, ~self._inner])):
-            lines = part.reshape(self._batches, -1) // 8
-            first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
-            for batch in range(self._batches - 1, -1, -1):
-                first_touch[lines[batch]] = batch
-            order = np.argsort(first_touch, kind="stable")
-            starts = np.searchsorted(first_touch[order], np.r_[: self._batches + 1, self._batches])
-            self._hold(f"{prefix}line", order[: starts[-1]].astype(np.int32))
+            lines = np.sort(part.reshape(self._batches, -1) // 8, axis=1)
+            batch, place = np.nonzero(np.diff(lines, axis=1, prepend=-1))
+            line = lines[batch, place]
+            order = np.argsort(line, kind="stable")  # by line, then by batch
+            again = np.zeros(len(line), dtype=bool)
+            again[order[1:]] = (np.diff(line[order]) == 0) & (np.diff(batch[order]) <= window)
+            starts = np.searchsorted(batch[~again], np.r_[: self._batches + 1, self._batches])
+            self._hold(f"{prefix}line", line[~again].astype(np.int32))
             self._hold(f"{prefix}line_start", starts.astype(np.int32))
+
+    @staticmethod
+    def _place(space: Any, dofmap: np.ndarray) -> np.ndarray:
+        return dofmap.min(axis=1)
 
     def _order_cells(self, bulk: Bulk, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Cells by batch (batch, lane), which of them only fill up a batch, and how many batches come first.
@@ -200,7 +207,7 @@ class MatrixFree:
         dofmap = space.dofmap.list[:owned]
         boundary = self._shared[dofmap].any(axis=1)
         counts = np.ones(owned, dtype=bool) if bulk.only is None else bulk.only[:owned]
-        place = dofmap.min(axis=1)
+        place = self._place(space, dofmap)
         groups, fillers = [], []
         for group in (np.flatnonzero(boundary & counts), np.flatnonzero(~boundary & counts)):
             group = group[np.argsort(place[group], kind="stable")]

@@ -1,0 +1,318 @@
+"""Speed: node updates per second of complete explicit steps with a frictional interface, against peers and limits.
+
+Two plates (in 3D two boxes) slide on each other under rate-and-state friction along the whole interface. A node update
+is one node with all its components through one complete step: bulk, boundaries, friction. Every row is a process of its
+own; times are medians of processor time, because machines are shared.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ruptfx import RuptfxError, fem, launch, native
+from ruptfx.bench import Check, Outcome
+from ruptfx.case import Case, parse_case
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes.two_plates import TwoPlates
+from ruptfx.model import Model
+from ruptfx.operators.ufl_form import UflForm, energy, measure
+
+SAMPLES = 9
+SOURCE = "aim, 8-lane processor with two 512-bit pipes"
+# dimension, order, geometry, nodes, ranks; the first set is for every day, the second for the release table.
+ROWS = [
+    (2, 1, "affine", 600_000, 1), (2, 4, "affine", 350_000, 1), (2, 5, "affine", 350_000, 1),
+    (2, 4, "general", 350_000, 1), (3, 4, "affine", 300_000, 1),
+]  # fmt: skip
+FINE_ROWS = [
+    *((2, order, "affine", nodes, 1) for order in (1, 2, 4, 5, 7) for nodes in (600_000, 4_000_000)),
+    (2, 4, "affine", 350_000, 1), (2, 5, "affine", 350_000, 1), (2, 4, "general", 350_000, 1),
+    (3, 4, "affine", 1_000_000, 1), (3, 4, "general", 1_000_000, 1), (2, 4, "affine", 4_000_000, 2),
+]  # fmt: skip
+# Aims in million node updates per second and core, by (dimension, order, geometry, nodes).
+AIMS = {
+    (2, 4, "affine", 350_000): 200, (2, 5, "affine", 350_000): 200, (2, 4, "affine", 4_000_000): 160,
+    (2, 5, "affine", 4_000_000): 160, (2, 4, "general", 350_000): 100, (3, 4, "affine", 1_000_000): 25,
+}  # fmt: skip
+
+AXPY = """
+void axpy(long n, double a, const double *x, double *y) { for (long i = 0; i < n; i++) y[i] += a * x[i]; }
+"""
+
+
+@dataclass(frozen=True)
+class Timed(Outcome):
+    """The checks, and all that was measured.
+
+    Attributes
+    ----------
+    rows : list of dict
+        dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
+        ratio_to_petsc, ratio_to_bandwidth, interface_share, efficiency (None where not measured).
+    """
+
+    rows: list[dict[str, Any]] | None = None
+
+
+def run(fine: bool, comm: Any) -> Timed:
+    """Measure the rows of the table one after the other and compare them with the aims."""
+    if comm.size > 1:
+        raise RuptfxError("bench speed starts its own ranks: run it on one")
+    rows: list[dict[str, Any]] = []
+    for row in FINE_ROWS if fine else ROWS:
+        rows.append(measure_row(*row))
+        _compare_ranks(rows)
+    show(rows)
+    checks = []
+    for row in rows:
+        what = f"{row['dim']}D order {row['order']} {row['geometry']}, {row['nodes'] / 1e6:.2g} M nodes"
+        aim = AIMS.get((row["dim"], row["order"], row["geometry"], row["asked"]))
+        if aim and row["ranks"] == 1:
+            found = row["node_updates_per_second_per_core"] / 1e6
+            checks.append(Check(what, aim, found, 0, "M/s", SOURCE, "at least"))
+        if row["efficiency"]:
+            checks.append(Check(f"{what}, speed-up of 2 ranks", 1.8, row["efficiency"], 0, "1", SOURCE, "at least"))
+        if row["order"] == 1:
+            checks.append(Check(f"{what} to PETSc product", 1, row["ratio_to_petsc"], 0, "1", SOURCE, "at least"))
+    return Timed(checks, None, rows)
+
+
+def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> dict[str, Any]:
+    """One row, measured in processes of its own.
+
+    Raises
+    ------
+    RuptfxError
+        When these fail, with what they said.
+    """
+    arguments = [str(value) for value in (dim, order, geometry, nodes)]
+    command = [sys.executable, "-m", "ruptfx.bench.speed", *arguments]
+    if ranks > 1:
+        command = launch.mpi_command(ranks, "ruptfx.bench.speed", *arguments)
+    done = subprocess.run(
+        command, env=launch.mpi_environment(ranks), capture_output=True, text=True, check=False, timeout=1800
+    )
+    if done.returncode:
+        raise RuptfxError(f"bench speed, {' '.join(arguments)}: {done.stderr.strip()[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _compare_ranks(rows: list[dict[str, Any]]) -> None:
+    """Speed-up of the last row over the row of one rank on the same problem."""
+    last = rows[-1]
+    last["efficiency"] = None
+    for row in rows[:-1]:
+        same = all(row[key] == last[key] for key in ("dim", "order", "geometry", "asked"))
+        if same and row["ranks"] == 1 < last["ranks"]:
+            key = "node_updates_per_second_per_core"
+            last["efficiency"] = last["ranks"] * last[key] / row[key]
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """Print the table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        "element", "nodes", "ranks", "M updates/s/core", "bytes/node", "x ufl_form", "x PETSc", "of bandwidth",
+        "interface", "speed-up", box=None,
+    )  # fmt: skip
+
+    def number(value: float | None, form: str) -> str:
+        return "" if value is None else format(value, form)
+
+    for row in rows:
+        table.add_row(
+            f"{row['dim']}D order {row['order']} {row['geometry']}", f"{row['nodes'] / 1e6:.2f} M", str(row["ranks"]),
+            f"{row['node_updates_per_second_per_core'] / 1e6:.0f}", f"{row['bytes_per_node']:.0f}",
+            number(row["ratio_to_ufl_form"], ".0f"), number(row["ratio_to_petsc"], ".1f"),
+            number(row["ratio_to_bandwidth"], ".0%"), number(row["interface_share"], ".1%"),
+            number(row["efficiency"], ".2f"),
+        )  # fmt: skip
+    Console(highlight=False).print(table)
+
+
+# -- the problem ---------------------------------------------------------------------------------------------------
+
+
+class BentPlates(TwoPlates):
+    """Two plates of quadrilaterals none of which is a parallelogram."""
+
+    def build(self) -> RawMesh:
+        raw = super().build()
+        x, y = raw.points.T
+        raw.points[:] = np.stack([x + 0.1 * y * np.sin(3 * x), y * (1 + 0.1 * np.sin(4 * x))], axis=1)
+        return raw
+
+
+class TwoBoxes(MeshSource):
+    """Two boxes of hexahedra, one on the other: unit squares of half the height."""
+
+    elements: int
+    bend: float = 0.0
+
+    def build(self) -> RawMesh:
+        n = self.elements
+        parts = [self._box(np.linspace(low, low + 0.5, max(1, n // 2) + 1)) for low in (0.0, -0.5)]
+        (points, cells, bottom, _), (below, more, _, top) = parts
+        shift = len(points)
+        return RawMesh(
+            cell="hexahedron", points=np.concatenate([points, below]), cells=np.concatenate([cells, more + shift]),
+            bodies=["upper", "lower"], cell_body=np.repeat([0, 1], len(cells)),
+            interfaces={"main": (bottom, top + shift)},
+        )  # fmt: skip
+
+    def _box(self, z: np.ndarray) -> tuple[np.ndarray, ...]:
+        line = np.linspace(0, 1, self.elements + 1)
+        points = np.stack(np.meshgrid(line, line, z, indexing="ij"), axis=-1).reshape(-1, 3)
+        points[:, 2] *= 1 + self.bend * np.sin(3 * points[:, 0] + 2 * points[:, 1])
+        number = np.arange(len(points)).reshape(len(line), len(line), len(z))
+        first, last = slice(None, -1), slice(1, None)
+        cells = [number[i, j, k].ravel() for k in (first, last) for j in (first, last) for i in (first, last)]
+        faces = [[number[i, j, k].ravel() for j in (first, last) for i in (first, last)] for k in (0, -1)]
+        return points, np.stack(cells, axis=1), *(np.stack(face, axis=1) for face in faces)
+
+
+def problem(dim: int, order: int, geometry: str, nodes: int) -> Case:
+    """Bodies that slide everywhere: the interface costs what it can cost."""
+    if dim == 2:
+        columns = max(2, round(np.sqrt(nodes) / order))
+        plates = BentPlates if geometry == "general" else TwoPlates
+        mesh: MeshSource = plates(length=1.0, height=0.5, element_size=1 / columns)
+    else:
+        mesh = TwoBoxes(elements=max(2, round(nodes ** (1 / 3) / order)), bend=0.1 if geometry == "general" else 0.0)
+    return parse_case({
+        "plane": "stress" if dim == 2 else "solid", "order": order, "duration": 1e-3, "mesh": mesh,
+        "materials": {
+            "default": {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
+        },
+        "faults": {"main": {
+            "contact": {"kind": "split_node"}, "initial_stress": {"normal": 6e6, "shear": 3.8e6},
+            "friction": {
+                "kind": "rate_and_state_power_law", "mu_s": 0.6, "mu_d": 0.4, "V_0": 100.0, "V_1": 29.0, "p": 1.2,
+                "m": 5.0, "L_0": 10e-6, "A_0": 1.0, "theta_0_initial": 2e-4,
+            },
+        }},
+    })  # fmt: skip
+
+
+# -- one row -------------------------------------------------------------------------------------------------------
+
+
+def median_time(function: Callable[[], Any], least: float = 0.05, samples: int = SAMPLES) -> float:
+    """Median processor time of a call [s], each sample long enough to be seen by the clock."""
+    began = time.process_time()
+    function()
+    count = max(1, int(least / max(time.process_time() - began, 1e-9)))
+    times = []
+    for _ in range(samples):
+        began = time.process_time()
+        for _ in range(count):
+            function()
+        times.append((time.process_time() - began) / count)
+    return float(np.median(times))
+
+
+def work(dim: int, order: int, geometry: str, nodes: int) -> dict[str, Any] | None:
+    """Measure one row on the ranks of this job; the row on rank 0, None elsewhere."""
+    case = problem(dim, order, geometry, nodes)
+    model = Model(case, fem.MPI.COMM_WORLD)
+    motion: Any = case.stepper.bind(model)
+    state = model.initial_state()
+    comm, alone = model.comm, model.comm.size == 1
+    # The same number of steps on all ranks, which wait for each other.
+    steps = max(2, int(2e6 * comm.size / model.total_nodes))
+    times = []
+    for _ in range(SAMPLES):
+        began = time.process_time()
+        for _ in range(steps):
+            motion.step(state)
+        times.append((time.process_time() - began) / steps)
+    step = comm.allreduce(float(np.median(times)), op=fem.MPI.MAX)
+    if not np.isfinite(state.velocity).all():
+        raise RuptfxError("bench speed: the motion is not a number")
+    row: dict[str, Any] = {
+        "dim": dim, "order": order, "geometry": geometry, "nodes": model.total_nodes, "asked": nodes,
+        "ranks": comm.size, "node_updates_per_second_per_core": model.total_nodes / step / comm.size,
+        "bytes_per_node": held_bytes(model, motion, state) / model.nodes, "ratio_to_ufl_form": None,
+        "ratio_to_petsc": None, "ratio_to_bandwidth": None, "interface_share": None,
+    }  # fmt: skip
+    if alone:
+        # Displacement and velocity read and written, one inverse mass read.
+        must_move = 8 * (4 * model.components + 1)
+        row["ratio_to_bandwidth"] = must_move * model.total_nodes / step / bandwidth()
+        row["interface_share"] = interface_time(motion, state) / step
+        row["ratio_to_ufl_form"] = ufl_step(model, state, motion.dt) / step
+        del model, motion, state
+        row["ratio_to_petsc"] = petsc_product(dim, order) * row["node_updates_per_second_per_core"]
+    return row if comm.rank == 0 else None
+
+
+def held_bytes(model: Model, motion: Any, state: Any) -> float:
+    """What a step reads or writes: vectors, inverse mass, and the operator's own arrays."""
+    vectors = (state.displacement, state.velocity, state.force)
+    per_node = 8.0 * model.nodes
+    return sum(vector.nbytes for vector in vectors) + per_node + getattr(model.operator, "nbytes", 0)
+
+
+def interface_time(motion: Any, state: Any) -> float:
+    """Processor time of the faults in one step [s]."""
+
+    def faults() -> None:
+        for name, fault_step in motion._faults:
+            fault_step(state.faults[name], state.displacement, state.velocity, state.force, state.time)
+
+    return median_time(faults)
+
+
+def bandwidth() -> float:
+    """Bytes per second of y += a x on 200 MB."""
+    library = native.load("axpy", AXPY)
+    x, y = np.ones(12_500_000), np.ones(12_500_000)
+    import ctypes
+
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (x, y)]
+    seconds = median_time(lambda: library.axpy(ctypes.c_long(len(x)), ctypes.c_double(1e-9), *pointers))
+    return 3 * x.nbytes / seconds
+
+
+def ufl_step(model: Model, state: Any, dt: float) -> float:
+    """Processor time of the same bulk step with the reference operator [s]."""
+    reference = UflForm(model.bulk)
+    inverse_mass = dt / model.mass
+
+    def step() -> None:
+        reference.add_internal_force(state.displacement, state.velocity, state.force)
+        state.velocity += inverse_mass * state.force
+        state.displacement += dt * state.velocity
+        state.force[:] = 0
+
+    return median_time(step, samples=3)
+
+
+def petsc_product(dim: int, order: int) -> float:
+    """Processor time of a matrix product per node [s], on a mesh whose matrix is larger than the caches."""
+    case = problem(dim, order, "affine", 150_000 if dim == 2 else 30_000)
+    model = Model(case, fem.MPI.COMM_SELF)
+    ufl, u = fem.ufl, fem.dolfinx.fem.Function(model.space)
+    test, trial = ufl.TestFunction(model.space), ufl.TrialFunction(model.space)
+    form = ufl.derivative(ufl.derivative(energy(model.bulk, u, measure(model.bulk)), u, test), u, trial)
+    matrix = fem.dolfinx.fem.petsc.assemble_matrix(fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS))
+    matrix.assemble()
+    x, y = matrix.createVecs()
+    x.set(1.0)
+    return median_time(lambda: matrix.mult(x, y)) / model.nodes
+
+
+if __name__ == "__main__":
+    result = work(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], int(sys.argv[4]))
+    if result is not None:
+        print(json.dumps(result))
