@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import h5netcdf
+import h5py
 import numpy as np
 
 from ruptfx.fault import Fault, component_names
@@ -46,10 +47,11 @@ class InterfaceFile:
         self.path = path
         self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
         self._flushed = time.monotonic()
-        if path.exists():  # a resumed run
-            self._file = h5netcdf.File(path, "a")
+        resumed = path.exists()
+        self._open("a" if resumed else "w")
+        if resumed:
             return
-        self._file = file = h5netcdf.File(path, "w")
+        file = self._file
         file.dimensions = {"time": None, "position": len(place)}
         names = ("position", "x", "y", "z")
         for key, values in zip(names, place.T, strict=False):
@@ -64,7 +66,16 @@ class InterfaceFile:
         for name, (unit, text) in _ONCE.items():
             _variable(file, name, ("position",), unit, text)
         file.attrs.update(attributes)
-        file.flush()
+        self._flush_to_disk()
+
+    def _open(self, mode: str) -> None:
+        self._disk = h5py.File(self.path, mode)
+        self._file = h5netcdf.File(self._disk, mode)
+
+    def _flush_to_disk(self) -> None:
+        # h5netcdf's own flush stops short of the disk: a killed run would leave a file that cannot be opened.
+        self._file.flush()
+        self._disk.flush()
 
     def append(self, now: float, fields: dict[str, np.ndarray]) -> None:
         """Add one record: the time [s] and every field, shape (points,)."""
@@ -85,14 +96,13 @@ class InterfaceFile:
                 else:
                     file[name][begin:] = np.stack([fields[name] for _, fields in self._waiting])
             self._waiting = []
-        self._file.flush()
+        self._flush_to_disk()
         self._flushed = time.monotonic()
 
     def settle(self) -> None:
         """Close and open again: only a closed HDF5 file may be copied."""
-        self.flush()
-        self._file.close()
-        self._file = h5netcdf.File(self.path, "a")
+        self.close()
+        self._open("a")
 
     def complete(self) -> None:
         """Say that the run came to its end."""
@@ -102,8 +112,9 @@ class InterfaceFile:
         """Write the rest."""
         try:
             self.flush()
-        finally:
             self._file.close()
+        finally:
+            self._disk.close()
 
 
 def _variable(
