@@ -85,8 +85,9 @@ def simulate(
         stepping, first = time.perf_counter(), state.step
         error = None
         while state.step < recorder.steps and not ended:
-            # A rank with an error steps on, for the others wait for its messages, and keeps it until all meet.
-            error = _step(motion, state) or error
+            # A rank with an error steps on, for the others wait for its messages; the first is kept until all meet.
+            failed = _step(motion, state)
+            error = error or failed
             regular, due = state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
                 continue
