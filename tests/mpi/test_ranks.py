@@ -203,7 +203,7 @@ def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkey
 
     monkeypatch.setattr(FaultStep, "__call__", once)
     out = shared_tmp_path / f"fails-{steps}"
-    failing = case({"duration": 8e-6, "output.interface_interval": 1e-7})
+    failing = case({"duration": 8e-6, "output.interface_interval": 4e-6})
     message = r"coulomb: no slip rate.*interface point 5 of fault 'main' at \(.*\) m, time"
     with pytest.raises(ProjectionError, match=message):
         simulate(failing, out, progress=False)
