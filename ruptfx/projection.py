@@ -4,7 +4,9 @@
     shear:   find V >= 0 with |trial_s| - Z V = strength(V, sigma, advance(state, V, sigma, dt));
              the traction is parallel to trial_s
 
-Advancing the state inside the solve (backward Euler) makes stiff laws stable at the bulk time step. The root is
+Advancing the state inside the solve (backward Euler) makes stiff laws stable at the bulk time step. Slip and clocks
+enter with their value at the time of the traction instead (`explicit_fields` of a law): they have nothing to relax,
+and weakening one step early would make rupture fronts too fast, by an amount of first order in the step. The root is
 bracketed by V = 0 and V = |trial_s| / Z and found by Newton steps in V or log V, whichever fits, with bisection as
 the way out. The same algorithm exists twice, for arrays here and in `projection.c` for the explicit hot path; both
 evaluate the traced law (`TracedLaw`).
@@ -66,7 +68,7 @@ class TracedLaw:
         self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
         old = {name: symbol(f"s_{name}") for name in self.state_names}
         new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
-        strength = traced.strength(self.slip_rate, self.normal_stress, new)
+        strength = traced.strength(self.slip_rate, self.normal_stress, traced.state_of_strength(old, new))
         if not isinstance(strength, Expression):
             strength = constant(strength)
         self.outputs = {

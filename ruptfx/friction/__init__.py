@@ -24,6 +24,9 @@ class FrictionLaw(Alternative):
 
     state_fields: ClassVar[Mapping[str, str]] = {}
     """State variables of the law: name -> unit."""
+    explicit_fields: ClassVar[tuple[str, ...]] = ()
+    """State variables that enter the strength with their value at the beginning of a step, which is the time of the
+    traction: slip and clocks. The others relax, maybe faster than a step, and enter with their value at its end."""
     formula: ClassVar[str] = ""
     """The law in one line, for `ruptfx describe friction`."""
     source: ClassVar[str] = ""
@@ -33,6 +36,15 @@ class FrictionLaw(Alternative):
         """State fields of this law and of the law it holds, if it is a wrapper."""
         inner = getattr(self, "law", None)
         return {**(inner.all_state_fields() if inner is not None else {}), **self.state_fields}
+
+    def all_explicit_fields(self) -> set[str]:
+        """Explicit fields of this law and of the law it holds."""
+        inner = getattr(self, "law", None)
+        return {*(inner.all_explicit_fields() if inner is not None else ()), *self.explicit_fields}
+
+    def state_of_strength(self, old: LawState, new: LawState) -> LawState:
+        """What the strength sees of the states at the beginning and at the end of a step."""
+        return {**new, **{name: old[name] for name in self.all_explicit_fields()}}
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         """State consistent with the given stresses and slip rate.

@@ -1,0 +1,113 @@
+"""What the rupture benchmarks share: run a case in memory, with the interface sampled at every step."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.analysis.front import crossing
+from ruptfx.bench import Check
+from ruptfx.case import parse_case
+from ruptfx.model import Model, State
+
+Array = np.ndarray
+
+ROCK = {"kind": "isotropic_elastic", "density": 2670.0, "young_modulus": 80092391910.0, "poisson_ratio": 0.25}
+"""c_p 6000, c_s 3464 m/s: nu = (c_p^2 - 2 c_s^2) / (2 (c_p^2 - c_s^2)) = 0.25 to four digits."""
+
+
+def elastic(c_p: float, c_s: float, density: float) -> dict[str, Any]:
+    """Material table of given wave speeds in plane strain."""
+    nu = (c_p**2 - 2 * c_s**2) / (2 * (c_p**2 - c_s**2))
+    young = 2 * (1 + nu) * density * c_s**2
+    return {"kind": "isotropic_elastic", "density": density, "young_modulus": young, "poisson_ratio": nu}
+
+
+@dataclass(frozen=True)
+class Rupture:
+    """One run.
+
+    Attributes
+    ----------
+    position : ndarray, shape (n,)
+        Arc length along the interface [m].
+    time : ndarray, shape (k,)
+        [s]
+    slip_rate : ndarray, shape (k, n)
+        At every `stride`-th step [m/s].
+    fields : dict of ndarray, shape (n,)
+        The interface at the end.
+    closure : float
+        Largest unaccounted energy over the largest work or, without work, the largest energy.
+    seconds : float
+        Processor time of the steps.
+    """
+
+    position: Array
+    time: Array
+    slip_rate: Array
+    fields: dict[str, Array]
+    closure: float
+    seconds: float
+    model: Model
+    state: State
+
+    def rupture_time(self, threshold: float) -> Array:
+        """First passing of the threshold [s], interpolated between steps; NaN where there is none; shape (n,)."""
+        rate = np.abs(self.slip_rate)
+        first = np.argmax(rate > threshold, axis=0)
+        slid, point = rate.max(axis=0) > threshold, np.arange(rate.shape[1])
+        before = np.maximum(first - 1, 0)
+        part = crossing(np.maximum(rate[before, point], 1e-30), np.maximum(rate[first, point], 1e-30), threshold)
+        when = self.time[before] + np.clip(part, 0, 1) * (self.time[first] - self.time[before])
+        return np.where(slid, when, np.nan)
+
+    def at(self, position: float) -> int:
+        """Index of the nearest point."""
+        return int(np.argmin(np.abs(self.position - position)))
+
+    def budget(self, source: str = "exact", tolerance: float = 1e-3) -> Check:
+        """The energy check every benchmark has."""
+        return Check("energy closure", 0.0, self.closure, tolerance, "1", source)
+
+
+def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None) -> Rupture:
+    """Run a case in memory on one rank.
+
+    Parameters
+    ----------
+    table : dict
+        The case.
+    stride : int
+        Steps between samples of the slip rate.
+    energies : int
+        How often the energy budget is looked at.
+    """
+    case = parse_case(table)
+    model = Model(case, comm or fem.MPI.COMM_SELF)
+    motion = case.stepper.bind(model)
+    state = model.initial_state()
+    fault = model.faults[0]
+    steps = int(np.ceil(case.duration / motion.dt * (1 - 1e-9)))
+    times, rates, lost, scale = [0.0], [np.zeros(len(fault.interface.position))], [0.0], 1e-300
+    seconds = 0.0
+    for step in range(1, steps + 1):
+        began = time.process_time()
+        motion.step(state)
+        seconds += time.process_time() - began
+        if step % stride == 0:
+            times.append(state.time - motion.dt)  # slip rate and traction belong to the beginning of the step
+            rates.append(fault.components(state.faults[fault.name], "slip_rate")[:, 0].copy())
+        if step % max(1, steps // energies) == 0 or step == steps:
+            energy = model.energies(state, motion.dt)
+            lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
+            scale = max(scale, *map(abs, energy.values()))
+    fields = {name: value.copy() for name, value in state.faults[fault.name].items()}
+    closure = float(np.abs(lost).max() / scale)
+    return Rupture(
+        fault.interface.position, np.array(times), np.array(rates), fields, closure, seconds, model, state
+    )  # fmt: skip
