@@ -10,14 +10,15 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
 from ruptfx import RuptfxError, __version__
-from ruptfx.schema import Alternative
+from ruptfx.schema import Alternative, find
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +83,7 @@ def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -
     ----------
     model : LumpedModel
     out : str or Path
-        Directory to create; may exist if empty.
+        Directory to create; may exist if empty. ``result.nc`` in it opens with `read_result`.
     progress : callable
         See `LumpedModel.run`.
 
@@ -101,14 +102,57 @@ def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -
     elapsed = time.perf_counter() - start
     dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
     progress(1.0, "drawing figures")
-    for name, figure in model.figures(dataset).items():
-        figure.savefig(out / "figures" / f"{name}.png", dpi=200)
+    _draw(type(model), dataset, out, ("png",))
     summary = model.summarise(dataset)
     summary |= {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
     partial = out / "summary.json.partial"
     partial.write_text(json.dumps(_plain(summary), indent=2) + "\n", encoding="utf-8")
     os.replace(partial, out / "summary.json")
     return dataset
+
+
+def read_result(run: str | Path) -> xarray.Dataset:
+    """The full result of a finished run, as it left `LumpedModel.run`.
+
+    Raises
+    ------
+    RuptfxError
+        The directory holds no result of a lumped model.
+    """
+    import xarray
+
+    path = Path(run) / "result.nc"
+    if not path.is_file():
+        raise RuptfxError(f"{run}: no result.nc in it; give a directory that 'ruptfx run' of a lumped model wrote")
+    # Durations stay numbers of seconds.
+    return xarray.load_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
+
+
+def redraw(run: str | Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Draw the figures of a finished run again and return their paths.
+
+    Raises
+    ------
+    RuptfxError
+        The directory is no run of a lumped model.
+    """
+    dataset = read_result(run)
+    try:
+        kind = tomllib.loads((Path(run) / "case.toml").read_text(encoding="utf-8"))["kind"]
+    except (OSError, ValueError, KeyError) as error:
+        raise RuptfxError(f"{run}: case.toml is missing or damaged ({error}); run the case again") from None
+    cls = find("ruptfx.lumped", kind)
+    assert issubclass(cls, LumpedModel)
+    return _draw(cls, dataset, Path(run), formats)
+
+
+def _draw(cls: type[LumpedModel], dataset: xarray.Dataset, out: Path, formats: Sequence[str]) -> list[Path]:
+    paths = []
+    for name, figure in cls.figures(dataset).items():
+        for suffix in formats:
+            paths.append(out / "figures" / f"{name}.{suffix}")
+            figure.savefig(paths[-1], dpi=200)
+    return paths
 
 
 def _compression(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:

@@ -118,8 +118,8 @@ class History:
         At the sampled times: position [m], attached fraction, mean force of a block's contacts [N].
     break_time, break_block, break_count : list
         Every step and block in which contacts broke, and how many.
-    return_time, return_block : list
-        Every reattachment of one contact.
+    first_force : float
+        Loading force at the first breaking [N].
     """
 
     time: list[float] = field(default_factory=list)
@@ -130,6 +130,7 @@ class History:
     break_time: list[float] = field(default_factory=list)
     break_block: list[int] = field(default_factory=list)
     break_count: list[int] = field(default_factory=list)
+    first_force: float = np.nan
 
 
 class Integrator:
@@ -193,6 +194,8 @@ class Integrator:
             if len(broken):
                 self._couple(row, broken, -1.0)
                 contacts.stiffness[row, broken] = 0.0
+                if not history.break_time:
+                    history.first_force = self.chain.drive_stiffness * (self.chain.drive_speed * self.time - x[0])
                 self.returning.append((self.time + self.chain.delay, int(row), broken))
                 history.break_time.append(self.time)
                 history.break_block.append(int(row))

@@ -30,9 +30,10 @@ class Breaks:
         """Times and blocks at which half of a block's contacts have become detached, in the order of time."""
         found = []
         for block in range(len(self.contacts)):
-            times = self.time[self.block == block]
-            half = self.detached(block, times) >= 0.5
-            found.append(times[half & ~np.concatenate([[False], half[:-1]])] if len(times) else times)
+            mine = self.block == block
+            after = self.detached(block, self.time[mine])
+            before = after - self.count[mine] / self.contacts[block]
+            found.append(self.time[mine][(after >= 0.5) & (before < 0.5)])
         blocks = np.repeat(np.arange(len(found)), [len(times) for times in found])
         order = np.argsort(np.concatenate(found), kind="stable")
         return np.concatenate(found)[order], blocks[order]

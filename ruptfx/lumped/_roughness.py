@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
-from scipy.ndimage import gaussian_filter1d
+from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
 from ruptfx.schema import Part
@@ -181,9 +181,16 @@ def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff:
             raise RuptfxError(f"cutoff = {cutoff:g} m must be shorter than the profile ({np.ptp(x):g} m)")
         even = np.linspace(x[0], x[-1], len(x))
         height, x = np.interp(even, x, height), even
-        height = height - gaussian_filter1d(height, _ISO_SIGMA * cutoff / (x[1] - x[0]), mode="nearest")
+        height = height - _waviness(height, _ISO_SIGMA * cutoff / (x[1] - x[0]))
     else:
         height = height - np.polyval(np.polyfit(x - x[0], height, 1), x - x[0])
     # The mean line is where the height averages to zero over length.
     height = height - np.trapezoid(height, x) / np.ptp(x)
     return float(np.trapezoid(np.abs(height), x) / np.ptp(x))
+
+
+def _waviness(height: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian mean over a standard deviation of `sigma` points; beyond the ends the end points go on."""
+    reach = int(np.ceil(4 * sigma))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    return fftconvolve(np.pad(height, reach, mode="edge"), kernel / kernel.sum(), mode="valid")

@@ -93,8 +93,8 @@ class MaxwellSlip(LumpedModel):
         static = np.array([e.static for e in ensembles])
         amplitude = np.array([e.late_amplitude for e in ensembles]) / self.drop
         mean = amplitude.mean(axis=1)
-        fine = np.geomspace(min(0.5, alphas.min()), max(1e5, alphas.max()), 60)
-        limit = [large_number_limit(alpha, self.mu_s, self.mu_d) for alpha in fine]
+        fine = np.geomspace(min(0.5, alphas.min()), max(1e5, alphas.max()), 40)
+        limit = [large_number_limit(alpha, self.mu_s, self.mu_d, blocks=1000) for alpha in fine]
         to_time = length / self.drive_speed
         dataset = xarray.Dataset(
             {

@@ -186,6 +186,7 @@ class SpringBlock(LumpedModel):
                 (), float(np.mean([e.drop for e in events if e.large] or [np.nan])), "N", "mean drop of large events"
             ),
             "first_break_time": variable((), (history.break_time or [np.nan])[0], "s", "first broken contact"),
+            "first_break_force": variable((), history.first_force, "N", "loading force at the first broken contact"),
             "length_slope": variable((), slope, "1/N", "precursor length over force, blocks per newton"),
             "length_correlation": variable((), correlation, "1", "correlation of precursor length and force"),
             "front_speed": variable((), np.median(fast) / self.chain_speed, "1", "median front speed / chain speed"),

@@ -1,0 +1,154 @@
+"""Spring slider: equations, protocols, parameter fit, and the run directory all lumped models share."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ruptfx import RuptfxError
+from ruptfx.case import parse_case
+from ruptfx.lumped import read_result, redraw, simulate
+from ruptfx.lumped._slider import Slider, critical_stiffness, integrate
+from ruptfx.lumped._slider_fit import Fit, modelled, read_trace
+from ruptfx.lumped._slider_protocols import VelocitySteps
+from ruptfx.lumped.spring_slider import PMMA, SpringSlider
+from ruptfx.schema import CaseError, find
+
+W = 16.0
+VARIANTS = [(0.0, 0.0), (0.0, 0.4e-6), (1.6, 0.0), (1.6, 0.4e-6)]
+LAWS = ("rate_and_state_ageing", "rate_and_state_slip", "rate_and_state_saturating")
+
+
+def law_of(kind: str) -> object:
+    extra = {"theta_c": 1e-3} if kind.endswith("saturating") else {}
+    return find("ruptfx.friction", kind)(a=0.013, b=0.026, D_c=0.42e-6, f_0=0.36, V_0=1e-6, **extra)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("mass, interface_length", VARIANTS)
+def test_steady_sliding_is_an_equilibrium(kind: str, mass: float, interface_length: float) -> None:
+    slider = Slider(law_of(kind), W, 1e6, mass, interface_length)  # type: ignore[arg-type]
+    y = slider.steady(3e-6)
+    rates = slider.rates(y, 3e-6, W) / slider.scales(3e-6) * (slider.law.D_c / 3e-6)
+    # The acceleration is a difference of forces of 6 N divided by a small mass: rounding is seen through it.
+    assert np.abs(rates).max() < 1e-7
+    assert slider.force(y, W) == pytest.approx(float(slider.law.steady_strength(3e-6, W)))
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_slip_rate_inverts_strength(kind: str) -> None:
+    law = law_of(kind)
+    for speed in (1e-12, 1e-6, 1.0):
+        state = {"theta": np.float64(3.0)}
+        force = law.strength(speed, W, state)  # type: ignore[attr-defined]
+        assert law.slip_rate(force, W, state) == pytest.approx(speed, rel=1e-9)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_age_rate_is_the_derivative_of_advance(kind: str) -> None:
+    law = law_of(kind)
+    for speed in (1e-9, 1e-6, 1e-3):
+        theta, dt = 0.7, 1e-7 * 0.42e-6 / speed
+        moved = law.advance({"theta": theta}, speed, W, dt)["theta"]  # type: ignore[attr-defined]
+        assert (moved - theta) / dt == pytest.approx(law.age_rate(theta, speed), rel=1e-3)  # type: ignore[attr-defined]
+
+
+def test_velocity_step_ends_at_the_steady_friction() -> None:
+    data = VelocitySteps(speeds=[1e-6, 1e-5], distance=20e-6).run(Slider(PMMA, W, 1e7), lambda *_: None)
+    # mu changes by (a - b) per e-fold in steady sliding, and by nearly a at once on a stiff spring.
+    assert data.step_steady.values == pytest.approx([-0.013], rel=1e-4)
+    assert 0.8 * 0.013 < data.step_direct.values[0] < 0.013
+
+
+def test_a_slider_without_inertia_that_runs_away_says_so() -> None:
+    slider = Slider(PMMA, W, 0.5 * W * 0.013 / 0.42e-6)
+    start = slider.steady(1e-6)
+    start[1] += 0.1
+    with pytest.raises(RuptfxError, match="runs away"):
+        integrate(slider, start, np.linspace(0, 100, 50), 1e-6)
+
+
+def test_elastic_interface_is_a_spring_in_series() -> None:
+    # k / (1 + k lambda) = k_c0 at onset, k = K / W: k_c = k_c0 / (1 - k_c0 lambda).
+    rigid = 0.013 / 0.42e-6
+    found, _ = critical_stiffness(Slider(PMMA, W, 1.0, 0.0, 0.4e-6), 1e-6)
+    assert found / W == pytest.approx(rigid / (1 - rigid * 0.4e-6), rel=1e-6)
+
+
+def test_strengthening_friction_is_always_stable() -> None:
+    strengthening = PMMA.model_copy(update={"b": 0.005})
+    assert critical_stiffness(Slider(strengthening, W, 1.0), 1e-6)[0] == 0
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A synthetic record: a jump up and a jump down, noise of 0.001."""
+    path = tmp_path_factory.mktemp("trace") / "trace.csv"
+    time = np.linspace(0, 10, 400)
+    drive = np.where(time < 4, 1e-6, np.where(time < 4.5, 1e-5, 1e-6))
+    friction = modelled(Slider(PMMA, W, 2e6), np.array([*np.log([0.013, 0.026, 0.42e-6]), 0.36]), time, drive)
+    friction += 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    lines = [f"{t:.9g},{v:.9g},{m:.9g}" for t, v, m in zip(time, drive, friction, strict=True)]
+    path.write_text("time,drive_speed,friction\n" + "\n".join(lines))
+    return path
+
+
+def test_fit_finds_the_parameters_of_a_noisy_trace(trace: Path) -> None:
+    guess = PMMA.model_copy(update={"a": 0.01, "b": 0.02, "D_c": 0.7e-6, "f_0": 0.4})
+    found = Fit(trace=str(trace), confidence=0.99).run(Slider(guess, W, 2e6), lambda *_: None)
+    for name, truth in (("a", 0.013), ("b", 0.026), ("D_c", 0.42e-6)):
+        assert float(found[f"{name}_low"]) < truth < float(found[f"{name}_high"])
+        assert float(found[name]) == pytest.approx(truth, rel=0.1)
+    assert float(found.misfit) == pytest.approx(1e-3, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [("t,v,mu\n1,2,3\n", "column time, drive_speed, friction is missing"),
+     ("time,drive_speed,friction\n0,1e-6,x\n", "not a number"),
+     ("time,drive_speed,friction\n0,1e-6,0.3\n", "at least 20 rows")],
+)
+def test_bad_traces_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(RuptfxError, match=message):
+        read_trace(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"friction": {"kind": "coulomb", "mu_d": 0.5}}, "use rate_and_state_ageing"),
+        ({"experiment": {"kind": "velocity_step"}}, "an experiment needs a 'kind'"),
+        ({"experiment": {"kind": "velocity_steps", "sped": 1.0}}, "experiment.*unknown key 'sped'"),
+        ({"experiment": {"kind": "fit", "trace": "none.csv"}}, "no such file"),
+        ({"stiffness": -1.0}, "stiffness = -1.0"),
+    ],
+)
+def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        parse_case({"kind": "spring_slider", **change})
+
+
+def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
+    model = SpringSlider(experiment=VelocitySteps(distance=5e-6, samples=100))
+    data = simulate(model, tmp_path / "run")
+    names = sorted(str(p.relative_to(tmp_path / "run")) for p in (tmp_path / "run").rglob("*") if p.is_file())
+    assert names == ["case.toml", "figures/velocity_steps.png", "result.nc", "summary.json"]
+    assert read_result(tmp_path / "run").equals(data)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["case_hash"] == model.hash
+    assert [p.name for p in redraw(tmp_path / "run", ("svg",))] == ["velocity_steps.svg"]
+    with pytest.raises(RuptfxError, match="not empty"):
+        simulate(model, tmp_path / "run")
+    with pytest.raises(RuptfxError, match="no result"):
+        redraw(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["maxwell_slip", "spring_block", "spring_slider"])
+def test_a_case_survives_toml(kind: str) -> None:
+    model = find("ruptfx.lumped", kind)()
+    import tomllib
+
+    assert parse_case(tomllib.loads(model.to_toml())) == model
