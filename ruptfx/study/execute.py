@@ -179,7 +179,7 @@ def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> 
         if address is None:
             slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
             with (
-                LocalCluster(n_workers=1, threads_per_worker=slots, processes=False, dashboard_address=None) as cluster,
+                LocalCluster(n_workers=1, threads_per_worker=slots, processes=False, dashboard_address="127.0.0.1:0") as cluster,
                 Client(cluster) as client,
             ):
                 try:

@@ -15,10 +15,7 @@ from ruptfx.record import Record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES = {
-    "space_time": "Slip rate in space and time", "wavefield": "Particle velocity",
-    "snapshots": "Along the interface",
-}  # fmt: skip
+PICTURES = {"space_time": "Slip rate in space and time", "wavefield": "Particle speed in the bodies"}
 """Figures of the page and their captions."""
 
 

@@ -70,7 +70,7 @@ def page(tmp_path_factory) -> Path:
         known.append((point, result))
         directory = out / "points" / point.hash
         directory.mkdir(parents=True)
-        for name in ("space_time", "snapshots"):
+        for name in ("space_time", "wavefield"):
             Image.new("RGB", (40, 20), "red").save(directory / f"{name}.png")
     write_csv(out / "table.csv", rows(study, known, {}))
     write_json(out / "study.json", {"study": study.model_dump(mode="json", exclude_none=True)})
