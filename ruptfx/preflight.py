@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from ruptfx import fem
+from ruptfx.analysis import fracture
 from ruptfx.case import Case
 from ruptfx.fault import Fault
-from ruptfx.friction import FrictionLaw
 from ruptfx.model import Model
 from ruptfx.projection import TracedLaw
 from ruptfx.steppers import leapfrog
@@ -61,31 +61,16 @@ def preflight(case: Case) -> Iterator[Row]:
 
 
 def generalized_rayleigh_speed(model: Model) -> float | None:
-    """Speed of the interface wave of two bodies in frictionless contact [m/s], None where there is none.
+    """Speed of the interface wave of the first and last body without friction [m/s], None where there is none."""
+    materials = [model.materials[0], model.materials[-1]]
+    speeds = [material.wave_speeds(model.case.plane) for material in materials]
+    moduli = [material.density * s.c_s**2 for material, s in zip(materials, speeds, strict=True)]
+    return fracture.generalized_rayleigh_speed(speeds, moduli)
 
-    Root of the sum over the bodies of a_p (1 - a_s^2) / (G D) with a_i = sqrt(1 - c^2 / c_i^2) and
-    D = 4 a_s a_p - (1 + a_s^2)^2 (Source: Weertman 1963; Achenbach and Epstein 1967).
-    """
-    from scipy.optimize import brentq
 
-    speeds = [material.wave_speeds(model.case.plane) for material in model.materials]
-    moduli = [m.density * s.c_s**2 for m, s in zip(model.materials, speeds, strict=True)]
-
-    def compliance(c: float) -> float:
-        total = 0.0
-        for s, modulus in zip(speeds, moduli, strict=True):
-            a_p, a_s = np.sqrt(1 - (c / s.c_p) ** 2), np.sqrt(1 - (c / s.c_s) ** 2)
-            total += a_p * (1 - a_s**2) / (modulus * (4 * a_s * a_p - (1 + a_s**2) ** 2))
-        return total
-
-    low, high = min(s.c_R for s in speeds), min(min(s.c_s for s in speeds), max(s.c_R for s in speeds))
-    if high <= low * (1 + 1e-12):
-        return low if abs(speeds[0].c_R - speeds[1].c_R) < 1e-9 * low else None
-    # Below the lower c_R both terms are positive; each passes through infinity at its own c_R.
-    grid = np.linspace(low * (1 + 1e-9), high * (1 - 1e-9), 200)
-    values = np.array([compliance(c) for c in grid])
-    change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return float(brentq(compliance, grid[change[0]], grid[change[0] + 1])) if len(change) else None
+def _remembers(model: Model) -> bool:
+    """Whether every fault has a memory of the normal stress."""
+    return all("theta_p" in fault.friction.all_state_fields() for fault in model.faults)
 
 
 def _pairing(model: Model) -> Iterator[Row]:
@@ -99,7 +84,8 @@ def _pairing(model: Model) -> Iterator[Row]:
     else:
         yield Row(
             "generalized Rayleigh speed", speed, "m/s",
-            "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory", "warning",
+            "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
+            "ok" if _remembers(model) else "warning",
         )  # fmt: skip
 
 
@@ -108,62 +94,95 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     face, label = fault.interface, f"faults.{fault.name}"
     if len(face.plus) == 0:
         return
-    yield Row(
-        f"{label}: points", face.total, "", f"mean spacing {np.ptp(face.position) / max(face.total - 1, 1):.4g} m"
-    )
+    spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
+    yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
     middle = int(np.argmin(np.abs(face.position - 0.5 * face.position.max())))
     sigma, tau = float(fault.normal_stress_0[middle]), float(np.linalg.norm(fault.shear_traction_0[middle]))
-    law = TracedLaw(fault.friction)
-    state = fault.friction.initial_state(
-        fault.normal_stress_0, np.abs(fault.shear_traction_0[:, 0]), np.zeros(len(face.plus))
-    )
+    state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
     zero = np.zeros(len(face.plus))
-    peak = float(law(zero, fault.normal_stress_0, state, 0.0)[0][middle])
+    peak = float(TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0)[0][middle])
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
+    slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
+    speeds = slowest.wave_speeds(model.case.plane)
+    modulus = slowest.density * speeds.c_s**2
+    if model.case.plane != "antiplane":
+        modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
+    # At the middle point, inside whatever wrapper the law has.
+    law = fault.friction
+    while hasattr(law, "law"):
+        law = law.law
+    numbers = {
+        name: float(np.broadcast_to(value, face.position.shape)[middle])
+        for name, value in law
+        if isinstance(value, float | int | np.ndarray)
+    }
+    if {"a", "b", "D_c"} <= numbers.keys():
+        yield from _rate_and_state_rows(label, numbers, sigma, modulus, spacing)
+        return
     yield Row(f"{label}: strength at rest", peak, "Pa")
     if tau > peak * (1 + 1e-12):
         yield Row(f"{label}: shear / strength", tau / peak, "", "the interface slips from the first step", "warning")
-    yield from _slip_weakening_rows(model, fault.friction, label, peak, tau, sigma, middle, face)
+    if {"mu_d", "D_c"} <= numbers.keys():
+        exponential = law.kind() == "exponential_slip_weakening"
+        yield from _slip_weakening_rows(label, numbers, exponential, (peak, tau, sigma), modulus, spacing, model)
 
 
 def _slip_weakening_rows(
-    model: Model, law: FrictionLaw, label: str, peak: float, tau: float, sigma: float, middle: int, face: object
-) -> Iterator[Row]:
-    """S, process zone and nucleation length, for laws with a residual strength and a weakening slip."""
-    inner = getattr(law, "law", law)
-    if not (hasattr(inner, "D_c") and hasattr(inner, "mu_d")):
+    label: str, law: dict[str, float], exponential: bool, stress: tuple[float, float, float], modulus: float,
+    spacing: float, model: Model,
+) -> Iterator[Row]:  # fmt: skip
+    """S, critical lengths and process zone, for laws with a residual strength and a weakening slip."""
+    peak, tau, sigma = stress
+    residual = law["mu_d"] * sigma
+    strength_drop = peak - residual
+    if strength_drop <= 0:
+        yield Row(f"{label}: strength drop", strength_drop, "Pa", "does not weaken")
         return
-    at = lambda value: float(np.broadcast_to(value, (middle + 1,))[middle])  # noqa: E731
-    residual, slip = at(inner.mu_d) * sigma, at(inner.D_c)
-    drop = peak - residual
-    material = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
-    modulus = material.density * material.wave_speeds(model.case.plane).c_s ** 2
-    nu = getattr(material, "poisson_ratio", 0.0)
-    effective = (
-        modulus
-        if model.case.plane == "antiplane"
-        else modulus / (1 - nu)
-        if model.case.plane == "strain"
-        else modulus * (1 + nu)
-    )
+    # An exponential law has the fracture energy of a linear one with twice its D_c.
+    slip = law["D_c"] * (2 if exponential else 1)
+    energy = 0.5 * strength_drop * slip
+    yield Row(f"{label}: fracture energy", energy, "J/m2")
     if tau > residual:
         ratio = (peak - tau) / (tau - residual)
-        limit = 1.77 if model.case.plane != "antiplane" else np.inf
-        yield Row(f"{label}: S", ratio, "", "may go supershear" if ratio < limit else "stays sub-Rayleigh (S > 1.77)")
-        # Half-length at which a uniformly loaded crack grows: a_c = Gamma E' / (pi dtau^2), E' = 2 G*.
-        energy = 0.5 * drop * slip
-        yield Row(
-            f"{label}: critical half-length", 2 * effective * energy / (np.pi * (tau - residual) ** 2), "m", "Griffith"
-        )
-    # Static process zone of linear slip weakening: 9 pi / 32 G* D_c / (tau_p - tau_r)  (Palmer and Rice 1973).
-    zone = 9 * np.pi / 32 * effective * slip / drop if drop > 0 else np.inf
-    spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))  # type: ignore[attr-defined]
+        plane = model.case.plane
+        verdict = "antiplane: never supershear"
+        if plane != "antiplane":
+            verdict = "may go supershear" if ratio < 1.77 else "stays sub-Rayleigh"
+            verdict += " (limit 1.77, Burridge 1973; Andrews 1976)"
+        yield Row(f"{label}: S", ratio, "", verdict)
+        critical = fracture.critical_half_length(energy, 2 * modulus, tau - residual)
+        yield Row(f"{label}: critical half-length", critical, "m", "Griffith, under the stress drop (Andrews 1976)")
+        # Instability of linear slip weakening: half-length 0.579 G* D_c / (tau_p - tau_r), whatever the load.
+        nucleation = 0.579 * modulus * slip / strength_drop
+        yield Row(f"{label}: nucleation half-length", nucleation, "m", "under slow loading (Uenishi and Rice 2003)")
+    zone = fracture.static_process_zone(modulus, slip, strength_drop)
+    yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
     points = zone / spacing
-    yield Row(f"{label}: static process zone", zone, "m")
     yield Row(
         f"{label}: points in it", points, "", "" if points >= 5 else "too few: 5 or more resolve a front",
         "ok" if points >= 5 else "warning",
     )  # fmt: skip
+
+
+def _rate_and_state_rows(
+    label: str, law: dict[str, float], sigma: float, modulus: float, spacing: float
+) -> Iterator[Row]:
+    """Critical stiffness and lengths of rate and state friction."""
+    a, b, slip = law["a"], law["b"], law["D_c"]
+    yield Row(f"{label}: b - a", b - a, "", "velocity weakening" if b > a else "velocity strengthening: stable")
+    length = modulus * slip / (b * sigma)
+    yield Row(f"{label}: L_b", length, "m", "G* D_c / (b sigma), the process zone (Dieterich 1992)")
+    points = length / spacing
+    yield Row(
+        f"{label}: points in L_b", points, "", "" if points >= 3 else "too few: 3 or more resolve a front",
+        "ok" if points >= 3 else "warning",
+    )  # fmt: skip
+    if b > a:
+        yield Row(f"{label}: k_c", (b - a) * sigma / slip, "Pa/m", "critical stiffness (Ruina 1983)")
+        yield Row(f"{label}: h*", np.pi * modulus * slip / ((b - a) * sigma), "m", "pi G* D_c / ((b - a) sigma), "
+                  "wavelength that slides unstably (Rice and Ruina 1983)")  # fmt: skip
+        half = b / (np.pi * (b - a) ** 2) * modulus * slip / sigma
+        yield Row(f"{label}: nucleation half-length", half, "m", "ageing law, a/b > 0.5 (Rubin and Ampuero 2005)")
 
 
 def _cost(model: Model, motion: object, steps: int) -> Iterator[Row]:

@@ -75,8 +75,8 @@ def run(fine: bool, comm: Any) -> Outcome:
         part = (x > low) & (x < high)
         speed = abs(np.polyfit(arrival[part], x[part], 1)[0])
         relation = "at least" if name == "left" else "at most"
-        checks.append(Check(f"mean speed beyond the {name} patch", C_S, speed, 0, "m/s", "supershear on the left only",
-                            relation))  # type: ignore[arg-type]  # fmt: skip
+        quantity, source = f"mean speed beyond the {name} patch", "supershear on the left only"
+        checks.append(Check(quantity, C_S, speed, 0, "m/s", source, relation))  # type: ignore[arg-type]
     checks += [main.budget(), Check("time of the steps", TIME_LIMIT, main.seconds, 0, "s, CPU", "target", "at most")]
     convergence = _convergence(main, fine)
     checks += convergence.pop("checks")
