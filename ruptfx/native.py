@@ -126,7 +126,7 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
                 break
             refusals.append(done.stderr.strip())
         else:
-            message = refusals[-1][-2000:] or f"exit code {done.returncode}"
+            message = refusals[0][:2000] or f"exit code {done.returncode}"
             raise RuptfxError(f"{compiler[0]} cannot compile {file.stem.partition('-')[0]}.c:\n{message}")
         if not machine:
             reason = (refusals[0].splitlines() or ["no message"])[0]

@@ -44,8 +44,8 @@ struct plan {
     const long *start;             // [batch]: where its numbers begin, in vectors
     const lanes *number;           // viscosity time if VISCOUS, lambda, shear modulus, geometry
     const lanes *inner_mass;       // [batch][inner node]: inverse mass of the nodes inside the elements
-    const int *line, *line_start;  // cache lines of displacement a batch is the first to touch, [batches + 2]
-    const int *rim_line, *rim_line_start;  // the same of force, for nodes on the boundaries of elements
+    const int *line;               // [batches + 1][NODES * FETCH]: cache lines of displacement to ask for
+    const int *rim_line;           // [batches + 1][NODES]: the same of force, for nodes on the boundaries of elements
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
     const int *single, *single_start;  // the others of these nodes
@@ -94,16 +94,57 @@ INLINE void tangents(const lanes *geometry, const double xi[DIM], lanes j[DIM][D
     }
 }
 
-// Reference gradient g_u[d][c] to reference flux, in place: G C G' with Hooke's law C.
-INLINE void flux(const int box, lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
+struct cell {
+    lanes lambda, shear;
+    lanes g[DIM][DIM];                             // scaled inverse Jacobian, where it is the same at all points
+    lanes normal[DIM][DIM], tangential[DIM][DIM];  // of a box: Hooke's law between reference gradient and flux
+    const lanes *geometry;
+};
+
+INLINE struct cell open_cell(const int geometry, const lanes *number)
+{
+    struct cell cell = {.lambda = number[0], .shear = number[1], .geometry = number + 2};
+    if (geometry == BOX)
+        UNROLL for (int d = 0; d < DIM; d++)
+            UNROLL for (int e = 0; e < DIM; e++) {
+                const lanes both = cell.geometry[d] * cell.geometry[e];
+                cell.tangential[d][e] = cell.shear * both;
+                cell.normal[d][e] = (d == e ? cell.lambda + cell.shear + cell.shear : cell.lambda) * both;
+            }
+    if (geometry == AFFINE)
+        UNROLL for (int d = 0; d < DIM; d++)
+            UNROLL for (int a = 0; a < DIM; a++) cell.g[d][a] = cell.geometry[d * DIM + a];
+    return cell;
+}
+
+// Reference gradient p[d][c] to reference flux, in place, in a cell whose edges follow the axes.
+INLINE void box_flux(const struct cell *cell, lanes p[DIM][COMPONENTS])
+{
+#if COMPONENTS == 1
+    UNROLL for (int d = 0; d < DIM; d++) p[d][0] *= cell->tangential[d][d];
+#else
+    lanes q[DIM][COMPONENTS];
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < DIM; c++) {
+            if (d != c) q[d][c] = cell->tangential[d][d] * p[d][c] + cell->tangential[d][c] * p[c][d];
+            if (d == c) {
+                q[d][d] = cell->normal[d][0] * p[0][0];
+                UNROLL for (int e = 1; e < DIM; e++) q[d][d] += cell->normal[d][e] * p[e][e];
+            }
+        }
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < DIM; c++) p[d][c] = q[d][c];
+#endif
+}
+
+// The same in any cell: G C G' with Hooke's law C.
+INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
 {
     lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
     UNROLL for (int c = 0; c < COMPONENTS; c++)
         UNROLL for (int a = 0; a < DIM; a++) {
-            h[c][a] = g[a][a] * p[a][c];
-            if (!box)
-                UNROLL for (int d = 0; d < DIM; d++)
-                    if (d != a) h[c][a] += g[d][a] * p[d][c];
+            h[c][a] = g[0][a] * p[0][c];
+            UNROLL for (int d = 1; d < DIM; d++) h[c][a] += g[d][a] * p[d][c];
         }
 #if COMPONENTS == 1
     UNROLL for (int a = 0; a < DIM; a++) s[0][a] = shear * h[0][a];
@@ -118,31 +159,17 @@ INLINE void flux(const int box, lanes g[DIM][DIM], lanes lambda, lanes shear, la
 #endif
     UNROLL for (int c = 0; c < COMPONENTS; c++)
         UNROLL for (int d = 0; d < DIM; d++) {
-            p[d][c] = g[d][d] * s[c][d];
-            if (!box)
-                UNROLL for (int a = 0; a < DIM; a++)
-                    if (a != d) p[d][c] += g[d][a] * s[c][a];
+            p[d][c] = g[d][0] * s[c][0];
+            UNROLL for (int a = 1; a < DIM; a++) p[d][c] += g[d][a] * s[c][a];
         }
-}
-
-struct cell {
-    lanes lambda, shear, g[DIM][DIM];
-    const lanes *geometry;
-};
-
-INLINE struct cell open_cell(const int geometry, const lanes *number)
-{
-    struct cell cell = {.lambda = number[0], .shear = number[1], .geometry = number + 2};
-    if (geometry == BOX)
-        UNROLL for (int d = 0; d < DIM; d++) cell.g[d][d] = cell.geometry[d];
-    if (geometry == AFFINE)
-        UNROLL for (int d = 0; d < DIM; d++)
-            UNROLL for (int a = 0; a < DIM; a++) cell.g[d][a] = cell.geometry[d * DIM + a];
-    return cell;
 }
 
 INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes p[DIM][COMPONENTS])
 {
+    if (geometry == BOX) {
+        box_flux(cell, p);
+        return;
+    }
     lanes lambda = cell->lambda, shear = cell->shear;
     if (geometry == MULTILINEAR) {
         lanes j[DIM][DIM];
@@ -153,7 +180,7 @@ INLINE void flux_at(const int geometry, struct cell *cell, int node, const doubl
     if (geometry == POINTWISE)
         UNROLL for (int d = 0; d < DIM; d++)
             UNROLL for (int a = 0; a < DIM; a++) cell->g[d][a] = cell->geometry[(node * DIM + d) * DIM + a];
-    flux(geometry == BOX, cell->g, lambda, shear, p);
+    flux(cell->g, lambda, shear, p);
 }
 
 // -- gather and scatter ---------------------------------------------------------------------------------------------
@@ -180,26 +207,6 @@ INLINE void gather_couples(const double *field, const int *dof, lanes x[2])
 #endif
 }
 
-INLINE void scatter_couples(const int add, double *field, const int *dof, const lanes x[2])
-{
-#if LANES == 8
-    const lanes even = __builtin_shufflevector(x[0], x[1], 0, 8, 2, 10, 4, 12, 6, 14);
-    const lanes odd = __builtin_shufflevector(x[0], x[1], 1, 9, 3, 11, 5, 13, 7, 15);
-#define PUT(lane, from, at) { \
-        const couple y = __builtin_shufflevector(from, from, at, at + 1); \
-        couple *const place = (couple *)(field + dof[lane]); \
-        *place = add ? *place + y : y; \
-    }
-    PUT(0, even, 0) PUT(1, odd, 0) PUT(2, even, 2) PUT(3, odd, 2)
-    PUT(4, even, 4) PUT(5, odd, 4) PUT(6, even, 6) PUT(7, odd, 6)
-#else
-    UNROLL for (int l = 0; l < LANES; l++) {
-        couple *const place = (couple *)(field + dof[l]);
-        const couple y = {x[0][l], x[1][l]};
-        *place = add ? *place + y : y;
-    }
-#endif
-}
 #endif
 
 INLINE lanes gather_single(const double *field, const int *dof)
@@ -217,17 +224,54 @@ INLINE void gather(const double *field, const int *dof, lanes x[COMPONENTS])
     if (COMPONENTS != 2) x[COMPONENTS - 1] = gather_single(field + COMPONENTS - 1, dof);
 }
 
-// Lane after lane: elements of one batch may share nodes.
-INLINE void scatter(const int add, double *field, const int *dof, const lanes x[COMPONENTS])
-{
-#if COMPONENTS > 1
-    scatter_couples(add, field, dof, x);
+// Do something with every couple (place in the vectors, its two numbers), lane after lane: elements of one batch may
+// share nodes.
+#if LANES == 8
+#define EACH_COUPLE(dof, x, DO) { \
+        const lanes even = __builtin_shufflevector(x[0], x[1], 0, 8, 2, 10, 4, 12, 6, 14); \
+        const lanes odd = __builtin_shufflevector(x[0], x[1], 1, 9, 3, 11, 5, 13, 7, 15); \
+        DO(couple, dof[0], __builtin_shufflevector(even, even, 0, 1)) \
+        DO(couple, dof[1], __builtin_shufflevector(odd, odd, 0, 1)) \
+        DO(couple, dof[2], __builtin_shufflevector(even, even, 2, 3)) \
+        DO(couple, dof[3], __builtin_shufflevector(odd, odd, 2, 3)) \
+        DO(couple, dof[4], __builtin_shufflevector(even, even, 4, 5)) \
+        DO(couple, dof[5], __builtin_shufflevector(odd, odd, 4, 5)) \
+        DO(couple, dof[6], __builtin_shufflevector(even, even, 6, 7)) \
+        DO(couple, dof[7], __builtin_shufflevector(odd, odd, 6, 7)) \
+    }
+#else
+#define EACH_COUPLE(dof, x, DO) UNROLL for (int l = 0; l < LANES; l++) DO(couple, dof[l], ((couple){x[0][l], x[1][l]}))
 #endif
-    if (COMPONENTS != 2)
-        UNROLL for (int l = 0; l < LANES; l++) {
-            double *const place = field + dof[l] + COMPONENTS - 1;
-            *place = add ? *place + x[COMPONENTS - 1][l] : x[COMPONENTS - 1][l];
-        }
+#define EACH_SINGLE(dof, x, DO) \
+    UNROLL for (int l = 0; l < LANES; l++) DO(single, dof[l] + COMPONENTS - 1, x[COMPONENTS - 1][l])
+#if COMPONENTS == 1
+#define EACH EACH_SINGLE
+#elif COMPONENTS == 2
+#define EACH EACH_COUPLE
+#else
+#define EACH(dof, x, DO) EACH_COUPLE(dof, x, DO) EACH_SINGLE(dof, x, DO)
+#endif
+typedef double single;
+
+INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS])
+{
+#define ADD(type, place, y) *(type *)(field + place) += (type)y;
+    EACH(dof, x, ADD)
+}
+
+// What a node needs to move on: v = decay v + dt f / m, u += dt v.
+struct motion {
+    double *displacement, *velocity, dt, decay;
+};
+
+INLINE void advance_lanes(const struct motion *motion, const int *dof, const lanes push[COMPONENTS])
+{
+#define MOVE(type, place, y) { \
+        const type v = motion->decay * *(type *)(motion->velocity + place) + (type)y; \
+        *(type *)(motion->velocity + place) = v; \
+        *(type *)(motion->displacement + place) += motion->dt * v; \
+    }
+    EACH(dof, push, MOVE)
 }
 
 // -- gradient and its transpose -------------------------------------------------------------------------------------
@@ -319,46 +363,23 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
 }
 #endif
 
-// What a node needs to move on: v = decay v + dt f / m, u += dt v.
-struct motion {
-    double *displacement, *velocity, dt, decay;
-};
-
-// Cache lines that the next batch is the first to touch.  They are asked for a few at a time while this one is computed:
-// nothing else would, as the nodes of elements follow no pattern that a machine sees.
-struct ahead {
-    const int *next, *end;
-    int share;
-};
-
-INLINE struct ahead look_ahead(const int *line, const int *start, long b)
-{
-    const int count = start[b + 2] - start[b + 1];
-    return (struct ahead){line + start[b + 1], line + start[b + 2], (count + NODES - 1) / NODES};
-}
-
-INLINE void fetch(struct ahead *ahead, const double *first, const double *second, int width)
-{
-    const int *stop = ahead->next + ahead->share;
-    for (; ahead->next < stop && ahead->next < ahead->end; ahead->next++) {
-        __builtin_prefetch(first + 8L * *ahead->next, 1);
-        __builtin_prefetch(second + 8L * *ahead->next / width, 1);
-    }
-}
-
 // Forces of one batch.  With `advance` the nodes inside the elements, which no other element touches, move on at once.
+// A few at a time, the cache lines that the next batch is the first to touch are asked for: nothing else would, as the
+// nodes of elements follow no pattern that a machine sees.
 INLINE void batch_force(const int geometry, const int viscous, const int advance, const struct plan *plan, long b,
                         const double *displacement, const double *velocity, double *force, const double *inverse_mass,
-                        struct motion motion)
+                        const struct motion *motion)
 {
     const int *dof = plan->dof + b * NODES * LANES;
+    const int *line = plan->line + (b + 1) * NODES * FETCH, *rim_line = plan->rim_line + (b + 1) * NODES;
     const lanes *number = plan->number + plan->start[b];
     const lanes *inner_mass = plan->inner_mass + b * INNER_NODES;
-    struct ahead line = look_ahead(plan->line, plan->line_start, b);
-    struct ahead rim_line = look_ahead(plan->rim_line, plan->rim_line_start, b);
     lanes u[COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
-        fetch(&line, displacement, velocity, 1);
+        UNROLL for (int k = 0; k < FETCH; k++) {
+            __builtin_prefetch(displacement + 8L * line[node * FETCH + k], advance);
+            if (advance) __builtin_prefetch(velocity + 8L * line[node * FETCH + k], 1);
+        }
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         if (viscous) {
@@ -370,18 +391,16 @@ INLINE void batch_force(const int geometry, const int viscous, const int advance
     }
     apply(geometry, number + viscous, u);
     KEEP for (int node = 0; node < NODES; node++) {
-        fetch(&rim_line, force, inverse_mass, COMPONENTS);
+        __builtin_prefetch(force + 8L * rim_line[node], 1);
+        if (advance) __builtin_prefetch(inverse_mass + 8L * rim_line[node] / COMPONENTS, 0);
         lanes x[COMPONENTS];
         if (advance && INNER[node]) {
-            const lanes push = motion.dt * MINUS_WEIGHT[node] * *inner_mass++;
-            gather(motion.velocity, dof + node * LANES, x);
-            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = motion.decay * x[c] + push * u[c][node];
-            scatter(0, motion.velocity, dof + node * LANES, x);
-            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] *= motion.dt;
-            scatter(1, motion.displacement, dof + node * LANES, x);
+            const lanes push = motion->dt * MINUS_WEIGHT[node] * *inner_mass++;
+            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = push * u[c][node];
+            advance_lanes(motion, dof + node * LANES, x);
         } else {
             UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
-            scatter(1, force, dof + node * LANES, x);
+            scatter_add(force, dof + node * LANES, x);
         }
     }
 }
@@ -393,8 +412,8 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
     for (long b = first; b < last; b++)
         switch (plan->kind[b] % ADVANCE) {
 #define CASE(geometry) \
-    case geometry: batch_force(geometry, 0, 0, plan, b, u, v, force, u, (struct motion){0}); break; \
-    case geometry + VISCOUS: batch_force(geometry, 1, 0, plan, b, u, v, force, u, (struct motion){0}); break;
+    case geometry: batch_force(geometry, 0, 0, plan, b, u, v, force, 0, 0); break; \
+    case geometry + VISCOUS: batch_force(geometry, 1, 0, plan, b, u, v, force, 0, 0); break;
 #if SIMPLEX
 #define CASES CASE(AFFINE)
 #else
@@ -440,8 +459,8 @@ void step(const struct plan *plan, long first, long last, double *u, double *v, 
             switch (plan->kind[b]) {
 #undef CASE
 #define CASE(geometry) \
-    case geometry + ADVANCE: batch_force(geometry, 0, 1, plan, b, u, v, force, inverse_mass, motion); break; \
-    case geometry + VISCOUS + ADVANCE: batch_force(geometry, 1, 1, plan, b, u, v, force, inverse_mass, motion); break;
+    case geometry + ADVANCE: batch_force(geometry, 0, 1, plan, b, u, v, force, inverse_mass, &motion); break; \
+    case geometry + VISCOUS + ADVANCE: batch_force(geometry, 1, 1, plan, b, u, v, force, inverse_mass, &motion); break;
                 CASES
             default: add_internal_force(plan, b, b + 1, u, v, force);
             }

@@ -1,0 +1,158 @@
+"""Geometry and material of elements as the matrix-free kernel wants them: sorted by kind, lane by lane."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx import RuptfxError, fem
+from ruptfx.materials import Plane
+from ruptfx.operators import Bulk
+
+BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 0, 1, 2, 3, 4, 8  # kinds of a batch, as in the C source
+
+
+def numbers(
+    bulk: Bulk, cells: np.ndarray, padding: np.ndarray, permutation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Kind of every batch, where its numbers begin (in vectors), and the numbers.
+
+    A batch takes the kind of its most demanding cell. Its numbers are the viscosity time if there is one, the two
+    Lamé moduli (zero for cells that only fill up a batch), and the geometry.
+
+    Parameters
+    ----------
+    cells, padding : ndarray, shape (batches, lanes)
+        Local cells, and which of them only fill up.
+    permutation : ndarray
+        From tensor order to the nodes of the element.
+    """
+    mesh = bulk.space.mesh
+    dim, lanes = mesh.geometry.dim, cells.shape[1]
+    if dim != mesh.topology.dim:
+        raise RuptfxError("matrix_free: the mesh must fill its space (2D cells in 2D, 3D cells in 3D)")
+    kind = np.empty(len(cells), dtype=np.uint8)
+    for part in _slices(len(cells)):
+        kind[part] = _classify(mesh, cells[part])
+    eta = np.zeros(len(bulk.cell_material)) if bulk.viscosity_time is None else np.asarray(bulk.viscosity_time)
+    kind += np.uint8(VISCOUS) * (eta[cells] != 0).any(axis=1)
+    width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind % VISCOUS]
+    start = np.r_[0, np.cumsum(width + 2 + kind // VISCOUS)].astype(np.int64)
+    number = aligned((int(start[-1]), lanes))
+    moduli = np.array([_moduli(material, bulk.plane) for material in bulk.materials])
+    for value in np.unique(kind):
+        batches = np.flatnonzero(kind == value)
+        for part in _slices(len(batches)):
+            batch = batches[part]
+            chosen = cells[batch]
+            sign, geometry = _geometry(bulk.space, chosen, int(value) % VISCOUS, permutation)
+            modulus = moduli[bulk.cell_material[chosen]] * (sign * ~padding[batch])[..., None]
+            damping = [eta[chosen][..., None]] if value >= VISCOUS else []
+            found = np.concatenate([*damping, modulus, geometry], axis=-1)
+            number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)
+    return kind, start[:-1], number
+
+
+def _slices(count: int) -> list[slice]:
+    """Parts of a long range: what they need at a time stays small."""
+    return [slice(first, first + 4096) for first in range(0, count, 4096)]
+
+
+def _moduli(material: Any, plane: Plane) -> tuple[float, float]:
+    return 0.0 if plane == "antiplane" else material.lame_lambda(plane), material.shear_modulus
+
+
+def _geometry(space: Any, cells: np.ndarray, kind: int, permutation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sign of the moduli and geometry of some cells, shapes (batches, lanes) and (batches, lanes, numbers)."""
+    mesh = space.mesh
+    x = _corners(mesh, cells)
+    upright = np.ones(cells.shape)
+    if kind == POINTWISE:
+        return upright, _pointwise(mesh, x, space, permutation)
+    jacobian, shape = _shape(x, is_tensor(mesh))
+    if kind == MULTILINEAR:
+        # The kernel divides by det J; the sign of a cell turned inside out goes with the moduli.
+        return np.sign(np.linalg.det(jacobian)), shape.reshape(*cells.shape, -1)
+    scaled = _scaled_inverse(jacobian)
+    if kind == BOX:
+        return upright, np.diagonal(scaled, axis1=-2, axis2=-1)
+    return upright, scaled.reshape(*cells.shape, -1)
+
+
+def is_tensor(mesh: Any) -> bool:
+    """Quadrilaterals and hexahedra."""
+    return mesh.basix_cell().name in ("quadrilateral", "hexahedron")
+
+
+def _corners(mesh: Any, cells: np.ndarray) -> np.ndarray:
+    return mesh.geometry.x[:, : mesh.geometry.dim][fem.geometry_dofmap(mesh)[cells]]
+
+
+def aligned(shape: tuple[int, int]) -> np.ndarray:
+    """Uninitialised array that begins on a cache line, as vector loads want it."""
+    raw = np.empty(shape[0] * shape[1] + 8)
+    offset = (-raw.ctypes.data // 8) % 8
+    return raw[offset : offset + shape[0] * shape[1]].reshape(shape)
+
+
+def geometry_element(mesh: Any) -> Any:
+    return mesh.ufl_domain().ufl_coordinate_element()
+
+
+def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Jacobian dx_a / dxi_d [..., d, a] at the first corner, and all coefficients of the map from the reference cell.
+
+    Parameters
+    ----------
+    x : ndarray, shape (..., corners, dim)
+    """
+    dim = x.shape[-1]
+    if not tensor:
+        edges = x[..., 1:, :] - x[..., :1, :]
+        return edges, edges
+    # Differences of differences vanish exactly on a regular grid.
+    corner = np.moveaxis(x, -2, 0)
+    linear = [corner[1 << d] - corner[0] for d in range(dim)]
+    pairs = [(0, 1)] if dim == 2 else [(0, 1), (0, 2), (1, 2)]
+    mixed = [corner[(1 << d) + (1 << e)] - corner[1 << d] - linear[e] for d, e in pairs]
+    if dim == 3:
+        top = corner[7] - corner[6] - (corner[5] - corner[4])
+        mixed.append(top - mixed[0])
+    jacobian = np.stack(linear, axis=-2)
+    return jacobian, np.concatenate([jacobian, np.stack(mixed, axis=-2)], axis=-2)
+
+
+def _classify(mesh: Any, cells: np.ndarray) -> np.ndarray:
+    """Geometry of batches of cells, by their most demanding one, shape (batches,)."""
+    if geometry_element(mesh).degree > 1:
+        return np.full(len(cells), POINTWISE, dtype=np.uint8)
+    if not is_tensor(mesh):
+        return np.full(len(cells), AFFINE, dtype=np.uint8)
+    x = _corners(mesh, cells)
+    jacobian, shape = _shape(x, True)
+    dim = x.shape[-1]
+    size = np.abs(jacobian).max(axis=(-2, -1))
+    bend = np.abs(shape[..., dim:, :]).max(axis=(-2, -1))
+    shear = np.abs(jacobian * (1 - np.eye(dim))).max(axis=(-2, -1))
+    rounding = 4 * np.finfo(float).eps * np.abs(x).max(axis=(-2, -1))
+    bent = bend > 1e-13 * size + rounding
+    kind = np.where(bent, MULTILINEAR, np.where(shear <= 1e-15 * size, BOX, AFFINE))
+    return kind.max(axis=1).astype(np.uint8)
+
+
+def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
+    """dxi_d / dx_a sqrt|det J|: the flux is G C G' of the reference gradient."""
+    volume = np.sqrt(np.abs(np.linalg.det(jacobian)))
+    return np.linalg.inv(jacobian).swapaxes(-1, -2) * volume[..., None, None]
+
+
+def _pointwise(mesh: Any, x: np.ndarray, space: Any, permutation: np.ndarray) -> np.ndarray:
+    """Scaled inverse Jacobian at every node of cells with curved edges."""
+    described, basix = geometry_element(mesh), fem.basix
+    element = basix.create_element(
+        basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
+    )
+    slopes = np.asarray(element.tabulate(1, space.element.basix_element.points[permutation]))[1:, :, :, 0]
+    jacobian = np.einsum("dqk,blka->blqda", slopes, x)
+    return _scaled_inverse(jacobian).reshape(*x.shape[:2], -1)
