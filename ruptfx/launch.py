@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -50,11 +51,16 @@ def run_on(ranks: int, arguments: list[str]) -> int:
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
     with subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment) as process:
-        while True:
-            try:
-                return process.wait()
-            except KeyboardInterrupt:
-                pass  # the ranks got it too, and finish their files
+        # A terminal sends Ctrl-C to the ranks as well, but a scheduler's SIGTERM may come to this process only.
+        before = signal.signal(signal.SIGTERM, lambda number, _: process.send_signal(number))
+        try:
+            while True:
+                try:
+                    return process.wait()
+                except KeyboardInterrupt:
+                    pass  # the ranks got it too, and finish their files
+        finally:
+            signal.signal(signal.SIGTERM, before)
 
 
 def check_size(size: int) -> None:
