@@ -142,13 +142,14 @@ def chain_checks() -> list[Check]:
         return [float(run[name]) for run in runs]
 
     # Static chain: K_b (x_(j+1) - 2 x_j + x_(j-1)) = K_s x_j, so q + 1/q = 2 + K_s / K_b = 2 + 1/69.
+    # The slow approach adds the drag m eta sum(v_j), v_j = V_d K_d q^j / (K_d + K_b (1 - q) + K_s): at most 0.4 N.
     # First rupture: x_0 = F_s / (N K_s) and F = (K_b (1 - q) + K_s) x_0, at t = (F / K_d + x_0) / V_d.
     every = softs + stiffs
     kept, released = (float(np.mean(over(runs, "retained_stress"))) for runs in (softs, stiffs))
     correlation = float(np.nanmean(over(stiffs, "length_correlation")))
     return [
         Check("decay of the static displacement per block", 0.8866, early[6] / early[5], 2e-4, "1", CHAIN),
-        Check("force at the first rupture, no scatter", 378.1, float(data.first_break_force), 0.1, "N", "static chain"),
+        Check("force at the first rupture, no scatter", 378.1, float(data.first_break_force), 0.3, "N", "static chain"),
         Check("time of the first rupture, no scatter", 0.324, first, 0.0005, "s", "static chain"),
         Check("wave speed of the chain", 80944, wave_speed(), 0.01, "1/s", "sqrt(K_b / m)", relative=True),
         Check("blocks from the trailing edge to the first rupture", 0, begins, 0, "1", CHAIN),

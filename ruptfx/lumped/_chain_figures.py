@@ -106,7 +106,9 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
     )
     bins = np.geomspace(1e-5, 1e1, 61)
     ax.hist(fast, bins, color=STEADY, label="within events")
-    ax.plot(slow / speed, np.full(slow.size, 1.0), "d", color=ACCENT, clip_on=False, label="slow fronts")
+    if slow.size:
+        ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
+                transform=ax.get_xaxis_transform())
     ax.axvline(1, color="0.3", linestyle=":", linewidth=0.8)
     ax.set(xscale="log", xlabel="front speed / chain speed", ylabel="front segments")
     ax.set_title("(b)  until the first large event")
@@ -136,7 +138,7 @@ def displacements(dataset: xarray.Dataset) -> Figure:
 @styled
 def lengths(dataset: xarray.Dataset) -> Figure:
     """Length of the precursors against the force that starts them."""
-    figure = new_figure(ONE_COLUMN, 2.6)
+    figure = new_figure(ONE_COLUMN, 3.0)
     ax = figure.subplots()
     last, blocks = _first_large(dataset), dataset.sizes["block"]
     force, reach = dataset.event_force.values[:last], dataset.event_reach.values[:last] / blocks
@@ -152,5 +154,5 @@ def lengths(dataset: xarray.Dataset) -> Figure:
             label=f"proportional (r = {float(dataset.length_correlation):.2f})",
         )
     ax.set(xlabel=r"force / $F_s$", ylabel="length / slider length", xlim=(0, None), ylim=(0, 1.08))
-    ax.legend(loc="lower right")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure

@@ -10,6 +10,7 @@ the stretch of the interface; a law gives V from F, so that no equation has to b
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -147,7 +148,8 @@ def integrate(
 
     runaway.terminal = True  # type: ignore[attr-defined]
     for method in ("LSODA", "Radau"):  # where a trial step of the first overflows, the second takes a shorter one
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
             solution = solve_ivp(
                 lambda time, z: scaled(first + time, z), (0.0, span), start / scale, method=method,
                 t_eval=np.minimum(times - first, span), rtol=rtol, atol=rtol, max_step=longest_step,

@@ -190,7 +190,9 @@ class SpringBlock(LumpedModel):
             "length_slope": variable((), slope, "1/N", "precursor length over force, blocks per newton"),
             "length_correlation": variable((), correlation, "1", "correlation of precursor length and force"),
             "front_speed": variable((), np.median(fast) / self.chain_speed, "1", "median front speed / chain speed"),
-            "fastest_front": variable((), np.max(fast) / self.chain_speed, "1", "fastest front / chain speed"),
+            "fast_front_speed": variable(
+                (), np.percentile(fast, 95) / self.chain_speed, "1", "95th percentile of front speeds / chain speed"
+            ),
             "slow_fronts": variable((), len(slow), "1", "slow fronts before sliding"),
             "slow_front_speed": variable(
                 (), float(np.median([f.speed for f in slow] or [np.nan])) / self.chain_speed, "1",

@@ -13,8 +13,8 @@ from ruptfx.lumped.spring_block import SpringBlock
 
 def failed(checks: list) -> list[str]:
     """Failures, run times left out: they depend on what else the machine does."""
-    return [f"{c.quantity}: {c.found:g}, expected {c.expected:g}" for c in checks if not c.passed and c.unit != "s"
-            or "time of the first" in c.quantity and not c.passed]
+    relevant = [check for check in checks if "run time" not in check.quantity]
+    return [f"{c.quantity}: {c.found:g}, expected {c.expected:g}" for c in relevant if not c.passed]
 
 
 def test_roughness() -> None:
@@ -43,7 +43,7 @@ def test_first_harmonic_of_beta_distributed_phases(alpha: float) -> None:
 
 @pytest.mark.parametrize("ratio", [1.0, 50.0])
 def test_first_rupture_of_the_chain_without_scatter(ratio: float) -> None:
-    # Static chain, semi-infinite: K_b (x_(j+1) - 2 x_j + x_(j-1)) = K_s x_j has x_j = x_0 q^j with q + 1/q = 2 + K_s/K_b.
+    # Static chain, semi-infinite: K_b (x_(j+1) - 2 x_j + x_(j-1)) = K_s x_j has x_j = x_0 q^j, q + 1/q = 2 + K_s / K_b.
     # Block 0: F = K_b (x_0 - x_1) + K_s x_0. Its contacts break at K_s x_0 = F_s / N, the drive then at F / K_d + x_0.
     K_s, K_b = ratio * 1.56e7, 69 * 1.56e7
     half = 1 + K_s / K_b / 2

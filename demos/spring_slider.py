@@ -1,0 +1,110 @@
+# %% [markdown]
+# # One block, one spring: what rate-and-state friction does
+#
+# The friction laws of the field solver, on the smallest system that can show them: a block on a spring that is pulled
+# at a given speed. F = W [mu_0 + a ln(V / V_0) + b ln(theta V_0 / D_c)], with theta the age of the contacts
+# (Baumberger, Berthoud, Caroli et al. 2001; Ruina 1983). Constants are those of PMMA near room temperature, in order
+# of magnitude.
+#
+# Run with `python demos/spring_slider.py`; its first experiment is `ruptfx run demos/spring_slider.toml`. Every
+# experiment is one table `[experiment]` of the case.
+
+# %%
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+
+from ruptfx.case import parse_case
+from ruptfx.lumped import simulate
+
+out = Path(mkdtemp(prefix="spring_slider_"))
+pmma = {"kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6}
+base = {"kind": "spring_slider", "normal_force": 16.0, "stiffness": 1e6, "friction": pmma}
+
+
+def run(name, **changes):
+    return simulate(parse_case({**base, "experiment": {"kind": name}, **changes}), out / name)
+
+
+# %% [markdown]
+# ## Velocity steps
+#
+# At a jump of the speed by a factor of ten the friction first rises by nearly a ln 10, then falls to a new steady
+# value lower by (b - a) ln 10, over a slip of D_c.
+
+# %%
+steps = run("velocity_steps")
+print("steady change per e-fold:", steps.step_steady.values.round(5), "(a - b = -0.013)")
+
+# %% [markdown]
+# ## Slide, hold, slide
+#
+# Contacts strengthen with time: the static friction grows by b with each e-fold of the time at rest.
+
+# %%
+holds = run("slide_hold_slide")
+print(f"static friction per e-fold of hold: {float(holds.healing_slope):.5f} (b = 0.026)")
+
+# %% [markdown]
+# ## Memory
+#
+# If the speed swings slowly, friction follows its steady value; if faster than contacts are renewed, it runs round a
+# loop.
+
+# %%
+loops = run("modulated_speed")
+for period, area in zip(loops.period.values, loops.loop_area.values, strict=True):
+    print(f"period {period:>4g} s: loop area {area:.4f}")
+
+# %% [markdown]
+# ## When steady sliding is unstable
+#
+# Below K_c = W (b - a) / D_c the slider oscillates. 40 x 40 sliders are integrated together and compared with the
+# linear analysis. Where ageing saturates for young contacts, K_c falls with the speed.
+
+# %%
+saturating = {**pmma, "kind": "rate_and_state_saturating", "f_0": 0.2, "theta_c": 1e-3}
+diagram = run("stability", friction=saturating)
+error = float(np.abs(diagram.k_c_simulated - diagram.k_c_linear).max() / diagram.cell)
+print(f"boundary: simulation within {error:.2f} cells of the linear analysis")
+
+# %% [markdown]
+# With a mass to end the slips, the oscillation can be followed beyond K_c, from nearly sinusoidal to stick-slip.
+
+# %%
+cycles = run("bifurcation", mass=1.63, experiment={"kind": "bifurcation", "ratios": [0.6, 0.8, 0.9, 0.97, 1.02]})
+for ratio, amplitude in zip(cycles.ratio.values, cycles.amplitude.values, strict=True):
+    print(f"K / K_c = {ratio:<5g} peak-to-peak friction {amplitude:.4f}")
+
+# %% [markdown]
+# ## A trembling normal load
+#
+# If the load swings at 120 Hz the mean friction falls, and sliding is stable on softer springs. The interface is
+# elastic here (lambda = 0.4 um).
+
+# %%
+load = run("modulated_load", interface_length=0.4e-6)
+for eps, change, K_c in zip(load.eps.values, load.mean_change.values, load.K_c.values, strict=True):
+    print(f"eps = {eps:<5g} mean friction {100 * change:7.2f} %   K_c {K_c / 1e3:6.1f} kN/m")
+
+# %% [markdown]
+# ## a, b and D_c from a measurement
+#
+# A friction trace with the columns time, drive_speed and friction is fitted; here a noisy one from the model itself.
+
+# %%
+fine = simulate(
+    parse_case({**base, "experiment": {"kind": "velocity_steps", "distance": 5e-6, "samples": 200}}), out / "trace"
+)
+# The first sample of a segment repeats the time of the last of the one before.
+keep = np.append(np.diff(fine.time.values) > 0, True)
+noisy = fine.friction.values + 1e-3 * np.random.default_rng(0).standard_normal(fine.sizes["sample"])
+table = np.column_stack([fine.time, fine.drive_speed, noisy])[keep]
+np.savetxt(out / "trace.csv", table, delimiter=",", header="time,drive_speed,friction", comments="")
+guess = {**pmma, "a": 0.01, "b": 0.02, "D_c": 0.7e-6}
+fit = run("fit", friction=guess, experiment={"kind": "fit", "trace": str(out / "trace.csv")})
+for name in ("a", "b", "D_c"):
+    low, high = float(fit[f"{name}_low"]), float(fit[f"{name}_high"])
+    print(f"{name:<4} {float(fit[name]):.4g}   95 %: {low:.4g} to {high:.4g}")
+print(f"figures in {out}")
