@@ -1,0 +1,243 @@
+"""The command line: what is refused before and during a run, and what check, plot and describe print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from small_cases import impact, merged, plates
+from typer.testing import CliRunner, Result
+
+from ruptfx import __version__
+from ruptfx.cli import app
+from ruptfx.schema import kinds
+
+
+def ruptfx(*arguments: str | Path) -> Result:
+    return CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(argument) for argument in arguments])
+
+
+def said(result: Result) -> str:
+    """Everything printed, without the line breaks of a narrow terminal."""
+    return " ".join(result.output.split())
+
+
+def write(folder: Path, changes: dict[str, Any] | None = None, table: dict[str, Any] | None = None) -> Path:
+    path = folder / "case.toml"
+    path.write_text(tomli_w.dumps(merged(table or plates({"duration": 1e-6}), changes or {})))
+    return path
+
+
+@pytest.fixture
+def needs_fem() -> None:
+    pytest.importorskip("dolfinx")
+
+
+# -- refused before anything is computed ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"duratoin": 1.0}, "unknown key 'duratoin', did you mean 'duration'?"),
+        ({"duration": "60e-6"}, "duration = '60e-6': input should be a valid number"),
+        ({"materials.default.young_modulus": -5.3e9}, "materials.default.young_modulus = -5300000000.0: input should"),
+    ],
+)
+def test_bad_cases(command: str, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    result = ruptfx(command, write(tmp_path, changes))
+    assert result.exit_code == 1
+    assert "case error: " in said(result) and message in said(result) and "Traceback" not in said(result)
+
+
+def test_a_bad_case_starts_no_ranks(tmp_path: Path) -> None:
+    result = ruptfx("run", write(tmp_path, {"duration": -1.0}), "--ranks", "2", "--out", tmp_path / "run")
+    assert result.exit_code == 1 and "duration = -1.0: input should be greater than 0" in said(result)
+    assert not (tmp_path / "run").exists()
+
+
+def test_missing_and_unreadable_files(tmp_path: Path) -> None:
+    assert "none.toml: cannot be read: No such file or directory" in said(ruptfx("check", tmp_path / "none.toml"))
+    (tmp_path / "text.toml").write_text("this is not TOML")
+    result = ruptfx("run", tmp_path / "text.toml")
+    assert result.exit_code == 1 and "text.toml: not valid TOML" in said(result)
+
+
+def test_bad_set(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    for item, message in (
+        ("duration", "--set duration: write KEY=VALUE"),
+        ("durtion=1e-6", "unknown key 'durtion', did you mean 'duration'?"),
+        ("duration=soon", "duration = 'soon': input should be a valid number"),
+    ):
+        result = ruptfx("check", path, "--set", item)
+        assert result.exit_code == 1 and message in said(result)
+
+
+@pytest.mark.fem
+def test_output_directory_that_exists(tmp_path: Path, needs_fem: None) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / "precious.txt").write_text("do not touch")
+    result = ruptfx("run", write(tmp_path), "--out", out)
+    assert result.exit_code == 1 and f"{out}: exists already; choose another --out" in said(result)
+    assert [path.name for path in out.iterdir()] == ["precious.txt"]
+
+
+@pytest.mark.fem
+def test_output_directory_that_cannot_be_written(tmp_path: Path, needs_fem: None) -> None:
+    # Below a file, where not even an administrator can make a directory.
+    (tmp_path / "file").write_text("")
+    result = ruptfx("run", write(tmp_path), "--out", tmp_path / "file" / "run")
+    assert result.exit_code == 1
+    assert "cannot be written (Not a directory); choose another --out" in said(result)
+    result = ruptfx("run", write(tmp_path), "--out", tmp_path / "file")
+    assert result.exit_code == 1 and "exists already" in said(result)
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"stepper": {"kind": "leapfrog", "time_step": 1e-6}}, "stepper.time_step = 1e-06 s: unstable, the limit is"),
+        ({"stepper": {"kind": "leapfrog", "time_step": 5e-8}, "faults.main.contact.C_n": 1e15},
+         "s, set by the contact stiffness of faults.main; reduce it"),
+        ({"boundaries": [{"kind": "absorbing", "edge": "uper.left"}]},
+         "boundaries.0.edge = 'uper.left': no such edge, did you mean 'upper.left'?"),
+        ({"faults": {}}, "faults: the mesh has the interface 'main', which needs [faults.main]"),
+    ],
+)  # fmt: skip
+def test_what_the_mesh_refuses(
+    command: str, changes: dict[str, Any], message: str, tmp_path: Path, needs_fem: None
+) -> None:
+    options = ["--out", tmp_path / "run"] if command == "run" else []
+    result = ruptfx(command, write(tmp_path, changes), *options)
+    assert result.exit_code == 1 and message in said(result) and "Traceback" not in said(result)
+
+
+# -- a run ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.fem
+def test_run_leaves_a_complete_directory(tmp_path: Path, needs_fem: None) -> None:
+    from ruptfx.record import Record
+
+    out = tmp_path / "run"
+    result = ruptfx("run", write(tmp_path), "--out", out, "--set", "materials.default.density=1300.0")
+    assert result.exit_code == 0, said(result)
+    assert f"Run directory: {out}" in said(result) and "energy_closure" in said(result)
+    names = {path.name for path in out.iterdir()}
+    assert {"case.toml", "interface.h5", "bulk.h5", "energy.csv", "run.log", "summary.json"} <= names
+    with Record(out) as record:
+        assert record.complete and record.case["materials"]["default"]["density"] == 1300.0
+        assert record.summary["case_hash"] == record.interface.attrs["case_hash"]
+        wanted = ("mode tip_speed tip_speed_over_c_s tip_speed_over_c_l peak_slip_rate max_slip energy_closure "
+                  "wall_time steps nodes node_updates_per_second ranks versions case_hash")  # fmt: skip
+        assert set(wanted.split()) <= set(record.summary)
+        # One row of energies per record, from rest to the end.
+        assert len(record.energy.time) == record.interface.sizes["time"]
+        assert float(record.interface.time[0]) == 0 and float(record.interface.time[-1]) >= 1e-6
+        for field in ("slip", "slip_rate", "shear_traction", "normal_stress", "opening"):
+            assert record.interface[field].dims == ("time", "position") and record.interface[field].attrs["units"]
+
+
+@pytest.mark.fem
+def test_a_law_that_turns_not_a_number(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stops at once, names point, time and state; what was written stays readable."""
+    import numpy as np
+
+    from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
+    from ruptfx.record import Record
+
+    plain = LinearSlipWeakening.strength
+    # Beyond a slip of 0.1 um the law is the logarithm of a negative number.
+    monkeypatch.setattr(
+        LinearSlipWeakening, "strength",
+        lambda self, v, sigma, state: plain(self, v, sigma, state) + 1e-9 * np.log(1e-7 - state["cumulative_slip"]),
+    )  # fmt: skip
+    broken = impact(6e6, 20.0, changes={
+        "duration": 20e-6, "output.interface_interval": 1e-6, "mesh.length": 12e-3, "mesh.height": 4e-3,
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.1, "mu_d": 0.05, "D_c": 1e-4},
+    })  # fmt: skip
+    out = tmp_path / "run"
+    result = ruptfx("run", write(tmp_path, table=broken), "--out", out)
+    assert result.exit_code == 1
+    for part in ("linear_slip_weakening: ", "interface point ", "of fault 'main' at (", "time ", "cumulative_slip = "):
+        assert part in said(result)
+    with Record(out) as record:
+        assert not record.complete and record.interface.sizes["time"] >= 2
+        assert np.isfinite(record.interface.slip.values).all() and len(record.energy.time) >= 2
+    assert "linear_slip_weakening" in (out / "run.log").read_text()
+
+
+@pytest.mark.fem
+def test_a_motion_that_explodes(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check of the time step switched off: the run stops with place and time, not with a file full of NaN."""
+    from ruptfx.model import Model
+    from ruptfx.record import Record
+
+    real = Model.highest_frequency
+    monkeypatch.setattr(Model, "highest_frequency", lambda self, free: 0.5 * real(self, free))
+    moving = impact(6e6, 2.0, changes={
+        "duration": 300e-6, "mesh.length": 12e-3, "mesh.height": 4e-3, "output.interface_interval": 2e-6,
+    })  # fmt: skip
+    result = ruptfx("run", write(tmp_path, table=moving), "--out", tmp_path / "run")
+    assert result.exit_code == 1
+    assert "time " in said(result) and " at (" in said(result) and "reduce" in said(result)
+    with Record(tmp_path / "run") as record:
+        assert not record.complete and record.interface.sizes["time"] >= 1
+
+
+# -- check, plot, describe -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.fem
+def test_check_prints_the_table(tmp_path: Path, needs_fem: None) -> None:
+    result = ruptfx("check", write(tmp_path, table=impact(6e6, 2.0)))
+    assert result.exit_code == 0, said(result)
+    # Plate speeds of Homalite: c_l = sqrt(E / (rho (1 - nu^2))) = 2201.7, c_s = 1255.2, c_R = 1155.9 m/s.
+    for text in ("2201.", "1255.", "1155.", "stable time step", "time step", "expected run time", "memory", "strength"):
+        assert text in said(result)
+
+
+def test_version_and_help() -> None:
+    assert ruptfx("--version").output.strip() == __version__
+    for command in ("run", "check", "plot", "describe", "bench", "study"):
+        assert command in ruptfx("--help").output
+
+
+@pytest.mark.parametrize("folder", ["friction", "contact", "materials", "meshes", "steppers", "operators"])
+def test_describe_lists_the_folder(folder: str) -> None:
+    result = ruptfx("describe", folder)
+    assert result.exit_code == 0
+    assert all(kind in result.output for kind in kinds(f"ruptfx.{folder}"))
+
+
+def test_describe_shows_units_bounds_and_formulas() -> None:
+    text = said(ruptfx("describe", "friction"))
+    for part in ("strength = mu_d sigma", "Coulomb (1785)", "theta_p [Pa]", "L_p", "m >", "required"):
+        assert part in text
+    assert "C_n" in said(ruptfx("describe", "contact")) and "Pa/m" in said(ruptfx("describe", "contact"))
+
+
+def test_describe_profiles_and_unknown() -> None:
+    assert "boxcar" in ruptfx("describe", "profiles").output
+    result = ruptfx("describe", "frictoin")
+    assert result.exit_code == 1 and "did you mean 'friction'?" in said(result)
+    assert "friction" in ruptfx("describe").output
+
+
+def test_describe_schema_is_json() -> None:
+    assert json.loads(ruptfx("describe", "--schema").output)["title"] == "Case"
+
+
+def test_plot_of_nothing(tmp_path: Path) -> None:
+    result = ruptfx("plot", tmp_path / "nowhere")
+    assert result.exit_code == 1 and "no such directory" in said(result)
+    result = ruptfx("plot", tmp_path)
+    assert result.exit_code == 1 and "case.toml" in said(result)
