@@ -164,11 +164,17 @@ def study(
 
 @app.command()
 def plot(
-    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help="Run or study directory.", show_default=False)],
     format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
 ) -> None:
-    """Draw the figures of a run again; needs no DOLFINx."""
+    """Draw the figures of a run, or the map of a study, again; needs no DOLFINx."""
     with _reported():
+        if (run / "study.json").exists():
+            from ruptfx.plots import mode_map
+
+            for path in mode_map.save(run, formats=tuple(format_)):
+                screen.print(str(path))
+            return
         if (run / "result.nc").exists():
             from ruptfx.lumped import redraw
 
