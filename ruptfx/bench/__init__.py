@@ -113,7 +113,9 @@ def _list(names: list[str]) -> None:
     for name in names:
         text = (importlib.import_module(f"ruptfx.bench.{name}").__doc__ or "").strip().partition("\n")[0]
         table.add_row(name, text)
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    console = console if console.is_terminal else Console(highlight=False, width=130)
+    console.print(table)
 
 
 def _run(name: str, fine: bool, out: Path, quiet: bool) -> list[dict[str, Any]]:
@@ -148,4 +150,6 @@ def _print(name: str, checks: list[Check], seconds: float, out: Path) -> None:
         verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
         numbers = f"{check.expected:.7g}", f"{check.found:.7g}"
         table.add_row(check.quantity, *numbers, check.limit, check.unit, check.source, verdict)
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    console = console if console.is_terminal else Console(highlight=False, width=130)
+    console.print(table)

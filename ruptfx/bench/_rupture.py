@@ -39,6 +39,8 @@ class Rupture:
         [s]
     slip_rate : ndarray, shape (k, n)
         At every `stride`-th step [m/s].
+    opening : ndarray, shape (k, n)
+        [m]
     fields : dict of ndarray, shape (n,)
         The interface at the end.
     closure : float
@@ -50,6 +52,7 @@ class Rupture:
     position: Array
     time: Array
     slip_rate: Array
+    opening: Array
     fields: dict[str, Array]
     closure: float
     seconds: float
@@ -93,7 +96,8 @@ def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: An
     state = model.initial_state()
     fault = model.faults[0]
     steps = int(np.ceil(case.duration / motion.dt * (1 - 1e-9)))
-    times, rates, lost, scale = [0.0], [np.zeros(len(fault.interface.position))], [0.0], 1e-300
+    zero = np.zeros(len(fault.interface.position))
+    times, rates, gaps, lost, scale = [0.0], [zero], [zero], [0.0], 1e-300
     seconds = 0.0
     for step in range(1, steps + 1):
         began = time.process_time()
@@ -102,12 +106,12 @@ def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: An
         if step % stride == 0:
             times.append(state.time - motion.dt)  # slip rate and traction belong to the beginning of the step
             rates.append(fault.components(state.faults[fault.name], "slip_rate")[:, 0].copy())
+            gaps.append(state.faults[fault.name]["opening"].copy())
         if step % max(1, steps // energies) == 0 or step == steps:
             energy = model.energies(state, motion.dt)
             lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
             scale = max(scale, *map(abs, energy.values()))
     fields = {name: value.copy() for name, value in state.faults[fault.name].items()}
     closure = float(np.abs(lost).max() / scale)
-    return Rupture(
-        fault.interface.position, np.array(times), np.array(rates), fields, closure, seconds, model, state
-    )  # fmt: skip
+    histories = (np.array(values) for values in (times, rates, gaps))
+    return Rupture(fault.interface.position, *histories, fields, closure, seconds, model, state)
