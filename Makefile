@@ -26,8 +26,8 @@ lint: env ## style, types, import contract
 	$(BIN)/lint-imports
 
 test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1200 $(BIN)/python -m pytest --ignore=tests/container
-	timeout 600 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
+	timeout 1800 $(BIN)/python -m pytest --ignore=tests/container
+	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
