@@ -73,7 +73,7 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
             )
     ax.plot(speed[order], dataset.steady_friction.values[order], "k:", label="steady")
     ax.set(xscale="log", xlabel="drive speed [µm/s]", ylabel="friction coefficient")
-    ax.legend(title="period", title_fontsize=7)
+    ax.legend(title="period", title_fontsize=7, loc="lower left")
     return figure
 
 

@@ -114,16 +114,16 @@ class Bifurcation(Experiment):
 
 
 def _cycles(motion: Motion, omega: float) -> tuple[float, float]:
-    """Frequency [rad/s] and second over first harmonic of the later half of a motion."""
+    """Frequency [rad/s] and second over first harmonic, over the whole cycles in the later half of a motion."""
     half = len(motion.time) // 2
     signal = motion.friction[half:] - motion.friction[half:].mean()
-    spectrum = np.abs(np.fft.rfft(signal * np.hanning(len(signal))))
-    bin_width = 2 * np.pi / (motion.time[-1] - motion.time[half])
-    top = int(np.argmax(spectrum[1:])) + 1
-    if spectrum[top] == 0:
+    rises = np.flatnonzero((signal[:-1] < 0) & (signal[1:] >= 0))
+    if len(rises) < 2 or np.ptp(signal) < 1e-9:
         return omega, 0.0
-    second = spectrum[max(2 * top - 2, 0) : 2 * top + 3].max(initial=0.0)
-    return top * bin_width, float(second / spectrum[top])
+    cycles, span = len(rises) - 1, slice(rises[0], rises[-1])
+    spectrum = np.abs(np.fft.rfft(signal[span]))
+    duration = motion.time[half + rises[-1]] - motion.time[half + rises[0]]
+    return 2 * np.pi * cycles / duration, float(spectrum[2 * cycles] / spectrum[cycles])
 
 
 def onset(slider: Slider, speed: float) -> tuple[float, float]:
