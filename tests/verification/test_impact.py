@@ -1,0 +1,60 @@
+"""Shear impact on two plates: the stuck interface, the four published loadings, tip speeds, energies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, STRONG, impact, march
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.simulation import simulate
+
+pytestmark = pytest.mark.fem
+
+LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
+
+
+def largest_stuck_traction(speed: float) -> float:
+    """Largest shear traction in 10 < x < 60 mm of an interface that cannot slip [Pa], before echoes from the outer edges
+    arrive at 2 H / c_l = 31.8 us (they raise it to 2.5 MPa in the end)."""
+    stuck = impact(1e9, speed, changes={
+        "duration": 31.8e-6, "faults.main.friction": STRONG, "faults.main.contact": COMPLIANT,
+        "mesh": {"kind": "two_plates", "length": 0.1, "height": 35e-3, "element_size": 2.5e-3},
+    })  # fmt: skip
+    largest = [0.0]
+
+    def watch(state: Any) -> None:
+        largest[0] = max(largest[0], float(np.max(np.abs(state.faults["main"]["shear_traction"][inside]))))
+
+    case = parse_case(stuck)
+    position = Model(case).faults[0].interface.position
+    inside = (position > 10e-3) & (position < 60e-3)
+    march(case, watch=watch)
+    return largest[0]
+
+
+def test_stuck_interface_carries_the_elastic_bound() -> None:
+    at_2, at_20 = largest_stuck_traction(2.0), largest_stuck_traction(20.0)
+    assert at_2 == pytest.approx(1.70e6, rel=0.05)
+    # Linear elasticity.
+    assert at_20 == pytest.approx(10 * at_2, rel=1e-9)
+
+
+@pytest.mark.parametrize("constants", ["P1", "P2"])
+@pytest.mark.parametrize("loading", LOADINGS)
+def test_published_loadings(loading: str, constants: str, tmp_path: Path) -> None:
+    """Closed energies and, wherever there is sliding, a leading tip between sqrt(2) c_s and 1.02 c_l."""
+    pressure, speed = LOADINGS[loading]
+    with simulate(parse_case(impact(pressure, speed, constants)), tmp_path / "run", progress=False) as record:
+        summary = record.summary
+        assert abs(record.energy.closure.values).max() < 1e-10
+        assert np.all(np.diff(record.energy.frictional_dissipation.values) >= -1e-15)
+        assert float(record.interface.normal_stress.min()) >= 0
+        if summary["max_slip"] > 1e-7 and summary["tip_speed"] is not None:
+            assert np.sqrt(2) <= summary["tip_speed_over_c_s"] and summary["tip_speed_over_c_l"] <= 1.02

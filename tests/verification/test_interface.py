@@ -1,0 +1,147 @@
+"""Exact solutions of an interface: plane waves on Coulomb friction, opening, steady sliding, memory of the stress."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import HOMALITE, SPLIT, advance, case, memory_friction
+from test_waves import guided
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.friction.coulomb import Coulomb
+from ruptfx.friction.prakash_clifton import PrakashClifton
+from ruptfx.model import Model
+
+pytestmark = pytest.mark.fem
+
+SOFT = {"kind": "isotropic_elastic", "young_modulus": 3.392e9, "poisson_ratio": 0.35, "density": 1100.0}
+STIFF_SPRINGS = {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}
+METHODS = pytest.mark.parametrize("contact", [STIFF_SPRINGS, SPLIT], ids=["compliant", "split_node"])
+
+
+def strip(contact: dict[str, Any], held: str, drive: list[dict[str, Any]], **changes: Any) -> tuple[Any, Any, Any]:
+    """One element wide column of two bodies, 12 mm each: `held` is the direction in which its sides do not move."""
+    column = case({
+        "order": 4, "boundaries": guided(held) + drive, "faults.main.contact": contact,
+        "mesh": {"kind": "two_plates", "length": 1e-3, "height": 12e-3, "element_size": 1e-3}, **changes,
+    })  # fmt: skip
+    model = Model(column)
+    return model, column.stepper.bind(model), model.initial_state()
+
+
+@METHODS
+@pytest.mark.parametrize("lower", [HOMALITE, SOFT], ids=["equal", "unequal"])
+@pytest.mark.parametrize("speed", [0.2, 2.0], ids=["stuck", "slipping"])
+def test_plane_s_wave_on_coulomb_friction(contact: dict[str, Any], lower: dict[str, Any], speed: float) -> None:
+    """A step of shear stress tau_i = Z1 v meets an interface that carries tau_0 and at most f sigma."""
+    sigma, f, tau_0 = 4e6, 0.5, 0.5e6
+    drive = [
+        {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": speed, "ramp": 6e-6},
+        {"kind": "absorbing", "edge": "lower.bottom"},
+    ]
+    _, motion, state = strip(
+        contact, "y", drive, **{
+            "materials": {"upper": HOMALITE, "lower": lower}, "faults.main.friction": {"kind": "coulomb", "mu_d": f},
+            "faults.main.initial_stress": {"normal": sigma, "shear": tau_0},
+        },
+    )  # fmt: skip
+    # The wave is there after H / c_s = 9.6 us, full after 15.6 us, its echo from the driven top after 28.7 us.
+    advance(motion, state, 18e-6)
+    fault, before, begin = state.faults["main"], state.faults["main"]["slip"].copy(), state.time
+    advance(motion, state, 8e-6)
+    mean_rate = (fault["slip"] - before) / (state.time - begin)  # of the ringing of single elements
+    Z1, Z2 = (np.sqrt(m["young_modulus"] / 2 / (1 + m["poisson_ratio"]) * m["density"]) for m in (HOMALITE, lower))
+    # tau_stuck = tau_0 + 2 Z2 / (Z1 + Z2) tau_i; V = (tau_stuck - f sigma) (Z1 + Z2) / (Z1 Z2).
+    stuck = tau_0 + 2 * Z2 / (Z1 + Z2) * Z1 * speed
+    slip_rate = max(stuck - f * sigma, 0) * (Z1 + Z2) / (Z1 * Z2)
+    assert (slip_rate > 0) == (speed == 2.0)
+    np.testing.assert_allclose(fault["shear_traction"], min(stuck, f * sigma), rtol=1e-3)
+    np.testing.assert_allclose(mean_rate, slip_rate, rtol=1e-3)
+    np.testing.assert_allclose(fault["normal_stress"], sigma, rtol=1e-9)
+
+
+@METHODS
+def test_p_wave_opens_and_closes_the_gap(contact: dict[str, Any]) -> None:
+    """A tensile pulse stronger than the compression: the interface carries no tension, opens, closes, loses nothing."""
+    sigma, peak, width = 1e6, 3e6, 2e-3
+    model, motion, state = strip(contact, "x", [], **{
+        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.5}, "faults.main.initial_stress.normal": sigma,
+    })  # fmt: skip
+    rho, c = HOMALITE["density"], model.wave_speeds().c_p
+    y, dt = model.coordinates[:, 1], motion.dt
+
+    def shape(y: np.ndarray) -> np.ndarray:
+        # u = f(y + c t), stress rho c^2 f' = peak exp(-((y - y0) / width)^2), tension positive.
+        from scipy.special import erf
+
+        return peak / (rho * c**2) * width * np.sqrt(np.pi) / 2 * (1 + erf((y - 6e-3) / width))
+
+    lower = np.zeros(model.nodes, dtype=bool)
+    lower[model.space.dofmap.list[model.bodies.cell_body == model.bodies.names.index("lower")]] = True
+    state.displacement[1::2] = np.where(lower, 0, shape(y))
+    state.velocity[1::2] = np.where(lower, 0, (shape(y) - shape(y - c * dt)) / dt)
+    opening, stress, totals = [], [], []
+
+    def total() -> float:
+        energy = model.energies(state, dt)
+        return sum(energy.values()) - 2 * energy["boundary_work"]
+
+    start = total()
+    # The centre is there after 6 mm / c = 2.7 us, the gap closed after 6.4 us; echoes return 24 mm / c = 10.9 us later.
+    for _ in range(int(10e-6 / dt)):
+        motion.step(state)
+        opening.append(state.faults["main"]["opening"].max())
+        stress.append(state.faults["main"]["normal_stress"].min())
+        totals.append(total())
+    assert min(stress) == 0
+    # Open, the faces part with 2 (stress - sigma) / Z: from t1 = -width sqrt(ln(peak / sigma)) / c to where it is back.
+    times = np.linspace(-4, 4, 20001) * width / c
+    rate = 2 * (peak * np.exp(-((c * times / width) ** 2)) - sigma) / (rho * c)
+    gap = np.zeros_like(times)
+    for i in range(1, len(times)):
+        gap[i] = max(gap[i - 1] + (times[i] - times[i - 1]) * rate[i], 0.0)
+    assert max(opening) == pytest.approx(gap.max(), rel=0.03)
+    # Closed again under the initial stress, on average over the ringing of single elements.
+    last = slice(-int(2e-6 / dt), None)
+    assert max(opening[last]) == 0 and np.mean(stress[last]) == pytest.approx(sigma, rel=0.02)
+    assert np.max(np.abs(np.array(totals) - start)) < 1e-3 * abs(start)
+
+
+@METHODS
+def test_steady_sliding_returns_the_steady_strength(contact: dict[str, Any]) -> None:
+    """mu_ss(V) = mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), in a column dragged at constant speed."""
+    friction = memory_friction("P1")
+    friction["law"] |= {"mu_s": 0.4, "mu_d": 0.6}  # strengthening: steady sliding is stable
+    drive = [
+        {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 10.0, "ramp": 5e-6},
+        {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": 0.0},
+    ]
+    _, motion, state = strip(contact, "y", drive, **{
+        "faults.main.friction": friction, "faults.main.initial_stress.normal": 6e6, "damping": {"mass": 5e5},
+        "mesh.height": 2e-3, "order": 2,
+    })  # fmt: skip
+    advance(motion, state, 150e-6)
+    fault = state.faults["main"]
+    V = np.abs(fault["slip_rate"])
+    expected = 0.6 - 0.2 * np.exp(-((V / 29.0) ** 1.2))
+    assert np.all(V > 1)
+    np.testing.assert_allclose(np.abs(fault["shear_traction"]) / fault["normal_stress"], expected, rtol=1e-6)
+    np.testing.assert_allclose(fault["theta_p"], 6e6, rtol=1e-6)
+    np.testing.assert_allclose(fault["theta_0"], 10e-6 / V, rtol=1e-6)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 1000])
+def test_normal_stress_memory_relaxes_over_slip(steps: int) -> None:
+    """dtheta_p/dt = -(theta_p - D sigma) V / L_p: theta_p - D sigma decays as exp(-slip / L_p), whatever the speed."""
+    law = PrakashClifton(law=Coulomb(mu_d=0.5), L_p=40e-6, D=0.8, theta_p_ratio=0.02)
+    sigma, V = np.full(3, 10e6), np.array([1e-3, 1.0, 50.0])
+    slip = 60e-6
+    state = law.initial_state(sigma, 0 * sigma, 0 * sigma)
+    np.testing.assert_allclose(state["theta_p"], 0.02 * 0.8 * 10e6)
+    for _ in range(steps):
+        state = law.advance(state, V, sigma, slip / V / steps)
+    expected = 8e6 + (0.16e6 - 8e6) * np.exp(-1.5)
+    np.testing.assert_allclose(state["theta_p"], expected, rtol=1e-10)
