@@ -21,8 +21,8 @@ LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e
 
 
 def largest_stuck_traction(speed: float) -> float:
-    """Largest shear traction in 10 < x < 60 mm of an interface that cannot slip [Pa], before echoes from the outer edges
-    arrive at 2 H / c_l = 31.8 us (they raise it to 2.5 MPa in the end)."""
+    """Largest shear traction in 10 < x < 60 mm of an interface that cannot slip [Pa], before echoes from the outer
+    edges arrive at 2 H / c_l = 31.8 us (they raise it to 2.5 MPa in the end)."""
     stuck = impact(1e9, speed, changes={
         "duration": 31.8e-6, "faults.main.friction": STRONG, "faults.main.contact": COMPLIANT,
         "mesh": {"kind": "two_plates", "length": 0.1, "height": 35e-3, "element_size": 2.5e-3},

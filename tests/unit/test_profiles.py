@@ -1,0 +1,100 @@
+"""Scalars that vary along an interface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ruptfx.friction.coulomb import Coulomb
+from ruptfx.profiles import KINDS, evaluate
+from ruptfx.schema import CaseError, unit_of
+
+X = np.linspace(-1.0, 1.0, 41)
+EXAMPLES: dict[str, dict[str, Any]] = {
+    "constant": {"value": 0.3},
+    "boxcar": {"inside": 2.0, "outside": 1.0, "center": 0.1, "half_width": 0.2},
+    "gaussian": {"background": 1.0, "amplitude": 2.0, "center": 0.1, "width": 0.2},
+    "taper": {"inside": 2.0, "outside": 1.0, "center": 0.0, "half_width": 0.3, "width": 0.2},
+    "cone": {"slope": 0.5, "center": 0.0, "tip": 0.1, "limit": 0.4},
+    "random": {"mean": 1.0, "standard_deviation": 0.1, "correlation_length": 0.1, "seed": 3},
+    "random_classes": {"values": [1.0, 2.0], "weights": [1.0, 3.0], "cell": 0.07, "seed": 3},
+    "table": {"positions": [-1.0, 0.0, 2.0], "values": [0.0, 1.0, 3.0]},
+}
+
+
+def profile(kind: str) -> Any:
+    return KINDS[kind].model_validate({"kind": kind, **EXAMPLES[kind]})
+
+
+def test_every_kind_has_an_example() -> None:
+    assert set(KINDS) <= set(EXAMPLES)
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_values_belong_to_places(kind: str) -> None:
+    """The value at a point does not depend on the other points, hence not on ranks or their order."""
+    shape = profile(kind)
+    whole = shape(X)
+    assert whole.shape == X.shape and np.isfinite(whole).all()
+    some = np.array([30, 2, 17])
+    np.testing.assert_allclose(shape(X[some]), whole[some], rtol=1e-12)
+    np.testing.assert_array_equal(evaluate(shape, X), whole)
+
+
+def test_closed_forms() -> None:
+    assert np.all(profile("constant")(X) == 0.3)
+    np.testing.assert_array_equal(profile("boxcar")(np.array([-0.11, -0.1, 0.1, 0.3, 0.31])), [1, 2, 2, 2, 1])
+    # 1 + 2 exp(-1/2) one width away.
+    np.testing.assert_allclose(profile("gaussian")(np.array([0.1, 0.3])), [3.0, 1 + 2 * np.exp(-0.5)])
+    # Half-way down the ramp B = (1 + tanh(0)) / 2.
+    np.testing.assert_allclose(profile("taper")(np.array([0.0, 0.3, 0.4, 0.5, 0.9])), [2, 2, 1.5, 1, 1])
+    np.testing.assert_allclose(profile("cone")(np.array([-0.2, 0.0, 0.4, 0.9])), [0.2, 0.1, 0.3, 0.4])
+    np.testing.assert_allclose(profile("table")(np.array([-2.0, -0.5, 1.0, 5.0])), [0, 0.5, 2, 3])
+
+
+def test_random_has_the_moments_it_is_given() -> None:
+    field = KINDS["random"].model_validate(
+        {"kind": "random", "mean": 5.0, "standard_deviation": 0.5, "correlation_length": 0.01, "seed": 1, "modes": 2048}
+    )(np.linspace(0, 20, 20001))
+    # 20 / 0.02 = 1000 independent stretches: the mean is good to 0.5 / sqrt(1000) = 0.016.
+    assert field.mean() == pytest.approx(5.0, abs=0.06) and field.std() == pytest.approx(0.5, rel=0.1)
+    assert np.abs(field - 5).max() <= 1.5 + 1e-12
+
+
+def test_random_classes_have_the_weights() -> None:
+    draws = profile("random_classes")(np.arange(4000) * 0.07 + 0.01)
+    # Binomial with p = 0.75: standard deviation sqrt(p (1 - p) / 4000) = 0.007.
+    assert set(draws) == {1.0, 2.0} and np.mean(draws == 2.0) == pytest.approx(0.75, abs=0.03)
+
+
+def test_numbers_are_profiles_too() -> None:
+    np.testing.assert_array_equal(evaluate(2.5, X), np.full_like(X, 2.5))
+
+
+def test_laws_take_them() -> None:
+    law = Coulomb.model_validate({"mu_d": {"kind": "boxcar", **EXAMPLES["boxcar"]}}).at(X)
+    np.testing.assert_array_equal(law.mu_d, profile("boxcar")(X))
+    assert Coulomb(mu_d=0.3).at(X).mu_d == 0.3
+
+
+@pytest.mark.parametrize(
+    "table, message",
+    [
+        ({"kind": "boxcar", "inside": 1.0}, "outside: this key is required and missing"),
+        ({"kind": "gaussian", **EXAMPLES["gaussian"], "width": 0.0}, "width = 0.0: input should be greater than 0"),
+        ({"kind": "table", "positions": [0.0, 1.0], "values": [1.0]}, "same length"),
+        ({"kind": "table", "positions": [1.0, 0.0], "values": [1.0, 2.0]}, "positions"),
+        ({"kind": "random_classes", **EXAMPLES["random_classes"], "weights": [0.0, 0.0]}, "positive total weight"),
+        ({"kind": "wave"}, "a profile needs a 'kind', one of: constant, boxcar"),
+        ("0.3", "input should be a valid number"),
+    ],
+)
+def test_refusals(table: Any, message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        Coulomb(mu_d=table)
+
+
+def test_units() -> None:
+    assert unit_of(KINDS["boxcar"], "half_width") == "m" and unit_of(KINDS["boxcar"], "inside") == "1"

@@ -1,0 +1,94 @@
+"""Strict parts, alternatives by file name, units of fields; starting ranks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ruptfx import RuptfxError, launch
+from ruptfx.case import FOLDERS
+from ruptfx.friction.coulomb import Coulomb
+from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
+from ruptfx.steppers.leapfrog import Leapfrog
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_the_file_name_is_the_kind(folder: str) -> None:
+    found = alternatives(f"ruptfx.{folder}")
+    package = Path(sys.modules[f"ruptfx.{folder}"].__file__).parent
+    assert set(found) == {p.stem for p in package.glob("*.py") if not p.stem.startswith("_")}
+    for kind, cls in found.items():
+        assert cls.kind() == kind and cls.summary()
+        # The class is the file name in CamelCase.
+        assert cls.__name__.lower() == kind.replace("_", "")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_number_that_has_a_unit_says_so(folder: str) -> None:
+    for cls in alternatives(f"ruptfx.{folder}").values():
+        for name in cls.model_fields:
+            assert unit_of(cls, name) in {"1", "m", "m/s", "s", "Pa", "Pa/m", "1/s", "kg/m3", "m2/s2"}
+
+
+def test_units_are_found() -> None:
+    assert unit_of(Coulomb, "mu_d") == "1"
+    assert unit_of(RateAndStateAgeing, "D_c") == "m" and unit_of(RateAndStateAgeing, "V_0") == "m/s"
+    # Optional fields too.
+    assert unit_of(RateAndStateAgeing, "theta_initial") == "s" and unit_of(Leapfrog, "time_step") == "s"
+
+
+def test_nearest() -> None:
+    assert nearest("frition", ["friction", "contact"]) == "did you mean 'friction'?"
+    assert nearest("zzz", ["b", "a"]) == "known: a, b"
+
+
+def test_find() -> None:
+    assert find("ruptfx.friction", "coulomb") is Coulomb
+    assert "_rate_and_state" not in kinds("ruptfx.friction")
+
+
+def test_parts_are_strict_and_frozen() -> None:
+    law = Coulomb(mu_d=0.5)
+    with pytest.raises(Exception, match="frozen"):
+        law.mu_d = 0.6
+    for wrong in ("0.5", None, True, float("nan")):
+        with pytest.raises(CaseError, match="mu_d"):
+            Coulomb(mu_d=wrong)
+    assert Coulomb(mu_d=1).mu_d == 1  # a whole number is a number
+
+
+def test_base_imports_nothing_heavy() -> None:
+    """`import ruptfx`, laws and projection work where there is no DOLFINx and no MPI."""
+    code = (
+        "import sys, ruptfx, ruptfx.projection, ruptfx.profiles, ruptfx.case, ruptfx.record\n"
+        "from ruptfx.schema import alternatives\n"
+        "alternatives('ruptfx.friction')\n"
+        "print([name for name in ('dolfinx', 'mpi4py', 'petsc4py', 'ufl') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_mpiexec_beside_python_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setenv("PATH", str(tmp_path / "elsewhere"))
+    with pytest.raises(RuptfxError, match="no mpiexec found"):
+        launch.find_mpiexec()
+    (tmp_path / "elsewhere").mkdir()
+    for name in ("elsewhere/mpirun", "mpiexec"):
+        (tmp_path / name).write_text("#!/bin/sh\n")
+        (tmp_path / name).chmod(0o755)
+        assert launch.find_mpiexec() == str(tmp_path / name)
+
+
+def test_check_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(launch.RANKS, raising=False)
+    launch.check_size(3)
+    monkeypatch.setenv(launch.RANKS, "2")
+    launch.check_size(2)
+    with pytest.raises(RuptfxError, match="2 ranks were asked for, but mpi4py sees 1"):
+        launch.check_size(1)
