@@ -233,5 +233,11 @@ def set_key(table: dict[str, Any], key: str, value: Any) -> None:
 
 
 def case_schema() -> dict[str, Any]:
-    """JSON schema of a case."""
-    return json_schema(Case, [f"ruptfx.{folder}" for folder in FOLDERS])
+    """JSON schema of a case file: of a field run, or of a lumped model where ``kind`` stands at the top."""
+    schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
+    definitions = schema.pop("$defs")
+    definitions["case"] = schema
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ruptfx case",
+        "oneOf": [{"$ref": "#/$defs/case"}, {"$ref": "#/$defs/lumped"}], "$defs": definitions,
+    }  # fmt: skip

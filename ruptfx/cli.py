@@ -6,13 +6,14 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 from ruptfx import RuptfxError, __version__
@@ -70,19 +71,21 @@ def run(
     from ruptfx.case import Case, read_case
 
     out = out or Path("runs") / case.stem
+    with _reported():
+        parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
+        lumped = not isinstance(parsed, Case)
+        if lumped and ranks > 1:
+            raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
     if ranks > 1 and launch.RANKS not in os.environ:
-        with _reported():
-            read_case(case, set_ or [])  # a bad case needs no ranks to be refused
         options = [item for value in set_ or [] for item in ("--set", value)]
         options += ["--resume"] * resume + ["--quiet"] * quiet
         raise typer.Exit(launch.run_on(ranks, ["run", str(case), "--out", str(out), *options]))
-    with _reported():
-        parsed = read_case(case, set_ or [])
-    if not isinstance(parsed, Case):
+    if lumped:
         with _reported():
             from ruptfx.lumped import simulate as simulate_lumped
 
-            simulate_lumped(parsed, out)
+            with _fraction_bar(not quiet) as progress:
+                simulate_lumped(parsed, out, progress)
             if not quiet:
                 _show_summary(out)
         return
@@ -96,6 +99,14 @@ def run(
         simulate(parsed, out, comm, progress=not quiet, resume=resume)
         if comm.rank == 0 and not quiet:
             _show_summary(out)
+
+
+@contextmanager
+def _fraction_bar(show: bool) -> Iterator[Callable[[float, str], None]]:
+    """A bar for work that tells its fraction and what it is at."""
+    with Progress(console=errors, disable=not (show and errors.is_terminal)) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
 
 
 def _show_summary(out: Path) -> None:
@@ -150,9 +161,7 @@ def study(
 
         out = out or Path("studies") / file.stem
         parsed = read_study(file, set_ or [])
-        found = run_study(
-            parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet
-        )
+        found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet)
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])

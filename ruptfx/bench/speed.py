@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,22 +47,12 @@ void axpy(long n, double a, const double *x, double *y) { for (long i = 0; i < n
 """
 
 
-@dataclass(frozen=True)
-class Timed(Outcome):
-    """The checks, and all that was measured.
+def run(fine: bool, comm: Any) -> Outcome:
+    """Measure the rows of the table one after the other and compare them with the aims.
 
-    Attributes
-    ----------
-    rows : list of dict
-        dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
-        ratio_to_petsc, ratio_to_bandwidth, interface_share, efficiency (None where not measured).
+    Rows hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
+    ratio_to_petsc, ratio_to_bandwidth, interface_share and efficiency (None where not measured).
     """
-
-    rows: list[dict[str, Any]] | None = None
-
-
-def run(fine: bool, comm: Any) -> Timed:
-    """Measure the rows of the table one after the other and compare them with the aims."""
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
     rows: list[dict[str, Any]] = []
@@ -82,7 +71,7 @@ def run(fine: bool, comm: Any) -> Timed:
             checks.append(Check(f"{what}, speed-up of 2 ranks", 1.8, row["efficiency"], 0, "1", SOURCE, "at least"))
         if row["order"] == 1:
             checks.append(Check(f"{what} to PETSc product", 1, row["ratio_to_petsc"], 0, "1", SOURCE, "at least"))
-    return Timed(checks, None, rows)
+    return Outcome(checks, None, rows)
 
 
 def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> dict[str, Any]:
@@ -137,7 +126,7 @@ def show(rows: list[dict[str, Any]]) -> None:
             number(row["ratio_to_bandwidth"], ".0%"), number(row["interface_share"], ".1%"),
             number(row["efficiency"], ".2f"),
         )  # fmt: skip
-    Console(highlight=False).print(table)
+    Console(highlight=False, stderr=True, width=130).print(table)  # stdout is for --json
 
 
 # -- the problem ---------------------------------------------------------------------------------------------------
