@@ -109,6 +109,8 @@ class Traction(_Edge):
 class Absorbing(_Edge):
     """Lysmer dashpots rho c_p (normal) and rho c_s (tangential); exact for plane waves at normal incidence.
 
+    An interface may cross the edge and a rupture leave through it. Dashpots do not hold the static stress of the crack
+    beyond, so that slip next to the edge becomes too large behind the front: keep it away from where slip is read.
     Source: Lysmer and Kuhlemeyer (1969).
     """
 

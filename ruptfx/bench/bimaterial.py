@@ -1,0 +1,105 @@
+"""Different materials: a pulse in the slip direction of the slower side, and when it depends on the mesh.
+
+Two bodies whose shear speeds differ by 20 %, Coulomb friction, uniform stress just below sliding, friction dropped in
+a small patch (Andrews and Ben-Zion 1997; Cochard and Rice 2000). Between such bodies plain Coulomb friction has no
+solution (Ranjith and Rice 2001): refining the mesh changes the pulse. A memory of the normal stress over a slip L_p
+that the mesh resolves removes that.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx.analysis import fracture
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._rupture import Rupture, rupture
+
+LENGTH, HEIGHT = 16e-3, 5e-3
+SIGMA, FRICTION, LOAD = 5e6, 1.0, 0.95
+COULOMB = {"kind": "coulomb", "mu_d": FRICTION}
+MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 1e-7}
+SLOWER = -1  # slip is plus minus minus: with positive shear the lower, slower body slides to the left
+
+
+def body(young_modulus: float) -> dict[str, Any]:
+    return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0}
+
+
+def case(spacing: float, law: dict[str, Any], duration: float = 5.5e-6) -> dict[str, Any]:
+    edges = [f"upper.{side}" for side in ("left", "right", "top")] + [f"lower.{s}" for s in ("left", "right", "bottom")]
+    return {
+        "plane": "strain", "order": 4, "duration": duration,
+        "mesh": {
+            "kind": "two_plates", "length": LENGTH, "height": HEIGHT, "element_size": 4 * spacing, "left": -LENGTH / 2,
+        },
+        "materials": {"upper": body(5.3e9), "lower": body(3.392e9)}, "damping": {"kelvin_voigt": {"fraction": 0.1}},
+        "faults": {"main": {
+            "contact": {"kind": "split_node"}, "friction": law,
+            "initial_stress": {"normal": SIGMA, "shear": LOAD * FRICTION * SIGMA},
+            "nucleation": {"kind": "friction_drop", "center": LENGTH / 2, "half_width": 0.25e-3, "mu_d": 0.0},
+        }},
+        "boundaries": [{"kind": "absorbing", "edge": edge} for edge in edges],
+    }  # fmt: skip
+
+
+def generalized_rayleigh(result: Rupture) -> float:
+    materials = result.model.materials
+    speeds = [m.wave_speeds("strain") for m in materials]
+    moduli = [m.density * s.c_s**2 for m, s in zip(materials, speeds, strict=True)]
+    return fracture.generalized_rayleigh_speed(speeds, moduli) or np.nan
+
+
+def pulse(result: Rupture, side: int) -> tuple[float, float, float]:
+    """Speed of the peak between 2 and 4 mm [m/s], peak rates at 1 and 3 mm from the centre [m/s]."""
+    x = side * (result.position - LENGTH / 2)
+    rate = np.abs(result.slip_rate)
+    part = (x > 2e-3) & (x < 4e-3) & (rate.max(axis=0) > 0.05)
+    when = result.time[rate.argmax(axis=0)]
+    speed = float(np.polyfit(when[part], x[part], 1)[0]) if part.sum() > 5 else np.nan
+    peaks = [float(rate[:, int(np.argmin(np.abs(x - d)))].max()) for d in (1e-3, 3e-3)]
+    return speed, peaks[0], peaks[1]
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    del comm
+    spacings = (2e-5, 1e-5) if fine else (4e-5, 2e-5)
+    runs = {name: [rupture(case(h, law)) for h in spacings] for name, law in (("memory", MEMORY), ("Coulomb", COULOMB))}
+    finest = runs["memory"][1]
+    speed, _, peak = pulse(finest, SLOWER)
+    _, near, far = pulse(finest, -SLOWER)
+    other = [pulse(r, SLOWER)[2] for r in runs["memory"]]
+    plain = [pulse(r, SLOWER)[2] for r in runs["Coulomb"]]
+    behind = np.abs(finest.slip_rate[-1, finest.at(LENGTH / 2 + SLOWER * 2e-3)])
+    checks = [
+        Check("pulse to the slower side's slip direction", generalized_rayleigh(finest), speed, 0.03, "m/s",
+              "generalized Rayleigh speed", relative=True),
+        Check("slip rate behind it over its peak", 0.0, behind / peak, 0.05, "1", "self-healing"),
+        Check("other direction: peak at 3 mm over that at 1 mm", 1.0, far / near, 0, "1", "decays", "at most"),
+        Check("memory: change of the peak with half the spacing", 0.0, abs(other[1] / other[0] - 1), 0.1, "1",
+              "Cochard and Rice (2000)"),
+        Check("plain Coulomb: the same", 0.1, abs(plain[1] / plain[0] - 1), 0, "1", "ill-posed", "at least"),
+        *(result.budget() for pair in runs.values() for result in pair),
+    ]  # fmt: skip
+    return Outcome(checks, lambda: _draw(runs, spacings))
+
+
+def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Any:
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")
+    finest = runs["memory"][1]
+    x = (finest.position - LENGTH / 2) * 1e3
+    some = np.abs(finest.slip_rate[::10, ::2])
+    mesh = axes[0].pcolormesh(x[::2], finest.time[::10] * 1e6, some, cmap="magma", vmax=4)
+    figure.colorbar(mesh, label="slip rate [m/s]")
+    axes[0].set(xlabel="x [mm]", ylabel="time [us]", xlim=(-6, 6))
+    for ax, (name, pair) in zip(axes[1:], runs.items(), strict=True):
+        for result, spacing in zip(pair, spacings, strict=True):
+            at = result.at(LENGTH / 2 + SLOWER * 3e-3)
+            label = f"nodes {spacing * 1e6:.0f} um apart"
+            ax.plot(result.time * 1e6, np.abs(result.slip_rate[:, at]), lw=1, label=label)
+        ax.set(xlabel="time [us]", ylabel="slip rate at -3 mm [m/s]", title=name)
+        ax.legend(frameon=False)
+    return figure

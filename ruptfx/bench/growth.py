@@ -1,0 +1,59 @@
+"""Mode II growth under uniform stress drop against the equation of motion of a bilateral crack.
+
+The energy release of the self-similar crack balances the fracture energy: a / a_c = (G F / G*)^2 A_II (see
+`ruptfx.analysis.fracture.half_length_at`). Strength far above the initial stress (S = 6) keeps the process zone small;
+it shrinks as 1 / A_II (Freund 1990; Rice 1980).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx.analysis import fracture
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench.burridge_andrews import C_P, C_R, C_S, DROP, crack, front
+
+RATIO = 6.0
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    del comm
+    result, critical = crack(RATIO, 6.0, 8.0 if fine else 5.0, 11.0, start=1.25)
+    length, _, speed = front(result, critical)
+    inside = (length > 1.5) & (length < 5) & np.isfinite(speed)
+    theory = np.array([fracture.speed_at(a, C_P, C_S, C_R) for a in length[inside]])
+    worst = float(np.max(np.abs(speed[inside] - theory)) / C_R)
+    # Slip from its rate; the zone is the speed times the time the slip takes to reach D_c.
+    slip = np.cumsum(np.abs(result.slip_rate[1:]) * np.diff(result.time)[:, None], axis=0)
+    D_c = 1e-3 * (2.2 / (1 + RATIO))
+    arrival, end = result.rupture_time(1e-3 * DROP / (2000.0 * C_S)), np.full(slip.shape[1], np.nan)
+    done = slip[-1] > D_c
+    end[done] = result.time[1:][np.argmax(slip[:, done] > D_c, axis=0)]
+    zone = np.interp(length * critical, result.position, end - arrival) * speed
+    scaled = np.array([z * fracture.A_II(min(v, 0.999 * C_R), C_P, C_S) for z, v in zip(zone, speed, strict=True)])
+    static = float(np.median(scaled[inside]))
+    spread = float(np.max(np.abs(scaled[inside] / static - 1)))
+    checks = [
+        Check("largest |v - theory|, 1.5 < a/a_c < 5", 0.0, worst, 0.05, "c_R", "Burridge and Willis; Freund (1990)"),
+        Check("largest departure of zone x A_II from its median", 0.0, spread, 0.10, "1", "Rice (1980)"),
+        result.budget(),
+    ]
+    return Outcome(checks, lambda: _draw(length, speed, zone, static, inside))
+
+
+def _draw(length: np.ndarray, speed: np.ndarray, zone: np.ndarray, static: float, inside: np.ndarray) -> Any:
+    from matplotlib import pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    v = np.linspace(0.01, 0.98, 100) * C_R
+    left.plot([fracture.half_length_at(x, C_P, C_S) for x in v], v / C_R, "k:", label="equation of motion")
+    left.plot(length, speed / C_R, label=f"S = {RATIO:g}")
+    left.set(xlabel="half-length / $a_c$", ylabel="front speed / $c_R$", xlim=(0, 6), ylim=(0, 1.1))
+    left.legend(frameon=False)
+    right.plot(speed[inside] / C_R, zone[inside], ".", label="v x weakening time")
+    right.plot(v / C_R, [static / fracture.A_II(x, C_P, C_S) for x in v], "k:", label="~ 1 / $A_{II}$")
+    right.set(xlabel="front speed / $c_R$", ylabel="process zone [m]")
+    right.legend(frameon=False)
+    return figure

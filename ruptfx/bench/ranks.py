@@ -1,0 +1,53 @@
+"""One rank and two ranks: the files of short runs of the rupture problems agree number by number."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import tomli_w
+
+from ruptfx import RuptfxError, launch
+from ruptfx.bench import Check, Outcome, bimaterial, tpv101, tpv103, tpv205
+from ruptfx.case import parse_case
+
+TOLERANCE = 1e-9  # round-off, after some hundreds of steps
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    del fine, comm
+    problems = {
+        "TPV205-2D": {**tpv205.case(400.0, 2.0, 20e3, 10e3)}, "TPV101": {**tpv101.case(200.0), "duration": 2.0},
+        "TPV103": {**tpv103.case(200.0), "duration": 2.0}, "bimaterial": bimaterial.case(1e-4, bimaterial.MEMORY, 2e-6),
+    }  # fmt: skip
+    checks = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, table in problems.items():
+            table["output"] = {"figures": False}
+            path = Path(folder, f"{name}.toml")
+            path.write_text(tomli_w.dumps(parse_case(table).table()), encoding="utf-8")
+            runs = [Path(folder, f"{name}_{ranks}") for ranks in (1, 2)]
+            for ranks, out in zip((1, 2), runs, strict=True):
+                if launch.run_on(ranks, ["run", str(path), "--out", str(out), "--quiet"]):
+                    raise RuptfxError(f"bench ranks: {name} did not run on {ranks} rank(s)")
+            quantity = f"{name}: largest relative difference"
+            checks.append(Check(quantity, 0.0, difference(*runs), TOLERANCE, "1", "1 rank against 2"))
+    return Outcome(checks)
+
+
+def difference(one: Path, other: Path) -> float:
+    """Largest difference of all fields of the interface, relative to the largest value of each."""
+    worst = 0.0
+    with h5py.File(one / "interface.h5") as a, h5py.File(other / "interface.h5") as b:
+        for name, data in a.items():
+            here, there = data[()], b[name][()]
+            if here.dtype.kind != "f" or not np.isfinite(here).any():
+                continue
+            if here.shape != there.shape or np.any(np.isnan(here) != np.isnan(there)):
+                return float("inf")
+            scale = np.nanmax(np.abs(here))
+            worst = max(worst, float(np.nanmax(np.abs(here - there)) / (scale or 1.0)))
+    return worst

@@ -1,0 +1,41 @@
+"""TPV103 along a line: rate and state friction with strong rate weakening, smooth nucleation; in-plane.
+
+SCEC/USGS benchmark TPV103 in two dimensions: initial state to all digits, convergence of front speed and peak slip
+rate under refinement, and a velocity step of the law against its exact evolution.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench.tpv101 import TAPER, converge, draw, line
+from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+
+LAW = {
+    "kind": "rate_and_state_flash_heating", "b": 0.014, "D_c": 0.4, "f_0": 0.6, "V_0": 1e-6, "f_w": 0.2,
+    "V_initial": 1e-16,
+}  # fmt: skip
+STATE, VALUE = "psi", 0.563591842632738
+DURATION = 6.0
+
+
+def case(spacing: float) -> dict[str, Any]:
+    law = {**LAW, "a": {**TAPER, "inside": 0.01, "outside": 0.02}, "V_w": {**TAPER, "inside": 0.1, "outside": 1.0}}
+    return line(spacing, law, 40e6, 45e6, DURATION)
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    del comm
+    checks, runs = converge(case, STATE, VALUE, "SCEC/USGS TPV103", fine)
+    law = RateAndStateFlashHeating(a=0.01, V_w=0.1, **{k: v for k, v in LAW.items() if k != "kind"})  # type: ignore[arg-type]
+    one = np.ones(1)
+    first, last = law.steady_psi(1e-3 * one)[0], law.steady_psi(one)[0]
+    state = {"psi": first * one}
+    for _ in range(40):
+        state = law.advance(state, one, 1e6 * one, 0.01)  # slip 0.4 m = D_c
+    exact = last + (first - last) * np.exp(-1.0)
+    checks.append(Check("velocity step: psi", exact, float(state["psi"][0]), 1e-12, "1", "exact", relative=True))
+    return Outcome(checks, lambda: draw(runs))
