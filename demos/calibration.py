@@ -18,7 +18,7 @@ from ruptfx.study import Axis, read_study, run_study
 
 TARGET = {"I": "crack", "II": "pulse", "III": "train", "IV": "mixed"}
 TWO = sys.argv[1:] == ["two"]
-BEST = 6
+BEST = 4
 OUT = Path("studies/calibration_two" if TWO else "studies/calibration")
 HERE = Path(__file__).parent
 study = read_study(HERE / ("calibration_two.toml" if TWO else "calibration.toml"))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ruptfx import RuptfxError
-from ruptfx.plots.style import MUTED, WIDTH, new_figure, note, scale, styled
+from ruptfx.plots.style import MUTED, WIDTH, letter, new_figure, note, scale, styled
 from ruptfx.study.definition import Axis, Study
 from ruptfx.study.harvest import PICTURES
 from ruptfx.study.table import Row, read_csv
@@ -51,7 +51,7 @@ class Quantity:
 QUANTITIES = (
     Quantity("tip_speed_over_c_l", "Tip speed / c_l"),
     Quantity("peak_slip_rate", "Peak slip rate", "m/s"),
-    Quantity("max_slip", "Largest slip", "µm", 1e-6),
+    Quantity("max_slip", "Largest slip", "m"),
     Quantity("frictional_dissipation_share", "Work dissipated by friction", "%", 0.01),
 )
 SHARES = {
@@ -91,11 +91,17 @@ class Map:
         """Those of the usual ones that the table has; else its first numbers."""
         has = [q for q in QUANTITIES if any(isinstance(row.get(q.name), float) for row in self.rows)]
         if has:
-            return has
+            return [self._in_a_good_unit(quantity) for quantity in has]
         skip = {*(axis.column for axis in self.study.axes), "seconds", "run_time"}
         names = [n for n in (self.rows[0] if self.rows else {}) if n not in skip]
         names = [n for n in names if any(isinstance(row[n], float) for row in self.rows)]
         return [Quantity(name, name.replace("_", " ")) for name in names[:4]]
+
+    def _in_a_good_unit(self, quantity: Quantity) -> Quantity:
+        if quantity.unit != "m":
+            return quantity
+        size, unit = scale(np.array([_number(row.get(quantity.name)) for row in self.rows]), "m")
+        return replace(quantity, unit=unit, size=size)
 
     @property
     def has_modes(self) -> bool:
@@ -174,6 +180,11 @@ def draw(shown: Map) -> Figure:
             _draw_quantity(ax, shown, rows, quantity)
         _draw_marks(ax, shown)
         ax.set_title(label)
+    letter([ax for ax, *_ in cells])
+    if shown.has_modes:
+        outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
+        handles = [Line2D([], [], marker="s", color=c, label=name, **outline) for name, (c, _) in shown.look().items()]
+        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
     return figure
 
 
@@ -249,9 +260,6 @@ def _draw_modes(ax: Axes, shown: Map, rows: Sequence[Row]) -> None:
             chosen = np.array([shown.mode(r) == name and shown.doubtful(r) == hollow for r in kept], dtype=bool)
             style: Any = {"mfc": colour if hollow else ink, "mec": ink, "mew": 0.8, "ms": 3.6, "ls": "", "zorder": 4}
             ax.plot(x[chosen], y[chosen], marker=marker, **style)
-    outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 5}
-    handles = [Line2D([], [], marker="s", color=colour, label=name, **outline) for name, (colour, _) in look.items()]
-    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1, 1), handletextpad=0.1)
 
 
 def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity) -> None:
@@ -317,9 +325,14 @@ def _page_point(shown: Map, row: Row) -> dict[str, Any]:
     pictures = {name: base64.b64encode(f.read_bytes()).decode() for name, f in saved.items() if f.is_file()}
     return {
         "x": float(x[0]), "y": float(y[0]), "mode": shown.mode(row), "doubtful": shown.doubtful(row),
-        "row": {key: value for key, value in row.items() if value is not None},
+        "row": {key: _json(value) for key, value in row.items() if value is not None},
         "pictures": pictures,
     }  # fmt: skip
+
+
+def _json(value: Any) -> Any:
+    """JSON knows no infinity: an overflow is shown by its name."""
+    return value if not isinstance(value, float) or np.isfinite(value) else str(value)
 
 
 def _number(value: Any) -> float:

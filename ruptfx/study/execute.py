@@ -114,9 +114,10 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
     table.write_dataset(store.path / "table.nc", table.dataset(study, rows))
     if refined:
         write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
-    from ruptfx.plots import mode_map
+    if any(axis.numeric for axis in study.axes):
+        from ruptfx.plots import mode_map
 
-    mode_map.save(store.path)
+        mode_map.save(store.path)
 
 
 @dataclass

@@ -79,6 +79,15 @@ def test_products_hold_every_point(tmp_path):
         assert (tmp_path / "out" / name).stat().st_size > 1000
 
 
+def test_a_study_without_numbers_has_a_table_and_no_map(tmp_path):
+    path = tmp_path / "study.toml"
+    axis = 'key = "boundaries.0.velocity"\nvalues = [1.0, 2.0]\nlabels = ["a", "b"]'
+    path.write_text(f'case = "{IMPACT}"\n[[axes]]\n{axis}')
+    run_study(read_study(path), tmp_path / "out", show=False)
+    assert [row["velocity"] for row in read_csv(tmp_path / "out" / "table.csv")] == ["a", "b"]
+    assert not (tmp_path / "out" / "mode_map.html").exists()
+
+
 def test_only_new_points_run(tmp_path):
     assert run(tmp_path, [2.0, 8.0]).known_before == 0
     again = run(tmp_path, [2.0, 4.0, 8.0])

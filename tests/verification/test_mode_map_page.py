@@ -61,7 +61,7 @@ def page(tmp_path_factory) -> Path:
         sigma, speed = point.values["Sigma_0"], point.values["V_imp"]
         values = {
             "mode": "pulse" if sigma * speed > 20e6 else "crack", "mode_at_half_threshold": "crack",
-            "tip_speed_over_c_l": 0.9, "peak_slip_rate": speed, "max_slip": speed * 1e-6,
+            "tip_speed_over_c_l": 0.9, "peak_slip_rate": speed, "max_slip": speed * 1e-6, "overflow": float("inf"),
             "kinetic_share": 0.5, "strain_share": 0.25, "frictional_dissipation_share": 0.25,
         }  # fmt: skip
         result = {"status": "done", "values": values}
@@ -186,7 +186,8 @@ def test_hover_click_and_toggle(page, tmp_path):
         sizes = f"Promise.all({images}.map(i => i.decode().then(() => i.naturalWidth)))"
         assert await tab.value(sizes) == [40, 40]
         detail = await tab.value("document.getElementById('detail').textContent")
-        assert "peak slip rate8" in detail and "friction 25.0 %" in detail and "kinetic 50.0 %" in detail
+        for text in ("peak slip rate8", "overflowinf", "friction 25.0 %", "kinetic 50.0 %"):
+            assert text in detail
 
         names = await tab.value("[...document.querySelectorAll('#colours button')].map(b => b.textContent)")
         assert names == ["Mode", "Tip speed / c_l", "Peak slip rate", "Largest slip", "Work dissipated by friction"]
