@@ -209,7 +209,8 @@ class Recorder:
             else:
                 for history in self._files.values():
                     history.complete()
-            for file in (*self._files.values(), self._bulk, self._energy):
+            files: list[Any] = [*self._files.values(), self._bulk, self._energy]
+            for file in files:
                 # On a full disk closing fails too; the first error is the one to report.
                 with suppress(OSError, RuntimeError) if error is not None else nullcontext():
                     file.close()

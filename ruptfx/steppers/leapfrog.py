@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import native
-from ruptfx.fault import FaultStep
 from ruptfx.loading import ramp
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
@@ -108,6 +107,8 @@ class LeapfrogMotion:
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         # Contact feels the mass with the dashpots in it, and cannot move what is driven.
         self._inverse_mass = np.where(prescribed, 0.0, effective)
+        from ruptfx.fault import FaultStep  # not at the top: cases are read also where there is no DOLFINx
+
         threshold = model.case.output.rupture_threshold
         self._faults = [(f.name, FaultStep(f, self._inverse_mass, dt, threshold)) for f in model.faults]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
