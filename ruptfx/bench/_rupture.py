@@ -113,5 +113,5 @@ def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: An
             scale = max(scale, *map(abs, energy.values()))
     fields = {name: value.copy() for name, value in state.faults[fault.name].items()}
     closure = float(np.abs(lost).max() / scale)
-    histories = (np.array(values) for values in (times, rates, gaps))
-    return Rupture(fault.interface.position, *histories, fields, closure, seconds, model, state)
+    time_, rate, gap = (np.array(values) for values in (times, rates, gaps))
+    return Rupture(fault.interface.position, time_, rate, gap, fields, closure, seconds, model, state)

@@ -88,13 +88,13 @@ def run(fine: bool, comm: Any) -> Outcome:
         ("equal bodies", FAST, FAST, 0.5e6), ("from the slower body", FAST, SLOW, 0.5e6),
         ("from the faster body", SLOW, FAST, 0.8e6),
     ):  # fmt: skip
-        result, exact = shear(upper, lower, size, stress_0)
+        result, rate = shear(upper, lower, size, stress_0)
         middle = np.abs(result.slip_rate[:, len(result.position) // 2])
         late = result.time > 0.9 * result.time[-1]
         mean = float(middle[late].mean())
-        checks.append(Check(f"slip rate, {name}", exact, mean, 2e-3, "m/s", "exact", relative=True))
+        checks.append(Check(f"slip rate, {name}", rate, mean, 2e-3, "m/s", "exact", relative=True))
         checks.append(result.budget())
-        curves.append((name, result.time, middle, exact))
+        curves.append((name, result.time, middle, rate))
     result, exact, reference = gap(size)
     opening = result.opening
     middle = opening[:, opening.shape[1] // 2]

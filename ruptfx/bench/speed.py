@@ -56,8 +56,8 @@ def run(fine: bool, comm: Any) -> Outcome:
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
     rows: list[dict[str, Any]] = []
-    for row in FINE_ROWS if fine else ROWS:
-        rows.append(measure_row(*row))
+    for wanted in FINE_ROWS if fine else ROWS:
+        rows.append(measure_row(*wanted))
         _compare_ranks(rows)
     show(rows)
     checks = []
