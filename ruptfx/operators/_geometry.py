@@ -10,7 +10,7 @@ from ruptfx import RuptfxError, fem
 from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
 
-BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 0, 1, 2, 3, 4, 8  # kinds of a batch, as in the C source
+BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS = range(5)  # kinds of a batch, as in the C source
 
 
 def numbers(

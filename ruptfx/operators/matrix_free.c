@@ -19,13 +19,6 @@
 #else
 #define NODES (N * N * N)
 #endif
-#if SIMPLEX || ORDER == 1
-#define INNER_NODES 0
-#elif DIM == 2
-#define INNER_NODES ((N - 2) * (N - 2))
-#else
-#define INNER_NODES ((N - 2) * (N - 2) * (N - 2))
-#endif
 #define INLINE static inline __attribute__((always_inline))
 #define UNROLL _Pragma("GCC unroll 16")
 #define KEEP _Pragma("GCC unroll 1")
@@ -35,17 +28,14 @@ typedef long long_lanes __attribute__((vector_size(8 * LANES)));
 typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
 typedef double couple __attribute__((vector_size(16), aligned(8)));
 
-// Kind of a batch: one of four geometries, plus VISCOUS, plus ADVANCE if nodes inside its elements move on with it.
-enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS, ADVANCE = 8 };
+enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS };  // kind of a batch: one of four geometries, plus VISCOUS
 
 struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
     const lanes *number;           // viscosity time if VISCOUS, lambda, shear modulus, geometry
-    const lanes *inner_mass;       // [batch][inner node]: inverse mass of the nodes inside the elements
-    const int *line;               // [batches + 1][NODES * FETCH]: cache lines of displacement to ask for
-    const int *rim_line;           // [batches + 1][NODES]: the same of force, for nodes on the boundaries of elements
+    const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
     const int *single, *single_start;  // the others of these nodes
@@ -259,21 +249,6 @@ INLINE void scatter_add(double *field, const int *dof, const lanes x[COMPONENTS]
     EACH(dof, x, ADD)
 }
 
-// What a node needs to move on: v = decay v + dt f / m, u += dt v.
-struct motion {
-    double *displacement, *velocity, dt, decay;
-};
-
-INLINE void advance_lanes(const struct motion *motion, const int *dof, const lanes push[COMPONENTS])
-{
-#define MOVE(type, place, y) { \
-        const type v = motion->decay * *(type *)(motion->velocity + place) + (type)y; \
-        *(type *)(motion->velocity + place) = v; \
-        *(type *)(motion->displacement + place) += motion->dt * v; \
-    }
-    EACH(dof, push, MOVE)
-}
-
 // -- gradient and its transpose -------------------------------------------------------------------------------------
 
 #if SIMPLEX
@@ -363,23 +338,16 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
 }
 #endif
 
-// Forces of one batch.  With `advance` the nodes inside the elements, which no other element touches, move on at once.
-// A few at a time, the cache lines that the next batch is the first to touch are asked for: nothing else would, as the
-// nodes of elements follow no pattern that a machine sees.
-INLINE void batch_force(const int geometry, const int viscous, const int advance, const struct plan *plan, long b,
-                        const double *displacement, const double *velocity, double *force, const double *inverse_mass,
-                        const struct motion *motion)
+// Forces of one batch.  A few at a time, the cache lines that the next batch is the first to touch are asked for: nothing
+// else would, as the nodes of elements follow no pattern that a machine sees.
+INLINE void batch_force(const int geometry, const int viscous, const struct plan *plan, long b,
+                        const double *displacement, const double *velocity, double *force)
 {
-    const int *dof = plan->dof + b * NODES * LANES;
-    const int *line = plan->line + (b + 1) * NODES * FETCH, *rim_line = plan->rim_line + (b + 1) * NODES;
+    const int *dof = plan->dof + b * NODES * LANES, *line = plan->line + (b + 1) * NODES * FETCH;
     const lanes *number = plan->number + plan->start[b];
-    const lanes *inner_mass = plan->inner_mass + b * INNER_NODES;
     lanes u[COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
-        UNROLL for (int k = 0; k < FETCH; k++) {
-            __builtin_prefetch(displacement + 8L * line[node * FETCH + k], advance);
-            if (advance) __builtin_prefetch(velocity + 8L * line[node * FETCH + k], 1);
-        }
+        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(displacement + 8L * line[node * FETCH + k], 0);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
         if (viscous) {
@@ -391,17 +359,10 @@ INLINE void batch_force(const int geometry, const int viscous, const int advance
     }
     apply(geometry, number + viscous, u);
     KEEP for (int node = 0; node < NODES; node++) {
-        __builtin_prefetch(force + 8L * rim_line[node], 1);
-        if (advance) __builtin_prefetch(inverse_mass + 8L * rim_line[node] / COMPONENTS, 0);
+        UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(force + 8L * line[node * FETCH + k], 1);
         lanes x[COMPONENTS];
-        if (advance && INNER[node]) {
-            const lanes push = motion->dt * MINUS_WEIGHT[node] * *inner_mass++;
-            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = push * u[c][node];
-            advance_lanes(motion, dof + node * LANES, x);
-        } else {
-            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
-            scatter_add(force, dof + node * LANES, x);
-        }
+        UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
+        scatter_add(force, dof + node * LANES, x);
     }
 }
 
@@ -410,18 +371,23 @@ INLINE void batch_force(const int geometry, const int viscous, const int advance
 void add_internal_force(const struct plan *plan, long first, long last, const double *u, const double *v, double *force)
 {
     for (long b = first; b < last; b++)
-        switch (plan->kind[b] % ADVANCE) {
+        switch (plan->kind[b]) {
 #define CASE(geometry) \
-    case geometry: batch_force(geometry, 0, 0, plan, b, u, v, force, 0, 0); break; \
-    case geometry + VISCOUS: batch_force(geometry, 1, 0, plan, b, u, v, force, 0, 0); break;
-#if SIMPLEX
-#define CASES CASE(AFFINE)
-#else
-#define CASES CASE(BOX) CASE(AFFINE) CASE(MULTILINEAR) CASE(POINTWISE)
+    case geometry: batch_force(geometry, 0, plan, b, u, v, force); break; \
+    case geometry + VISCOUS: batch_force(geometry, 1, plan, b, u, v, force); break;
+            CASE(AFFINE)
+#if !SIMPLEX
+            CASE(BOX)
+            CASE(MULTILINEAR)
+            CASE(POINTWISE)
 #endif
-            CASES
         }
 }
+
+// v = decay v + dt f / m, u += dt v, f = 0.
+struct motion {
+    double *displacement, *velocity, dt, decay;
+};
 
 INLINE void advance_node(long node, const struct motion *motion, double *force, const double *inverse_mass)
 {
@@ -455,15 +421,7 @@ void step(const struct plan *plan, long first, long last, double *u, double *v, 
 {
     const struct motion motion = {u, v, dt, decay};
     for (long block = first; block < last; block++) {
-        for (long b = plan->block[block]; b < plan->block[block + 1]; b++)
-            switch (plan->kind[b]) {
-#undef CASE
-#define CASE(geometry) \
-    case geometry + ADVANCE: batch_force(geometry, 0, 1, plan, b, u, v, force, inverse_mass, &motion); break; \
-    case geometry + VISCOUS + ADVANCE: batch_force(geometry, 1, 1, plan, b, u, v, force, inverse_mass, &motion); break;
-                CASES
-            default: add_internal_force(plan, b, b + 1, u, v, force);
-            }
+        add_internal_force(plan, plan->block[block], plan->block[block + 1], u, v, force);
         for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
             advance_row(plan->row[r], &motion, force, inverse_mass);
         for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)

@@ -15,17 +15,17 @@ import numpy as np
 from ruptfx import RuptfxError, fem, native
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.operators import Bulk
-from ruptfx.operators._geometry import ADVANCE, aligned, geometry_element, is_tensor, numbers
+from ruptfx.operators._geometry import geometry_element, is_tensor, numbers
 
-BLOCK_NODES = 2048  # nodes computed between updates: few enough to stay in the second-level cache
+# Nodes computed between updates.  Measured: with 2000 the update is slower by half (its memory comes in short pieces).
+BLOCK_NODES = 16384
 
 
 class _Plan(ctypes.Structure):
     """`struct plan` of the C source."""
 
     _fields_ = [(name, ctypes.c_void_p) for name in (
-        "dof", "kind", "start", "number", "inner_mass", "line", "rim_line", "block", "row", "row_start", "single",
-        "single_start",
+        "dof", "kind", "start", "number", "line", "block", "row", "row_start", "single", "single_start",
     )]  # fmt: skip
 
 
@@ -62,9 +62,7 @@ class MatrixFree:
         kind, start, number = numbers(bulk, cells, padding, permutation)
         for name, array in (("kind", kind), ("start", start), ("number", number)):
             self._hold(name, array)
-        self._inner = _inner(space, permutation)
-        self._padded = padding.any(axis=1)
-        self._inverse_mass: np.ndarray | None = None
+        self._cell_nodes = len(permutation)
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
@@ -84,7 +82,7 @@ class MatrixFree:
         ----------
         held : ndarray of bool, shape (nodes,)
         """
-        node = self._keep["dof"].reshape(self._batches, len(self._inner), -1) // self._components
+        node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
         size = max(1, BLOCK_NODES * 4 // (node.shape[1] * node.shape[2]))
         first = np.unique(np.r_[
             np.arange(0, self._boundary_batches, size), np.arange(self._boundary_batches, self._batches, size),
@@ -92,17 +90,11 @@ class MatrixFree:
         ])  # fmt: skip
         self._boundary_blocks = int(np.searchsorted(first, self._boundary_batches))
         self._blocks = len(first) - 1
-        held = held | self._shared
-        # Nodes inside elements move with their batch, unless one is held or a cell is there twice to fill the batch.
-        inside = node[:, self._inner]
-        advance = ~(self._padded | held[inside].any(axis=(1, 2)))
-        self._keep["kind"][:] = self._keep["kind"] % ADVANCE + ADVANCE * advance
         # Later assignments win: what remains is the last block that touches the node.
         done_in = np.full(self._nodes, -1, dtype=np.int32)
         for block in range(self._blocks):
             done_in[node[first[block] : first[block + 1]].ravel()] = block
-        done_in[held] = -1
-        done_in[inside[advance].ravel()] = -1
+        done_in[held | self._shared] = -1
         nodes = np.argsort(done_in, kind="stable")[np.count_nonzero(done_in < 0) :].astype(np.int32)
         in_row = _rows(nodes, done_in[nodes], node.shape[2])
         for name, which in (("row", in_row == 0), ("single", in_row < 0)):
@@ -149,12 +141,6 @@ class MatrixFree:
         self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
 
     def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> None:
-        if arrays[3] is not self._inverse_mass:
-            inside = self._keep["dof"].reshape(self._batches, len(self._inner), -1)[:, self._inner] // self._components
-            mass = aligned((inside.size // inside.shape[2], inside.shape[2]))
-            mass[:] = arrays[3][inside].reshape(mass.shape)
-            self._hold("inner_mass", mass)
-            self._inverse_mass = arrays[3]
         self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*arrays),
             ctypes.c_double(dt), ctypes.c_double(decay),
@@ -182,19 +168,17 @@ class MatrixFree:
 
         As many for every batch, so that the kernel needs no test: the last one repeated where there are fewer.
         """
-        dof = self._keep["dof"].reshape(self._batches, len(self._inner), -1)
-        rim = dof[:, ~self._inner]
-        for name, part, count in (("line", dof, fetch * dof.shape[1]), ("rim_line", rim, dof.shape[1])):
-            lines = part.reshape(self._batches, -1) // 8
-            first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
-            for batch in range(self._batches - 1, -1, -1):
-                first_touch[lines[batch]] = batch
-            order = np.argsort(first_touch, kind="stable")
-            starts = np.searchsorted(first_touch[order], np.arange(self._batches + 1))
-            place = starts[:-1, None] + np.minimum(np.arange(count), np.maximum(np.diff(starts) - 1, 0)[:, None])
-            chosen = order[np.minimum(place, len(order) - 1)].astype(np.int32)
-            # One more: the last batch asks too.
-            self._hold(name, np.concatenate([chosen, np.zeros((1, count), dtype=np.int32)]))
+        lines = self._keep["dof"].reshape(self._batches, -1) // 8
+        first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
+        for batch in range(self._batches - 1, -1, -1):
+            first_touch[lines[batch]] = batch
+        order = np.argsort(first_touch, kind="stable")
+        starts = np.searchsorted(first_touch[order], np.arange(self._batches + 1))
+        count = fetch * self._cell_nodes
+        place = starts[:-1, None] + np.minimum(np.arange(count), np.maximum(np.diff(starts) - 1, 0)[:, None])
+        chosen = order[np.minimum(place, len(order) - 1)].astype(np.int32)
+        # One more: the last batch asks too.
+        self._hold("line", np.concatenate([chosen, np.zeros((1, count), dtype=np.int32)]))
 
     def _order_cells(self, bulk: Bulk, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Cells by batch (batch, lane), which of them only fill up a batch, and how many batches come first.
@@ -246,14 +230,6 @@ def _fetch(space: Any) -> int:
     return -(-space.dofmap.index_map_bs * order**dim // (order + 1) ** dim)
 
 
-def _inner(space: Any, permutation: np.ndarray) -> np.ndarray:
-    """True for the nodes inside a cell, in tensor order."""
-    element = space.element.basix_element
-    inner = np.zeros(len(permutation), dtype=bool)
-    inner[element.entity_dofs[space.mesh.topology.dim][0]] = True
-    return inner[permutation]
-
-
 def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     """Place (0 to lanes - 1) of a node in a full row of consecutive nodes of one block; -1 outside of full rows."""
     if len(nodes) == 0:
@@ -276,8 +252,7 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if not is_tensor(space.mesh):
         volume = 1 / (2, 6)[dim - 2]
-        tables = {"double MINUS_WEIGHT[]": np.full(dim + 1, -volume), "char INNER[]": np.zeros(dim + 1, dtype=int)}
-        return np.arange(dim + 1), text + _tables(tables)
+        return np.arange(dim + 1), text + _tables({"double MINUS_WEIGHT[]": np.full(dim + 1, -volume)})
     points, weights, derivative = gauss_lobatto_legendre(order)
     # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
     permutation = np.lexsort(np.round(element.points, 10).T[::-1])
@@ -287,7 +262,6 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
     transposed = (weights[:, None] * derivative).T / weights[:, None]
     return permutation, text + _tables({
         "double POINT[]": points, "double MINUS_WEIGHT[]": -product.ravel(),
-        "char INNER[]": _inner(space, permutation).astype(int),
         "struct matrix DERIVATIVE": _halves(derivative), "struct matrix TRANSPOSED": _halves(transposed),
     })  # fmt: skip
 
