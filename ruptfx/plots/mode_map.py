@@ -147,7 +147,7 @@ def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list
     figure = draw(shown)
     paths = [directory / f"mode_map.{kind}" for kind in formats]
     for path in paths:
-        figure.savefig(path)
+        figure.savefig(path, dpi=200)
     html = directory / "mode_map.html"
     html.write_text(page(shown), encoding="utf-8")
     return [*paths, html]
@@ -275,7 +275,9 @@ def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity
     if logarithmic:
         low = max(float(positive.min()), high / 1e4)
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high if high > low else low + 1)
-    _cells(ax, shown, rows, np.where(values >= low, values, np.nan), cmap=COLOURS, norm=norm)
+    # What is smaller than four decades has the last colour; zero has none.
+    shades = np.where(values > 0, np.maximum(values, low), np.nan) if logarithmic else values
+    _cells(ax, shown, rows, shades, cmap=COLOURS, norm=norm)
     ax.set_facecolor("#f2f2f2")
     label = quantity.label + (f" ({quantity.unit})" if quantity.unit else "")
     bar = ax.figure.colorbar(ScalarMappable(norm, COLOURS), ax=ax, label=label.replace("c_l", "$c_l$"), pad=0.02)

@@ -46,9 +46,9 @@ def write_csv(path: Path, table: Sequence[Row]) -> None:
     temporary.replace(path)
 
 
-def read_csv(path: Path) -> list[Row]:
+def read_csv(path: str | Path) -> list[Row]:
     """Rows with numbers as floats and empty cells as None."""
-    with path.open(newline="") as file:
+    with Path(path).open(newline="") as file:
         return [{key: _parsed(value) for key, value in row.items()} for row in csv.DictReader(file)]
 
 
