@@ -93,7 +93,8 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
             if side == "plus" or n not in raw.one_sided
         }
         named = raw.edges | sides
-        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, list(raw.interfaces), raw.one_sided, named)
+        faces = list(raw.interfaces)
+        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, faces, raw.one_sided, named)
     cell, dim, bodies, cell_body, interfaces, one_sided, named = comm.bcast(described, root=0)
 
     def partitioner(_: Any, parts: int, *__: Any) -> Any:

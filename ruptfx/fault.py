@@ -388,7 +388,8 @@ def _source(
     text = files("ruptfx").joinpath("fault.c").read_text()
     return Template(text).substitute(
         components=fault.interface.frame.shape[2], local=fault.interface.frame.shape[1], tangents=tangents,
-        has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), tolerance=repr(TOLERANCE), max_iterations=MAX_ITERATIONS,
+        has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), tolerance=repr(TOLERANCE),
+        max_iterations=MAX_ITERATIONS,
         unpack=lines(unpack), load=lines(load),
         bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
         trial=to_c(_expressions(targets)), bind_law=lines(bind),

@@ -63,14 +63,15 @@ class InitialStress(Part):
         if tensor is not None:
             local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
             return -local[:, 0], local[:, 1:]
-        normal = evaluate(self.normal or 0.0, face.position)
+        given = self.at(face.position)
+        normal = evaluate(given.normal, face.position)
         rate = law.given_slip_rate()
         carried = None
         if rate is not None:
             state = law.initial_state(normal, np.zeros_like(normal), np.zeros_like(normal))
             carried = law.strength(rate, normal, state) + np.zeros_like(normal)
         if self.shear is not None:
-            shear[:, 0] = evaluate(self.shear, face.position)
+            shear[:, 0] = evaluate(given.shear, face.position)
             if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
                 raise CaseError(
                     "initial_stress.shear: the law's initial slip rate and state carry another; give two of three"

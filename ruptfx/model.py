@@ -140,7 +140,9 @@ class Model:
         else:
             chosen = tree.query(centres)[0] <= given.thickness
         if not parallel.total(self.comm, chosen.sum()):
-            raise CaseError(f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there")
+            raise CaseError(
+                f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
+            )
         stable = 2 / self.highest_frequency(self.free_inverse_mass())
         eta = given.eta or three_digits(given.fraction * stable)
         bulk = operators.Bulk(self.space, self.case.plane, self.materials, self.bodies.cell_body, only=chosen)
@@ -208,18 +210,25 @@ class Model:
             known = ", ".join(self.bodies.interfaces) or "none"
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
         tags = self.bodies.tags
-        face = build_interface(self.space, self.bodies.facets, tags[f"{name}.plus"], tags[f"{name}.minus"], name, self.bodies.one_sided.get(name, "meshed"))
+        side = self.bodies.one_sided.get(name, "meshed")
+        plus, minus = tags[f"{name}.plus"], tags[f"{name}.minus"]
+        face = build_interface(self.space, self.bodies.facets, plus, minus, name, side)
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):
             raise CaseError(
                 f"faults.{name}.initial_stress.tensor: 3 components in the plane, 6 in 3D, none in antiplane"
             )
-        law = fault.friction.at(face.position)
-        normal, shear = fault.initial_stress.tractions(face, law)
-        for nucleation in fault.nucleation:
-            law = nucleation.weaken(law, face.position)
-        return Fault(name, face, fault.contact.at(face.position), law, normal, shear, tuple(fault.nucleation))
+        error = None
+        try:
+            law, contact = fault.friction.at(face.position), fault.contact.at(face.position)
+            normal, shear = fault.initial_stress.tractions(face, law)
+            for nucleation in fault.nucleation:
+                law = nucleation.weaken(law, face.position)
+        except CaseError as caught:  # of a profile, at the points of this rank
+            error = CaseError(f"faults.{name}: {caught}")
+        parallel.raise_on_all(self.comm, error)
+        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation))
 
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Union
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ruptfx.schema import Part, Unit
+from ruptfx.schema import Bound, Part, Unit
 
 Metre = Annotated[float, Unit("m")]
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
@@ -219,9 +219,10 @@ def varying(number: Any) -> Any:
             custom_error_type="unknown_kind",
             custom_error_message=f"a profile needs a 'kind', one of: {', '.join(KINDS)}",
         ),
+        Bound(number),
     ]
 
 
-def evaluate(value: float | Part | np.ndarray, position: np.ndarray) -> np.ndarray:
+def evaluate(value: Any, position: np.ndarray) -> np.ndarray:
     """A number or a profile at the points, shape (n,)."""
     return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()

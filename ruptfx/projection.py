@@ -68,7 +68,8 @@ class TracedLaw:
         self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
         old = {name: symbol(f"s_{name}") for name in self.state_names}
         new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
-        strength = traced.strength(self.slip_rate, self.normal_stress, traced.state_of_strength(old, new))
+        carrying = traced.state_of_strength(old, new, self.slip_rate, self.dt)
+        strength = traced.strength(self.slip_rate, self.normal_stress, carrying)
         if not isinstance(strength, Expression):
             strength = constant(strength)
         self.outputs = {

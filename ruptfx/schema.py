@@ -20,6 +20,7 @@ from pydantic import (
     ConfigDict,
     Field,
     SerializeAsAny,
+    TypeAdapter,
     ValidationError,
     ValidationInfo,
     WithJsonSchema,
@@ -27,6 +28,7 @@ from pydantic import (
     model_validator,
 )
 from pydantic._internal._model_construction import ModelMetaclass
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from ruptfx import RuptfxError
@@ -59,6 +61,32 @@ def nearest(word: str, known: Iterator[str] | list[str]) -> str:
     known = sorted(known)
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+
+
+class Bound:
+    """The number type behind a field that may vary: what it refuses, a profile must not reach either."""
+
+    def __init__(self, number: Any) -> None:
+        self._type = TypeAdapter(number)
+
+    def check(self, key: str, values: np.ndarray, position: np.ndarray) -> None:
+        """Refuse values outside the bound.
+
+        Raises
+        ------
+        CaseError
+            Names the key, the value and the place.
+        """
+        for extreme in (np.argmin, np.argmax) if len(values) else ():
+            place = int(extreme(values))
+            try:
+                self._type.validate_python(float(values[place]))
+            except ValidationError as error:
+                reason = error.errors()[0]["msg"]
+                where = f"position {position[place]:.6g} m"
+                raise CaseError(
+                    f"{key} = {values[place]:.6g} at {where}: {reason[0].lower()}{reason[1:]}; change the profile"
+                ) from None
 
 
 class _Reworded(ModelMetaclass):
@@ -101,11 +129,15 @@ class Part(BaseModel, metaclass=_Reworded):
         position : ndarray, shape (n,)
             Arc length along the interface [m].
         """
-        changes = {}
-        for name in type(self).model_fields:
+        changes: dict[str, Any] = {}
+        for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if isinstance(value, Part):
-                changes[name] = value.at(position) if not callable(value) else value(position)
+            if callable(value):
+                changes[name] = value(position)
+                for bound in (item for item in _marks(field) if isinstance(item, Bound)):
+                    bound.check(f"{type(self).__name__}.{name}", changes[name], position)
+            elif isinstance(value, Part):
+                changes[name] = value.at(position)
         return self.model_copy(update=changes) if changes else self
 
 
@@ -217,11 +249,14 @@ class Unit(str):
 
 def unit_of(part: type[Part], name: str) -> str:
     """Unit of a field, `1` when it has none."""
-    field = part.model_fields[name]
-    # The unit of an optional field is inside its union with None.
-    inner = [item for member in get_args(field.annotation) for item in getattr(member, "__metadata__", ())]
-    found = [item for item in (*field.metadata, *inner) if isinstance(item, Unit)]
+    found = [item for item in _marks(part.model_fields[name]) if isinstance(item, Unit)]
     return str(found[0]) if found else "1"
+
+
+def _marks(field: FieldInfo) -> list[Any]:
+    """Metadata of a field; of an optional one it is inside its union with None."""
+    inner = [item for member in get_args(field.annotation) for item in getattr(member, "__metadata__", ())]
+    return [*field.metadata, *inner]
 
 
 def _resolve(path: Any, info: ValidationInfo) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ruptfx.friction.coulomb import Coulomb
+from ruptfx.loading import InitialStress
 from ruptfx.profiles import KINDS, evaluate
 from ruptfx.schema import CaseError, unit_of
 
@@ -98,3 +99,13 @@ def test_refusals(table: Any, message: str) -> None:
 
 def test_units() -> None:
     assert unit_of(KINDS["boxcar"], "half_width") == "m" and unit_of(KINDS["boxcar"], "inside") == "1"
+
+
+def test_a_profile_must_keep_the_bound_of_its_number():
+    law = Coulomb(mu_d={"kind": "gaussian", "background": 0.5, "amplitude": -1.0, "center": 0.5, "width": 0.1})
+    # 0.5 - exp(0) = -0.5 in the middle.
+    with pytest.raises(CaseError, match=r"Coulomb.mu_d = -0.5 at position 0.5 m: input should be greater"):
+        law.at(np.linspace(0, 1, 11))
+    stress = InitialStress(normal={"kind": "constant", "value": -1e6})
+    with pytest.raises(CaseError, match=r"InitialStress.normal = -1e\+06"):
+        stress.at(np.linspace(0, 1, 11))
