@@ -37,14 +37,15 @@ class FrictionLaw(Alternative):
         inner = getattr(self, "law", None)
         return {**(inner.all_state_fields() if inner is not None else {}), **self.state_fields}
 
-    def all_explicit_fields(self) -> set[str]:
-        """Explicit fields of this law and of the law it holds."""
-        inner = getattr(self, "law", None)
-        return {*(inner.all_explicit_fields() if inner is not None else ()), *self.explicit_fields}
+    def state_of_strength(self, old: LawState, new: LawState, slip_rate: Array, dt: Array) -> LawState:
+        """What the strength sees of the states at the beginning and at the end of a step.
 
-    def state_of_strength(self, old: LawState, new: LawState) -> LawState:
-        """What the strength sees of the states at the beginning and at the end of a step."""
-        return {**new, **{name: old[name] for name in self.all_explicit_fields()}}
+        The beginning is the time of the traction, which makes a step second order; the end keeps stiff laws stable.
+        Laws that relax over a slip L take the fraction x / (1 + x) of the change, x = V dt / L: both at once.
+        """
+        inner = getattr(self, "law", None)
+        held = inner.state_of_strength(old, new, slip_rate, dt) if inner is not None else new
+        return {**held, **{name: old[name] for name in self.explicit_fields}}
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         """State consistent with the given stresses and slip rate.

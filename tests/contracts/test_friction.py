@@ -84,7 +84,7 @@ def test_traced_values_and_derivatives(kind: str, held: str | None, seed: int) -
     dt = 1e-7
 
     def direct(v: np.ndarray, s: np.ndarray) -> np.ndarray:
-        return law.strength(v, s, law.state_of_strength(state, law.advance(state, v, s, dt))) + 0 * v
+        return law.strength(v, s, law.state_of_strength(state, law.advance(state, v, s, dt), v, dt)) + 0 * v
 
     strength, slope, stress_slope, new = TracedLaw(law)(rate, sigma, state, dt)
     np.testing.assert_allclose(strength, direct(rate, sigma), rtol=1e-12)
@@ -165,7 +165,7 @@ def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> N
     sigma, rate = np.full(5, 2e6), np.full(5, 0.3)
     state = law.initial_state(sigma, 0.3 * sigma, rate)
     new = law.advance(state, rate, sigma, 1e-6)
-    strength = law.strength(rate, sigma, law.state_of_strength(state, new))
+    strength = law.strength(rate, sigma, law.state_of_strength(state, new, rate, 1e-6))
     traced = TracedLaw(law)
     np.testing.assert_allclose(traced(rate, sigma, state, 1e-6)[0], strength, rtol=1e-12)
     some = np.array([3, 1])
@@ -174,7 +174,7 @@ def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> N
         one = varying.at(np.array([x]))
         here = one.initial_state(sigma[:1], 0.3 * sigma[:1], rate[:1])
         after = one.advance(here, rate[:1], sigma[:1], 1e-6)
-        alone = one.strength(rate[:1], sigma[:1], one.state_of_strength(here, after))
+        alone = one.strength(rate[:1], sigma[:1], one.state_of_strength(here, after, rate[:1], 1e-6))
         np.testing.assert_allclose(strength[i], alone[0], rtol=1e-12)
     # The amplitude of the examples' profiles is 30 %, so that the points do differ.
     assert np.ptp(strength) > 1e-3 * strength.max()
