@@ -21,7 +21,7 @@ from ruptfx import RuptfxError, native
 
 try:
     from mpi4py import MPI
-    from petsc4py import PETSc  # noqa: F401
+    from petsc4py import PETSc
     import basix
     import basix.ufl
     import dolfinx
@@ -99,3 +99,29 @@ def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndar
     vector.x.scatter_reverse(dolfinx.la.InsertMode.add)
     vector.x.scatter_forward()
     return vector.x.array.copy()
+
+
+class SharedVector:
+    """Local degrees of freedom, ghosts included, that can be summed over ranks while other work goes on.
+
+    Attributes
+    ----------
+    array : ndarray, shape (local dofs,)
+        Between `begin` and `end` the entries of nodes that other ranks know must be left alone.
+    """
+
+    def __init__(self, space: dolfinx.fem.FunctionSpace) -> None:
+        self._function = dolfinx.fem.Function(space)  # owns the memory
+        self.array = self._function.x.array
+        self._vector = self._function.x.petsc_vec if space.mesh.comm.size > 1 else None
+
+    def begin(self) -> None:
+        """Send what this rank contributed to nodes of others."""
+        if self._vector is not None:
+            self._vector.ghostUpdateBegin(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+
+    def end(self) -> None:
+        """Wait for the sums; every rank then has them at all its nodes."""
+        if self._vector is not None:
+            self._vector.ghostUpdateEnd(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            self._vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)

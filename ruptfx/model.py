@@ -113,6 +113,7 @@ class Model:
         self.bulk = operators.Bulk(self.space, case.plane, self.materials, self.bodies.cell_body)
         self.operator = operators.create(case.operator, self.bulk)
         self._exchange = fem.dolfinx.fem.Function(self.space)
+        self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
         self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
         unknown = [name for name in self.bodies.interfaces if name not in case.faults]
@@ -348,7 +349,8 @@ class Model:
     def initial_state(self) -> State:
         """At rest in the initial stress."""
         zero = np.zeros(self.nodes * self.components)
-        return State(zero, zero.copy(), zero.copy(), {fault.name: fault.initial_state() for fault in self.faults})
+        self.force.array[:] = 0
+        return State(zero, zero.copy(), self.force.array, {fault.name: fault.initial_state() for fault in self.faults})
 
     def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
         """Sum over the degrees of freedom this rank owns."""

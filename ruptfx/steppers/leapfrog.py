@@ -158,12 +158,16 @@ class LeapfrogMotion:
         state.time = state.step * self.dt
 
     def _bulk(self, state: State) -> None:
-        """Internal force at held nodes, complete over ranks; plain nodes advanced on the way."""
+        """Internal force at held nodes, complete over ranks; plain nodes advanced on the way.
+
+        The elements at nodes of other ranks come first; their contributions travel while the others are computed.
+        """
         operator: Any = self.model.operator
+        arrays = (state.displacement, state.velocity, state.force)
         if self._fused:
-            operator.step(state.displacement, state.velocity, state.force, self._plain_inverse_mass, self.dt)
+            operator.step_boundary(*arrays, self._plain_inverse_mass, self.dt)
         else:
-            operator.add_internal_force(state.displacement, state.velocity, state.force)
+            operator.add_internal_force(*arrays)
         viscosity = self.model.viscosity
         if viscosity is not None:
             force, dofs = self._viscous_force, self._viscous
@@ -171,7 +175,10 @@ class LeapfrogMotion:
             viscosity.operator.add_internal_force(state.velocity, state.velocity, force)
             force[dofs] *= viscosity.eta
             state.force[dofs] += force[dofs]
-        self.model.sum_shared(state.force)
+        self.model.force.begin()
+        if self._fused:
+            operator.step_interior(*arrays, self._plain_inverse_mass, self.dt)
+        self.model.force.end()
 
     def _viscous_work(self, state: State) -> float:
         """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""
