@@ -7,10 +7,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import Any
 
 from ruptfx import RuptfxError
 
+STOP = "RUPTFX_STOP"  # file by which the launcher asks the ranks to stop
 RANKS = "RUPTFX_RANKS"  # what the launcher asked for; the ranks compare it with what they got
 
 
@@ -50,17 +53,33 @@ def run_on(ranks: int, arguments: list[str]) -> int:
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
-    with subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment) as process:
-        # A terminal sends Ctrl-C to the ranks as well, but a scheduler's SIGTERM may come to this process only.
-        before = signal.signal(signal.SIGTERM, lambda number, _: process.send_signal(number))
+    with tempfile.TemporaryDirectory() as folder:
+        environment[STOP] = str(Path(folder, "stop"))
+        # A session of its own: Open MPI's mpirun would kill the ranks at the first Ctrl-C of the terminal, before they
+        # have written anything. They are asked through a file instead, whatever the MPI library.
+        process = subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment, start_new_session=True)
+
+        def stop(number: int, _: Any) -> None:
+            asked = Path(environment[STOP])
+            if asked.exists():  # the second time: at once
+                process.send_signal(number)
+            else:
+                partial = asked.with_suffix(".new")
+                partial.write_text("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+                partial.replace(asked)
+
+        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
-            while True:
-                try:
-                    return process.wait()
-                except KeyboardInterrupt:
-                    pass  # the ranks got it too, and finish their files
+            return process.wait()
         finally:
-            signal.signal(signal.SIGTERM, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def asked_to_stop() -> str:
+    """What the launcher was told, a signal's name; empty while it was told nothing."""
+    path = os.environ.get(STOP)
+    return Path(path).read_text() if path and os.path.exists(path) else ""
 
 
 def check_size(size: int) -> None:

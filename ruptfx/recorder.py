@@ -210,8 +210,9 @@ class Recorder:
                 for history in self._files.values():
                     history.complete()
             files: list[Any] = [*self._files.values(), self._bulk, self._energy]
+            if isinstance(error, DiskError):
+                files = []  # HDF5 would fall over what it cannot write
             for file in files:
-                # On a full disk closing fails too; the first error is the one to report.
                 with suppress(OSError, RuntimeError) if error is not None else nullcontext():
                     file.close()
             self.log.info("%d records", self.records)

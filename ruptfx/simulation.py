@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, parallel
+from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.case import Case
 from ruptfx.checkpoint import Checkpoint, Checkpoints
 from ruptfx.model import Model, State
@@ -165,9 +165,10 @@ class Signals:
 
     def anywhere(self, comm: Any) -> str:
         """What any rank received; collective, the same answer on all."""
+        received = self.received or launch.asked_to_stop()
         if comm.size == 1:
-            return self.received
-        return next(filter(None, comm.allgather(self.received)), "")
+            return received
+        return next(filter(None, comm.allgather(received)), "")
 
     def __exit__(self, *_: Any) -> None:
         for number, handler in self._before.items():

@@ -8,8 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 import tomli_w
 from compare import largest_difference
@@ -64,9 +66,21 @@ def stop_after(case: Path, out: Path, ranks: int, checkpoints: int, number: sign
     while len(list((out / "checkpoints").glob("step_*"))) < checkpoints and time.monotonic() < deadline:
         assert process.poll() is None, "the run ended before it could be stopped"
         time.sleep(0.005)
-    os.killpg(process.pid, number)
+    if number == signal.SIGKILL:
+        kill_all(process)
+    else:
+        os.killpg(process.pid, number)
     process.wait(timeout=LIMIT)
     return process.returncode
+
+
+def kill_all(process: subprocess.Popen[bytes]) -> None:
+    """The launcher and the ranks, which Open MPI puts into groups of their own."""
+    family = [*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)]
+    for member in family:
+        with suppress(psutil.NoSuchProcess):
+            member.kill()
+    psutil.wait_procs(family, timeout=LIMIT)
 
 
 @pytest.mark.faults
@@ -94,7 +108,8 @@ def test_killed_at_random_times(trial, case_file, reference, tmp_path):
         process = subprocess.Popen(command(case_file, out, ranks, "--resume"), start_new_session=True)
         time.sleep(chance.uniform(0.2, 1.0) * duration)
         kills += process.poll() is None
-        os.killpg(process.pid, signal.SIGKILL) if process.poll() is None else None
+        if process.poll() is None:
+            kill_all(process)
         process.wait(timeout=LIMIT)
     assert kills > 0
     assert run(case_file, out, ranks, "--resume").returncode == 0
