@@ -113,11 +113,6 @@ class LeapfrogMotion:
         self._faults = [(f.name, FaultStep(f, self._inverse_mass, dt, threshold)) for f in model.faults]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
-    @staticmethod
-    def free_inverse_mass(model: Model) -> np.ndarray:
-        """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
-        return model.free_inverse_mass()
-
     def step(self, state: State) -> None:
         """One step; `state.time` becomes the time of the new displacement.
 
