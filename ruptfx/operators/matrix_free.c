@@ -384,47 +384,67 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
         }
 }
 
-// v = decay v + dt f / m, u += dt v, f = 0.
+// v = decay v + dt f / m, u += dt v, f = 0; with damping also the sum of m |mean v|^2, which says what was lost.
 struct motion {
-    double *displacement, *velocity, dt, decay;
+    double *displacement, *velocity, *force;
+    const double *inverse_mass;
+    double dt, decay;
 };
 
-INLINE void advance_node(long node, const struct motion *motion, double *force, const double *inverse_mass)
+INLINE double advance_node(const int damped, const struct motion *motion, long node)
 {
-    const double push = motion->dt * inverse_mass[node];
+    const double inverse_mass = motion->inverse_mass[node], push = motion->dt * inverse_mass;
+    double square = 0;
     UNROLL for (long i = node * COMPONENTS; i < (node + 1) * COMPONENTS; i++) {
-        const double v = motion->decay * motion->velocity[i] + push * force[i];
+        const double old = motion->velocity[i], v = (damped ? motion->decay * old : old) + push * motion->force[i];
+        if (damped) square += (old + v) * (old + v);
         motion->velocity[i] = v;
         motion->displacement[i] += motion->dt * v;
-        force[i] = 0;
+        motion->force[i] = 0;
     }
+    return damped ? 0.25 * square / inverse_mass : 0;
 }
 
-// The same for LANES nodes in a row.
-INLINE void advance_row(long node, const struct motion *motion, double *force, const double *inverse_mass)
+// The same for LANES nodes in a row; adds to the sum lane by lane.
+INLINE void advance_row(const int damped, const struct motion *motion, long node, lanes *sum)
 {
-    const lanes push = motion->dt * *(const loose *)(inverse_mass + node);
+    const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = motion->dt * inverse_mass;
+    const lanes quarter_mass = damped ? 0.25 / inverse_mass : push;
     UNROLL for (int k = 0; k < COMPONENTS; k++) {
         long_lanes pick;
         UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
         const long i = node * COMPONENTS + k * LANES;
-        const lanes v = motion->decay * *(loose *)(motion->velocity + i) + __builtin_shuffle(push, pick) * *(loose *)(force + i);
-        *(loose *)(motion->velocity + i) = v;
+        loose *const velocity = (loose *)(motion->velocity + i), *const force = (loose *)(motion->force + i);
+        const lanes old = *velocity, v = (damped ? motion->decay * old : old) + __builtin_shuffle(push, pick) * *force;
+        if (damped) *sum += __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v);
+        *velocity = v;
         *(loose *)(motion->displacement + i) += motion->dt * v;
-        *(loose *)(force + i) = (lanes){0};
+        *force = (lanes){0};
     }
 }
 
-// Elements of some blocks; after each block the nodes that no later element touches move on.
-void step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
-          const double *inverse_mass, double dt, double decay)
+INLINE double advance_block(const int damped, const struct motion *motion, const struct plan *plan, long block)
 {
-    const struct motion motion = {u, v, dt, decay};
+    lanes row_sum = {0};
+    double sum = 0;
+    for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
+        advance_row(damped, motion, plan->row[r], &row_sum);
+    for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
+        sum += advance_node(damped, motion, plan->single[n]);
+    if (damped)
+        UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
+    return sum;
+}
+
+// Elements of some blocks; after each block the nodes that no later element touches move on.
+double step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
+            const double *inverse_mass, double dt, double decay)
+{
+    const struct motion motion = {u, v, force, inverse_mass, dt, decay};
+    double sum = 0;
     for (long block = first; block < last; block++) {
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, v, force);
-        for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
-            advance_row(plan->row[r], &motion, force, inverse_mass);
-        for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
-            advance_node(plan->single[n], &motion, force, inverse_mass);
+        sum += decay == 1 ? advance_block(0, &motion, plan, block) : advance_block(1, &motion, plan, block);
     }
+    return sum;
 }

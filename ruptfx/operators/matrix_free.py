@@ -51,6 +51,7 @@ class MatrixFree:
         self._shared = _shared_nodes(index_map)
         permutation, constants = _reference_cell(space)
         self._library = native.load("matrix_free", constants + files(__package__).joinpath("matrix_free.c").read_text())
+        self._library.step.restype = ctypes.c_double
         lanes = self._library.lanes_per_batch()
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
@@ -106,7 +107,7 @@ class MatrixFree:
     def step(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0,
-    ) -> None:
+    ) -> float:
         """Internal force of all elements, and one leapfrog step of every node that is not held.
 
         Plain nodes: velocity = decay velocity + dt force / mass, displacement += dt velocity, force = 0. Held nodes:
@@ -121,27 +122,34 @@ class MatrixFree:
             Time step [s].
         decay : float
             Factor of the old velocity; below 1 with mass damping.
+
+        Returns
+        -------
+        float
+            With decay below 1: sum over plain nodes of |(old + new velocity) / 2|^2 / inverse_mass [J], else 0.
         """
-        self.step_boundary(displacement, velocity, force, inverse_mass, dt, decay)
-        self.step_interior(displacement, velocity, force, inverse_mass, dt, decay)
+        return self.step_boundary(displacement, velocity, force, inverse_mass, dt, decay) + self.step_interior(
+            displacement, velocity, force, inverse_mass, dt, decay
+        )
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0,
-    ) -> None:
+    ) -> float:
         """First part of `step`: the elements at nodes that other ranks know; after it `force` is ready to send."""
-        if self._boundary_blocks:
-            self._run(0, self._boundary_blocks, (displacement, velocity, force, inverse_mass), dt, decay)
+        if not self._boundary_blocks:
+            return 0.0
+        return self._run(0, self._boundary_blocks, (displacement, velocity, force, inverse_mass), dt, decay)
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0,
-    ) -> None:
+    ) -> float:
         """The rest of `step`; neither reads nor writes the force of nodes that other ranks know."""
-        self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
+        return self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
 
-    def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> None:
-        self._library.step(
+    def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> float:
+        return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*arrays),
             ctypes.c_double(dt), ctypes.c_double(decay),
         )  # fmt: skip

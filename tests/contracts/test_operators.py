@@ -251,8 +251,11 @@ def test_fused_step_is_the_plain_step(
     )
     expected_displacement = np.where(still, displacement, displacement + dt * expected_velocity)
     expected_force[~still] = 0
+    mean = 0.5 * (velocity + expected_velocity)
+    expected_loss = np.sum(mean[~still] ** 2 / np.repeat(inverse_mass, components)[~still]) if decay < 1 else 0.0
     force = np.zeros_like(displacement)
-    operator.step(displacement, velocity, force, inverse_mass, dt, decay)
+    loss = operator.step(displacement, velocity, force, inverse_mass, dt, decay)
+    assert loss == pytest.approx(expected_loss, rel=1e-13)
     for found, expected in (
         (force, expected_force), (velocity, expected_velocity), (displacement, expected_displacement),
     ):  # fmt: skip
