@@ -128,7 +128,8 @@ class Tab:
 def visit(page: Path, profile: Path, act: Any) -> None:
     """Open the page in a fresh browser and do something there."""
     command = [
-        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-quic",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
         f"--user-data-dir={profile}", "--remote-debugging-port=0", "--remote-allow-origins=*",
         "--window-size=1400,1000",
     ]  # fmt: skip
