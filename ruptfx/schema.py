@@ -52,7 +52,8 @@ class CaseError(RuptfxError):
             else:
                 value = repr(item["input"])
                 shown = value if len(value) < 80 else value[:77] + "..."
-                lines.append(f"{key} = {shown}: {item['msg'][0].lower()}{item['msg'][1:]}")
+                reason = item["msg"].removeprefix("Value error, ")
+                lines.append(f"{key} = {shown}: {reason[0].lower()}{reason[1:]}")
         return cls("\n".join(dict.fromkeys(lines)))
 
 

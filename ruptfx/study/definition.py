@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from ruptfx.case import override, parse_case, set_key
-from ruptfx.schema import CaseError, CasePath, Name, Part
+from ruptfx.schema import CaseError, CasePath, Name, Part, nearest
 from ruptfx.units import Duration, Fraction
 
 Coordinates = dict[str, Any]
@@ -50,6 +50,9 @@ class Axis(Part):
             low, high = self.range
             if not low < high or (self.spacing == "log" and low <= 0):
                 raise ValueError(f"range = [{low:g}, {high:g}]: must increase, and be positive where spacing is log")
+        twice = next((v for i, v in enumerate(self.values or []) if v in (self.values or [])[:i]), None)
+        if twice is not None:
+            raise ValueError(f"values: {twice} is there twice")
         rows = self.values or [None]
         if isinstance(self.key, list) and any(not isinstance(v, list) or len(v) != len(self.key) for v in rows):
             raise ValueError(f"key names {len(self.key)} keys: values must be lists of that length")
@@ -269,7 +272,8 @@ class Study(Part):
                 set_key(table, key, value)
             return Point(coordinates, dict(values), parse_case(table, Path(self.case).parent), origin)
         except CaseError as error:
-            raise CaseError(f"point {shown}: {error}") from None
+            astray = [hint for axis in self.axes for key in axis.keys if (hint := _astray(key, self.base()))]
+            raise CaseError("\n".join([*astray, f"point {shown}: {error}"])) from None
 
 
 def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
@@ -303,6 +307,20 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
         lines = str(CaseError.from_validation(error)).splitlines()
         raise CaseError("\n".join(f"{path}: {line}" for line in lines)) from None
     return study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}}) if changes else study
+
+
+def _astray(key: str, table: Any) -> str:
+    """Where a dotted key leaves the tables of the case for one that is not there, and the nearest that is."""
+    seen: list[str] = []
+    for name in key.split(".")[:-1]:
+        if not isinstance(table, Mapping):
+            return ""
+        if name not in table and seen:
+            where = ".".join(seen)
+            return f"axes: '{key}': the case has no '{where}.{name}', {nearest(name, list(table))}"
+        table = table.get(name)
+        seen.append(name)
+    return ""
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "", whole: bool = True) -> dict[str, Any]:

@@ -90,6 +90,9 @@ def test_identity_is_the_case_without_its_axes(tmp_path):
         (f"[[axes]]\n{SIGMA}\nvalues = [1e6]\n[[axes]]\n{SIGMA}\nvalues = [1e6]", "two axes are called 'normal'"),
         (f'sampling = "latin_hypercube"\n[[axes]]\n{SIGMA}\nvalues = [1e6]', "needs samples"),
         ("axes = []", "axes"),
+        ("[[axes]]\nkey = 'faults.man.contact.C_n'\nvalues = [1e11]", "no 'faults.man', did you mean 'main'"),
+        ("[[axes]]\nkey = 'mesh.length'\nvalues = [0.1, -0.1]", "point length = -0.1: mesh.length = -0.1: "),
+        (f"[[axes]]\n{SIGMA}\nvalues = [1e6, 2e6, 1e6]", "1000000.0 is there twice"),
         (f'case = "nowhere.toml"\n[[axes]]\n{SIGMA}\nvalues = [1e6]', "not valid TOML"),  # case given twice
     ],
 )
