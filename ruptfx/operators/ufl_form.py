@@ -43,9 +43,16 @@ def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr, dx: fem.ufl.Measure
 
 
 class UflForm:
-    """Assembles the derivative of the strain energy; any material, any mesh, any order."""
+    """Assembles the derivative of the strain energy; any material, any mesh, any order.
 
-    def __init__(self, bulk: Bulk) -> None:
+    Parameters
+    ----------
+    bulk : Bulk
+    jit_options : dict
+        How the form is compiled; empty for DOLFINx's own flags.
+    """
+
+    def __init__(self, bulk: Bulk, jit_options: dict[str, Any] = fem.JIT_OPTIONS) -> None:
         space = bulk.space
         self._displacement = fem.dolfinx.fem.Function(space)
         self._viscosity = None
@@ -62,7 +69,7 @@ class UflForm:
             # Linear viscosity: the force of the velocity field, cell by cell scaled by eta.
             damped = fem.ufl.derivative(energy(bulk, u, dx, self._viscosity), u, test)
             form = form + fem.ufl.derivative(damped, u, self._velocity)
-        self._force = fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS)
+        self._force = fem.dolfinx.fem.form(form, jit_options=jit_options)
 
     def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         self._displacement.x.array[:] = displacement
