@@ -34,7 +34,7 @@ print(json.dumps([t - began for t in (imported, built, time.perf_counter())]))
 
 
 def fault_case(spacing: float, half: bool) -> dict[str, Any]:
-    """In-plane slip weakening in uniform stress, order 5 with nodes that far apart [m]; whole, or its antisymmetric half."""
+    """In-plane slip weakening in uniform stress, order 5, nodes that far apart [m]; whole or antisymmetric half."""
     edges = ["upper.left", "upper.right", "upper.top"]
     if not half:
         edges += ["lower.left", "lower.right", "lower.bottom"]
