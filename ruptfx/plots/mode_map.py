@@ -26,7 +26,7 @@ from ruptfx import RuptfxError
 from ruptfx.plots.style import MUTED, WIDTH, letter, new_figure, note, scale, styled
 from ruptfx.study.definition import Axis, Study
 from ruptfx.study.harvest import PICTURES
-from ruptfx.study.table import Row, read_csv
+from ruptfx.study.table import Row, read_csv, unit_of
 
 MODES = {
     "crack": ("#0072B2", "s"), "pulse": ("#E69F00", "^"), "train": ("#D55E00", "D"), "mixed": ("#009E73", "o"),
@@ -304,11 +304,14 @@ def page(shown: Map) -> str:
         for a, (size, unit) in zip(shown.axes, units, strict=True)
     ]
     look, title = shown.look(), shown.study.title or shown.directory.name
+    names = {name: unit_of(name) for name in (shown.rows[0] if shown.rows else {})}
+    names |= {axis.column: axis.unit for axis in shown.study.axes}
     facets = [{"label": label, "points": [_page_point(shown, row) for row in rows]} for label, rows in shown.facets]
     data = {
         "title": title, "axes": axes, "by": shown.study.refine.by,
         "modes": {name: colour for name, (colour, _) in look.items()} if shown.has_modes else None,
         "quantities": [vars(q) for q in shown.quantities], "shares": SHARES, "pictures": PICTURES,
+        "units": {name: unit for name, unit in names.items() if unit != "1"},
         "marks": [mark.model_dump() for mark in shown.study.marks] if len(axes) > 1 else [],
         "cloud": bool(shown.study.sampled),
         "colours": [matplotlib.colors.to_hex(COLOURS(part)) for part in np.linspace(0, 1, 33)],

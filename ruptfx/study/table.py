@@ -73,9 +73,16 @@ def dataset(study: Study, table: Sequence[Row]) -> xarray.Dataset:
             data[name] = (columns, _array([row[name] for row in table]).reshape(shape))
     for key in data.data_vars:
         name = str(key)
-        data[name].attrs["units"] = UNITS.get(name, "J" if name.startswith("energy_") else "1")
+        data[name].attrs["units"] = unit_of(name)
     data.attrs = {"title": study.title, "sampling": study.sampling}
     return data
+
+
+def unit_of(name: str) -> str:
+    """Unit of a column; energies of plane models are per metre of thickness."""
+    if name in (*TIMINGS, "time_step") and name != "node_updates_per_second":
+        return "s"
+    return UNITS.get(name, "J" if name.startswith("energy_") and name != "energy_closure" else "1")
 
 
 def write_dataset(path: Path, data: xarray.Dataset) -> None:

@@ -187,7 +187,8 @@ def test_hover_click_and_toggle(page, tmp_path):
         sizes = f"Promise.all({images}.map(i => i.decode().then(() => i.naturalWidth)))"
         assert await tab.value(sizes) == [40, 40]
         detail = await tab.value("document.getElementById('detail').textContent")
-        for text in ("peak slip rate8", "overflowinf", "friction 25.0 %", "kinetic 50.0 %"):
+        assert await tab.value("document.querySelectorAll('#map .ring.chosen').length") == 1
+        for text in ("peak slip rate8 m/s", "overflowinf", "friction 25.0 %", "kinetic 50.0 %"):
             assert text in detail
 
         names = await tab.value("[...document.querySelectorAll('#colours button')].map(b => b.textContent)")
@@ -204,5 +205,7 @@ def test_hover_click_and_toggle(page, tmp_path):
         assert "the run crashed </script>" in await tab.value("document.getElementById('detail').textContent")
         await tab.click("#facets button:nth-child(2)")
         assert len(set(await tab.value(fills))) == 2  # no failure in the other set
+        detail = await tab.value("document.getElementById('detail').textContent")
+        assert "Compression 1 MPa" in detail and "B · crack" in detail  # the same place in the other set
 
     visit(page, tmp_path / "profile", act)
