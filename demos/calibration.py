@@ -27,10 +27,16 @@ constants = [axis.column for axis in study.axes if axis.column != "loading"]
 
 # %% [markdown]
 # A set scores one for every loading whose mode is the published one, times the confidence of the classification. A
-# neighbouring mode (a train or a mixture where a pulse is wanted, ...) counts 0.3: it shows the way.
+# neighbouring mode (a train or a mixture where a pulse is wanted, ...) counts 0.3: it shows the way. Where nodes
+# chatter, slip rates grow without limit as the mesh gets finer, and the mode means little. So the score falls with
+# the largest slip rate beyond what plane waves can give: twice the impact speed, and 2 mu_s Sigma_0 / (rho c_s) from
+# the loss of all strength.
 
 # %%
 NEAR = {"pulse": ("train", "mixed"), "train": ("pulse", "mixed"), "mixed": ("train", "pulse"), "crack": ("mixed",)}
+LOADINGS = next(axis for axis in study.axes if axis.column == "loading")
+PLANE = {name: 2 * speed + 2 * 0.6 * sigma / (1246 * 1255)
+         for name, (sigma, speed) in zip(LOADINGS.labels, LOADINGS.values, strict=True)}  # fmt: skip
 
 
 def score(results):
@@ -39,7 +45,8 @@ def score(results):
     for loading, wanted in TARGET.items():
         values = results.get(loading, {}).get("values", {})
         mode, confidence = values.get("mode"), values.get("mode_confidence") or 0.0
-        total += confidence if mode == wanted else 0.3 * confidence * (mode in NEAR[wanted])
+        trust = confidence * min(1.0, PLANE[loading] / max(values.get("peak_slip_rate") or 0.0, 1e-9))
+        total += trust if mode == wanted else 0.3 * trust * (mode in NEAR[wanted])
     return total
 
 
@@ -52,8 +59,11 @@ def sets_of(outcome):
     return sorted(scored, key=lambda item: -item[0])
 
 
-def hits(results):
-    return sum(results.get(k, {}).get("values", {}).get("mode") == wanted for k, wanted in TARGET.items())
+def hits(results, calm=False):
+    """Loadings whose mode is the published one; calm: without slip rates beyond ten times those of plane waves."""
+    values = {loading: results.get(loading, {}).get("values", {}) for loading in TARGET}
+    right = [loading for loading, wanted in TARGET.items() if values[loading].get("mode") == wanted]
+    return sum(not calm or values[k].get("peak_slip_rate", 0.0) <= 10 * PLANE[k] for k in right)
 
 
 def grid(sets, name, **changes):
@@ -61,8 +71,7 @@ def grid(sets, name, **changes):
     keys = [axis.keys[0] for axis in study.axes if axis.column != "loading"]
     values = [[constants_[name] for name in constants] for constants_ in sets]
     axis = Axis(key=keys, name="set", values=values, labels=[f"{name}{i + 1}" for i in range(len(sets))])
-    loading = next(axis for axis in study.axes if axis.column == "loading")
-    return study.model_copy(update={"axes": [axis, loading], "sampling": "grid", "samples": None, **changes})
+    return study.model_copy(update={"axes": [axis, LOADINGS], "sampling": "grid", "samples": None, **changes})
 
 
 # %% [markdown]
@@ -128,10 +137,13 @@ for size in (1e-3, 0.5e-3):
 
 # %%
 runs = sum(len(results) for _, _, results in everything) + len(fine)
-found = [hits(results) for _, _, results in everything]
-reached = ", ".join(f"{number} modes: {found.count(number)}" for number in range(4, -1, -1))
+reached = []
+for calm in (False, True):
+    found = [hits(results, calm) for _, _, results in everything]
+    reached.append(", ".join(f"{number} modes: {found.count(number)}" for number in range(4, -1, -1)))
 lines = [
-    f"{runs} runs, {len(everything)} sets. Sets that reach, at nodes 0.5 mm apart, {reached}.",
+    f"{runs} runs, {len(everything)} sets. Sets that reach, at nodes 0.5 mm apart, {reached[0]};",
+    f"without slip rates beyond ten times those of plane waves, {reached[1]}.",
     "",
     "Modes at node spacings 0.5 / 0.25 / 0.125 mm, and the ratio of the largest slip rates at the two finer ones.",
     "",
