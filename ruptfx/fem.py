@@ -101,6 +101,41 @@ def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndar
     return vector.x.array.copy()
 
 
+def bilinear(form: ufl.Form) -> Any:
+    """A compiled bilinear form."""
+    return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)
+
+
+def matrix(form: Any, coupled: np.ndarray) -> PETSc.Mat:
+    """A compiled bilinear form as an AIJ matrix, summed over ranks, with room for coupled nodes; collective.
+
+    Parameters
+    ----------
+    form : dolfinx.fem.Form
+    coupled : ndarray of int, shape (pairs, 2)
+        Local nodes whose unknowns all depend on each other, beyond the form's own: zeros that may be filled later.
+    """
+    pairs = np.asarray(coupled, dtype=np.int32)
+    pattern = dolfinx.fem.create_sparsity_pattern(form)
+    for pair in pairs:
+        pattern.insert(pair, pair)
+    pattern.finalize()
+    made: Any = dolfinx.cpp.la.petsc.create_matrix(form.mesh.comm, pattern)
+    zeros = np.zeros((2 * made.getBlockSize(), 2 * made.getBlockSize()))
+    for pair in pairs:  # what is not set at the first assembly is dropped
+        made.setValuesBlockedLocal(pair, pair, zeros, addv=PETSc.InsertMode.ADD_VALUES)
+    dolfinx.fem.petsc.assemble_matrix(made, form)
+    made.assemble()
+    return made
+
+
+def local_matrix(form: Any) -> Any:
+    """A compiled bilinear form over the cells this rank owns, as a SciPy matrix over its local unknowns."""
+    rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
+    # Columns beyond the local unknowns wait for what other ranks would add.
+    return rows[:, : rows.shape[0]].copy()
+
+
 class SharedVector:
     """Local degrees of freedom, ghosts included, that can be summed over ranks while other work goes on.
 

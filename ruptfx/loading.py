@@ -98,6 +98,12 @@ class Driven(_Edge):
     y_range: Range | None = None
     """Only the part of the edge within these coordinates moves."""
 
+    def travelled(self, time: float) -> float:
+        """Displacement of the edge since time zero [m]."""
+        if time < self.ramp:
+            return 0.5 * self.velocity * time**2 / self.ramp
+        return self.velocity * (time - 0.5 * self.ramp)
+
 
 class Traction(_Edge):
     """A traction on the edge on top of the initial load."""

@@ -33,13 +33,16 @@ class Viscosity:
     ----------
     eta : float
         [s]
+    bulk : Bulk
+        These elements.
     operator : Operator
-        K of these elements.
+        K of them.
     nodes : ndarray of bool, shape (nodes,)
         Nodes of the elements this rank owns.
     """
 
     eta: float
+    bulk: operators.Bulk
     operator: operators.Operator
     nodes: np.ndarray
 
@@ -152,7 +155,7 @@ class Model:
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
         if not chosen[:owned].any():
             chosen[0] = True  # an operator needs an element; its nodes are not touched
-        return Viscosity(eta, operators.create(self.case.operator, bulk), touched)
+        return Viscosity(eta, bulk, operators.create(self.case.operator, bulk), touched)
 
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""

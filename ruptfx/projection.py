@@ -59,16 +59,18 @@ class TracedLaw:
     ----------
     law : FrictionLaw
         With profiles already evaluated at the points (`law.at(position)`).
+    at_end : bool
+        The traction belongs to the end of the step (implicit steps): the strength sees all states there.
     """
 
-    def __init__(self, law: FrictionLaw) -> None:
+    def __init__(self, law: FrictionLaw, at_end: bool = False) -> None:
         self.law = law
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
         self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
         old = {name: symbol(f"s_{name}") for name in self.state_names}
         new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
-        carrying = traced.state_of_strength(old, new, self.slip_rate, self.dt)
+        carrying = new if at_end else traced.state_of_strength(old, new, self.slip_rate, self.dt)
         strength = traced.strength(self.slip_rate, self.normal_stress, carrying)
         if not isinstance(strength, Expression):
             strength = constant(strength)
@@ -124,12 +126,34 @@ class Projected:
     shear_traction : ndarray, shape (n, tangents) [Pa]
     slip_rate : ndarray, shape (n, tangents) [m/s]
     state : dict of ndarray, shape (n,)
+    tangent : Tangent or None
+        Where it was asked for.
     """
 
     normal_stress: np.ndarray
     shear_traction: np.ndarray
     slip_rate: np.ndarray
     state: dict[str, np.ndarray]
+    tangent: Tangent | None = None
+
+
+@dataclass
+class Tangent:
+    """Exact derivatives of what is admitted with respect to the trial, the state advanced inside the solve included.
+
+    Attributes
+    ----------
+    stress : ndarray, shape (n,)
+        d normal_stress / d trial_normal: 1 where closed, 0 where open.
+    rate_by_shear : ndarray, shape (n, tangents, tangents)
+        d slip_rate / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
+    rate_by_normal : ndarray, shape (n, tangents)
+        d slip_rate / d trial_normal [m/s/Pa]: more pressure, more strength, less slip.
+    """
+
+    stress: np.ndarray
+    rate_by_shear: np.ndarray
+    rate_by_normal: np.ndarray
 
 
 class ProjectionError(RuptfxError):
@@ -155,6 +179,7 @@ def project(
     dt: float,
     guess: np.ndarray | None = None,
     where: str = "",
+    tangent: bool = False,
 ) -> Projected:
     """Bring trial tractions back to what the law admits.
 
@@ -173,6 +198,8 @@ def project(
         Slip rates to begin with [m/s].
     where : str
         Added to the message of an error, e.g. the time.
+    tangent : bool
+        Differentiate, too.
 
     Raises
     ------
@@ -188,7 +215,7 @@ def project(
         i = int(np.flatnonzero(bad)[0])
         values = {"trial_shear_traction": trial[i], "trial_normal_stress": trial_normal[i], "Z": impedance[i]}
         raise explain(law.law, i, where, values | {name: state[name][i] for name in law.state_names})
-    *_, new = law(rate, sigma, state, dt)
+    _, slope, stress_slope, new = law(rate, sigma, state, dt)
     with np.errstate(invalid="ignore", divide="ignore"):
         direction = np.where(trial[:, None] > 0, trial_shear / trial[:, None], 0.0)
     return Projected(
@@ -196,6 +223,27 @@ def project(
         shear_traction=trial_shear - (impedance * rate)[:, None] * direction,
         slip_rate=rate[:, None] * direction,
         state={name: np.array(value) for name, value in new.items()},
+        tangent=_tangent(sigma, trial, rate, direction, impedance, slope, stress_slope) if tangent else None,
+    )
+
+
+def _tangent(
+    sigma: np.ndarray, trial: np.ndarray, rate: np.ndarray, direction: np.ndarray, impedance: np.ndarray,
+    slope: np.ndarray, stress_slope: np.ndarray,
+) -> Tangent:  # fmt: skip
+    """Derivative of |trial| - Z V = strength(V, sigma), and of the direction, which turns with the trial."""
+    closed, sliding = sigma > 0, rate > 0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # (Z + dstrength/dV) dV = d|trial| - dstrength/dsigma dsigma; an open interface has no strength
+        by_size = np.where(sliding, 1 / (impedance + np.where(closed, slope, 0.0)), 0.0)
+        by_normal = np.where(sliding & closed, -by_size * stress_slope, 0.0)
+        turning = np.where(sliding, rate / trial, 0.0)
+    along = direction[:, :, None] * direction[:, None, :]
+    across = np.eye(direction.shape[1]) - along
+    return Tangent(
+        stress=closed.astype(float),
+        rate_by_shear=by_size[:, None, None] * along + turning[:, None, None] * across,
+        rate_by_normal=by_normal[:, None] * direction,
     )
 
 

@@ -6,10 +6,11 @@ its trial back to what the friction law admits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from ruptfx.schema import Alternative, alternative
+from ruptfx.schema import Alternative, CaseError, alternative, alternatives
 
 Array = Any
 
@@ -32,6 +33,12 @@ class Point:
         Time step [s].
     normal_impedance, shear_impedance :
         Traction per velocity jump over the step [Pa s/m], 1 / (dt w (1/m+ + 1/m-)).
+    normal_multiplier, shear_multiplier :
+        Normal stress and shear traction [Pa] of the last outer iteration (implicit steps only).
+    body_stiffness :
+        Traction per displacement of the point alone [Pa/m], inertia included (implicit steps only).
+
+    In implicit steps the jumps belong to the end of the step; velocities and impedances are not known (nan).
     """
 
     normal_stress_0: Array
@@ -44,6 +51,9 @@ class Point:
     dt: Array
     normal_impedance: Array
     shear_impedance: Array
+    normal_multiplier: Array = 0.0
+    shear_multiplier: list[Array] = field(default_factory=list)
+    body_stiffness: Array = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +75,21 @@ class Trial:
 
 
 class ContactMethod(Alternative):
-    """The contract of a contact method."""
+    """The contract of a contact method.
+
+    Implicit steps differentiate the trial: opening changes the normal stress by -1 / `normal_compliance`, slip the
+    shear traction by `impedance` / dt, and nothing else may depend on the displacement.
+    """
+
+    explicit: ClassVar[bool] = True
+    """Whether explicit steps can use it."""
+    implicit: ClassVar[bool] = False
+    """Whether implicit steps can use it."""
+
+    def multiplier_tolerance(self) -> float | None:
+        """Change of the tractions over the largest one at which the outer iterations of implicit steps end; None
+        where the trial does not depend on multipliers."""
+        return None
 
     def trial(self, point: Point) -> Trial:
         """Traction that would hold if the interface stayed closed and stuck."""
@@ -100,6 +124,22 @@ class ContactMethod(Alternative):
     def stiffness(self) -> tuple[float, float]:
         """Normal and shear stiffness [Pa/m] that the stable time step must respect; zero for rigid methods."""
         return 0.0, 0.0
+
+
+def require(faults: Iterable[Any], way: Literal["explicit", "implicit"]) -> None:
+    """Refuse contact methods that steps of this kind cannot use.
+
+    Raises
+    ------
+    CaseError
+    """
+    for fault in faults:
+        if not getattr(fault.contact, way):
+            able = [kind for kind, cls in alternatives("ruptfx.contact").items() if getattr(cls, way)]
+            raise CaseError(
+                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use "
+                f"{' or '.join(map(repr, able))}, or another stepper"
+            )
 
 
 if TYPE_CHECKING:

@@ -14,6 +14,8 @@ class Compliant(ContactMethod):
     Source: Povirk and Needleman (1993); Coker, Lykotrafitis, Needleman, Rosakis (2005).
     """
 
+    implicit = True
+
     C_n: Stiffness
     C_s: Stiffness
 

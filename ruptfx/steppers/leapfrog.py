@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import native
+from ruptfx.contact import require
 from ruptfx.loading import ramp
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
@@ -33,6 +34,7 @@ class Leapfrog(Stepper):
     def bind(self, model: Model) -> LeapfrogMotion:
         from ruptfx.model import three_digits
 
+        require(model.faults, "explicit")
         stable = model.stable_time_step()
         if self.time_step is None:
             return LeapfrogMotion(model, three_digits(self.safety * stable))

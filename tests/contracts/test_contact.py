@@ -21,7 +21,7 @@ from ruptfx.schema import alternatives
 
 pytestmark = pytest.mark.fem
 
-METHODS = alternatives("ruptfx.contact")
+METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.explicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
 every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])

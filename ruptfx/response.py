@@ -1,0 +1,153 @@
+"""What a fault answers to a displacement at the end of an implicit step: traction, exact tangent, new state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ruptfx.contact import Point
+from ruptfx.fault import Fault, FaultState, component_names
+from ruptfx.projection import Projected, TracedLaw, project
+
+
+@dataclass
+class Response:
+    """The fault at the end of a step, were the displacement the given one; nothing is committed.
+
+    Attributes
+    ----------
+    traction : ndarray, shape (n, local)
+        T - T_0 in the local frame [Pa], tension positive: what `Interface.assemble` takes.
+    tangent : ndarray, shape (n, local, local)
+        dT / d[u] [Pa/m], with the state advanced inside the solve; unsymmetric where friction follows pressure.
+    state : dict of ndarray
+        All fields at the end of the step.
+    """
+
+    traction: np.ndarray
+    tangent: np.ndarray
+    state: FaultState
+
+
+class FaultResponse:
+    """Answers for one fault: `FaultResponse(fault, threshold)(state, jump, dt, time, ...)`.
+
+    Parameters
+    ----------
+    fault : Fault
+    threshold : float
+        Slip rate [m/s] whose first passing is the rupture time.
+    radiation : float or ndarray, shape (n,)
+        Impedance [Pa s/m] of waves that are not computed, mu / (2 c_s) for quasi-dynamic steps: the traction is the
+        strength plus this times the slip rate.
+    """
+
+    def __init__(self, fault: Fault, threshold: float, radiation: float | np.ndarray = 0.0) -> None:
+        self.fault, self.threshold, self.radiation = fault, threshold, radiation
+        self.law = TracedLaw(fault.friction, at_end=True)
+
+    def __call__(
+        self,
+        state: FaultState,
+        jump: np.ndarray,
+        dt: float,
+        time: float,
+        multiplier: tuple[np.ndarray, np.ndarray],
+        body_stiffness: np.ndarray,
+    ) -> Response:
+        """The response at the end of a step.
+
+        Parameters
+        ----------
+        state : FaultState
+            At the beginning of the step; left alone.
+        jump : ndarray, shape (n, local)
+            Displacement jump at the end of the step [m].
+        dt, time : float
+            Length of the step and the time of its end [s].
+        multiplier : (ndarray, ndarray), shapes (n,) and (n, tangents)
+            Normal stress and shear traction of the last outer iteration [Pa].
+        body_stiffness : ndarray, shape (n,)
+            As in `contact.Point`.
+
+        Raises
+        ------
+        ProjectionError
+            On the rank of a point without an admissible traction.
+        """
+        fault = self.fault
+        opening, slip_jump = fault.interface.split(jump)
+        slip, initial = fault.components(state, "slip"), fault.driving_shear(time)
+        unknown = np.full(len(opening), np.nan)
+        trial = fault.contact.trial(Point(
+            normal_stress_0=fault.normal_stress_0, shear_traction_0=list(initial.T), opening_jump=opening,
+            slip_jump=list(slip_jump.T), opening_velocity=unknown, slip_velocity=[unknown] * fault.tangents,
+            slip=list(slip.T), dt=dt, normal_impedance=unknown, shear_impedance=unknown,
+            normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
+        ))  # fmt: skip
+        normal, shear = np.broadcast_to(trial.normal_stress, opening.shape), np.stack(trial.shear_traction, axis=1)
+        relief = np.broadcast_to(trial.impedance, opening.shape)  # shear traction per slip rate
+        done = project(
+            self.law, {name: state[name] for name in self.law.state_names}, normal, shear, relief + self.radiation, dt,
+            np.linalg.norm(fault.components(state, "slip_rate"), axis=1),
+            f"of fault '{fault.name}' at time {time:.6g} s", tangent=True,
+        )  # fmt: skip
+        done.shear_traction = shear - relief[:, None] * done.slip_rate
+        change = [done.shear_traction - initial]
+        if fault.interface.has_normal:
+            change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
+        gap = (done.normal_stress - normal) * trial.normal_compliance
+        return Response(
+            np.concatenate(change, axis=1), self._tangent(done, relief, trial.normal_compliance, dt),
+            self._new_state(state, done, gap, dt, time),
+        )  # fmt: skip
+
+    def _tangent(self, done: Projected, relief: np.ndarray, compliance: np.ndarray | float, dt: float) -> np.ndarray:
+        """dT / d[u] from the derivatives of the projection: the trial has the stiffness relief / dt along the
+        interface and 1 / compliance across."""
+        assert done.tangent is not None
+        slopes, tangents = done.tangent, self.fault.tangents
+        stiffness = relief / dt
+        along = stiffness[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
+        if not self.fault.interface.has_normal:
+            return along
+        result = np.zeros((len(relief), 1 + tangents, 1 + tangents))
+        normal = np.broadcast_to(1 / compliance, relief.shape)
+        result[:, 0, 0] = normal * slopes.stress
+        # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
+        result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
+        result[:, 1:, 1:] = along
+        return result
+
+    def _new_state(self, old: FaultState, done: Projected, gap: np.ndarray, dt: float, time: float) -> FaultState:
+        tangents = self.fault.tangents
+        speed = np.linalg.norm(done.slip_rate, axis=1)
+        first = np.isnan(old["rupture_time"]) & (speed > self.threshold)
+        state: FaultState = {
+            "normal_stress": done.normal_stress, "opening": gap,
+            "peak_slip_rate": np.maximum(old["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0)),
+            "rupture_time": np.where(first, time, old["rupture_time"]), **done.state,
+        }  # fmt: skip
+        slip = self.fault.components(old, "slip") + dt * done.slip_rate
+        for name, value in (("slip", slip), ("slip_rate", done.slip_rate), ("shear_traction", done.shear_traction)):
+            state |= dict(zip(component_names(name, tangents), value.T.copy(), strict=True))
+        return state
+
+    def exchanged(self, old: FaultState, new: FaultState, dt: float, time: float) -> tuple[float, float, float]:
+        """Energy lost in friction, lost where gaps close, and put in by the nucleation in a step, points of this
+        rank [J]."""
+        fault, face = self.fault, self.fault.interface
+        area = face.owned * face.weight
+        was, rate_old = fault.components(old, "shear_traction"), fault.components(old, "slip_rate")
+        now, rate = fault.components(new, "shear_traction"), fault.components(new, "slip_rate")
+        dissipated = float(area @ fault.contact.dissipated(was, now, rate_old, rate).sum(axis=1)) * dt
+        # The mean pressure on what the gap grew.
+        pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
+        rigid = not any(fault.contact.stiffness())
+        impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
+        worked = 0.0
+        if fault.is_loaded:
+            load_old, load = fault.load(max(time - dt, 0.0)), fault.load(time)
+            worked = float(area @ fault.contact.dissipated(load_old, load, rate_old[:, 0], rate[:, 0])) * dt
+        return dissipated, impact, worked

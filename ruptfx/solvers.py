@@ -1,0 +1,179 @@
+"""PETSc's nonlinear and linear solvers with defaults that need no options, and options of the case that replace them.
+
+Small systems are factorised: by MUMPS, or by PETSc's own LU on one rank where MUMPS is missing. Large ones are solved
+by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GAMG) that knows the rigid motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.model import Model
+from ruptfx.schema import CaseError
+
+PETSc: Any = fem.PETSc
+# Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
+DIRECT = {2: 400_000, 3: 60_000}
+TOLERANCE = 1e-10
+MAX_NEWTON = 40
+
+Options = Mapping[str, bool | int | float | str]
+_numbers = count()
+
+
+class CaseOptions:
+    """PETSc options of a case under a prefix of their own: nobody else sees them, and none goes unread unnoticed.
+
+    A context: within it the options are in PETSc's database; solvers read some of them at their first use.
+
+    Parameters
+    ----------
+    given : dict
+        Names without leading dash; ``true`` is an option without value.
+    defaults : dict, optional
+        Options that `given` overrides and that may go unread.
+    """
+
+    def __init__(self, given: Options, defaults: Options | None = None) -> None:
+        self.given, self.prefix = dict(given), f"ruptfx{next(_numbers)}_"
+        self._all = {**(defaults or {}), **self.given}
+        self.unread = ""
+
+    def __enter__(self) -> CaseOptions:
+        database = PETSc.Options()
+        for name, value in self._all.items():
+            database.setValue(self.prefix + name, None if value is True else value)
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        database = PETSc.Options()
+        unread = [name for name in self.given if not database.used(self.prefix + name)]
+        self.unread = f"stepper.petsc_options.{unread[0]} = {self.given[unread[0]]!r}" if unread else ""
+        for name in self._all:
+            database.delValue(self.prefix + name)
+
+
+class NewtonSolver:
+    """SNES, KSP and PC for one matrix.
+
+    Parameters
+    ----------
+    model : Model
+    matrix : PETSc.Mat
+        Of the tangent.
+    options : dict
+        PETSc options of the case.
+    function, tangent : callable
+        As SNES calls them.
+    scale : callable
+        Norm of the forces that balance at the last evaluation: `snes_rtol` is relative to it.
+    """
+
+    def __init__(
+        self, model: Model, matrix: Any, options: Options, function: Callable[..., None],
+        tangent: Callable[..., None], scale: Callable[[], float],
+    ) -> None:  # fmt: skip
+        self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
+        self._scale = scale
+        self.history: list[float] = []
+        self.unknown = matrix.createVecRight()
+        self.snes = PETSc.SNES().create(model.comm)
+        self.snes.setOptionsPrefix(self._options.prefix)
+        self.snes.setFunction(function, matrix.createVecLeft())
+        self.snes.setJacobian(tangent, matrix, matrix)
+        self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
+        self.snes.setConvergenceTest(self._converged)
+        self._ksp = self.snes.getKSP()
+        self.multigrid = not self._direct(model)
+        if self.multigrid:
+            matrix.setNearNullSpace(rigid_motions(model, matrix))
+        self._ready = False
+
+    def _direct(self, model: Model) -> bool:
+        """Set the defaults; whether they are a factorisation."""
+        pc = self._ksp.getPC()
+        mumps = PETSc.Sys.hasExternalPackage("mumps")
+        unknowns = model.total_nodes * model.components
+        if unknowns <= DIRECT[model.mesh.geometry.dim] and (mumps or model.comm.size == 1):
+            self._ksp.setType("preonly")
+            pc.setType("lu")
+            if mumps:
+                pc.setFactorSolverType("mumps")
+            return True
+        self._ksp.setType("cg")
+        self._ksp.setTolerances(rtol=1e-7, max_it=2000)
+        pc.setType("gamg")
+        return False
+
+    def use_symmetric(self, symmetric: bool) -> None:
+        """CG or GMRES for the next solve, unless the case says otherwise or the matrix is factorised."""
+        if self.multigrid and "ksp_type" not in self._options.given:
+            self._ksp.setType("cg" if symmetric else "gmres")
+
+    def solve(self, start: np.ndarray) -> bool:
+        """Solve from the owned unknowns `start`; the result is in `unknown`. Whether it converged; collective.
+
+        Raises
+        ------
+        CaseError
+            Options of the case that nobody read.
+        """
+        self.history = []
+        self.unknown.array[:] = start
+        with nullcontext() if self._ready else self._options:
+            if not self._ready:
+                self.snes.setFromOptions()
+            self.snes.solve(None, self.unknown)
+        if not self._ready and self._options.unread:
+            raise CaseError(
+                f"{self._options.unread}: the solvers in use (SNES {self.snes.getType()}, KSP {self._ksp.getType()}, "
+                f"PC {self._ksp.getPC().getType()}) have no such option; correct or remove it"
+            )
+        self._ready = True
+        return self.snes.getConvergedReason() > 0
+
+    def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int | None:
+        """The norm of the residual against that of the forces: what balances may be zero at the start."""
+        norm = norms[2]
+        self.history.append(norm)
+        rtol, atol, _, _ = snes.getTolerances()
+        reasons = PETSc.SNES.ConvergedReason
+        if norm <= max(rtol * self._scale(), atol):
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return None
+
+    @property
+    def reason(self) -> str:
+        """Why the last solve ended, in PETSc's words."""
+        code = self.snes.getConvergedReason()
+        text = _name(PETSc.SNES.ConvergedReason, code)
+        return f"{text} ({_name(PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
+
+
+def _name(reasons: Any, code: int) -> str:
+    return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
+
+
+def rigid_motions(model: Model, matrix: Any) -> Any:
+    """Translations and rotations of the owned unknowns, as the near null space of a stiffness."""
+    x, c = model.coordinates[: model.owned_nodes], model.components
+    modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
+    for i, j in {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)]}.get(c, []):
+        turn = np.zeros((len(x), c))
+        turn[:, i], turn[:, j] = -x[:, j], x[:, i]
+        modes.append(turn)
+    vectors: list[Any] = []
+    for mode in modes:
+        vector = matrix.createVecRight()
+        vector.array[:] = mode.ravel()
+        for other in vectors:  # orthonormal, as PETSc wants them
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+        vectors.append(vector)
+    return PETSc.NullSpace().create(vectors=vectors, comm=model.comm)

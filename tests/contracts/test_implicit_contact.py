@@ -1,0 +1,164 @@
+"""Contact methods for implicit steps with every friction law: exact tangents, the equilibrium they lead to, solvers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import friction, friction_laws, table
+from small_cases import case, memory_friction, smooth_field
+from test_contact import POINTS, an_interface
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.equilibrium import ConvergenceError, Equilibrium
+from ruptfx.fault import Fault
+from ruptfx.model import Model
+from ruptfx.response import FaultResponse
+from ruptfx.schema import CaseError, alternatives
+
+pytestmark = pytest.mark.fem
+
+METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.implicit}
+every_method = pytest.mark.parametrize("method", METHODS)
+LAWS = friction_laws()
+HELD = [
+    {"kind": "driven", "edge": "lower.bottom", "component": component, "velocity": 0.0} for component in "xy"
+] + [{"kind": "traction", "edge": "upper.top", "traction": [1e5, -2e6], "ramp": 1e-3}]  # fmt: skip
+
+
+def contact(method: str) -> dict[str, Any]:
+    return {"kind": method, **table(METHODS[method], 0)}
+
+
+@every_method
+@pytest.mark.parametrize("components", [1, 2, 3])
+@pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
+def test_tangent_is_the_derivative(method: str, components: int, kind: str, held: str | None) -> None:
+    """Central differences of the traction; stuck, sliding and open points, the state advanced within."""
+    random = np.random.default_rng(7)
+    face, law = an_interface(components, random), friction(kind, held, profiles=True)
+    normal = np.where(random.random(POINTS) < 0.1, 0.0, random.uniform(1e5, 1e7, POINTS))
+    shear = random.normal(size=(POINTS, face.tangents)) * 1e5
+    fault = Fault("main", face, METHODS[method].model_validate(table(METHODS[method], 0)), law.at(face.position),
+                  normal, shear)  # fmt: skip
+    body_stiffness = np.full(POINTS, 1e11)
+    respond, state, dt = FaultResponse(fault, 1e-3), fault.initial_state(), 1e-6
+    # Jumps that change the normal stress by some MPa, the shear traction by more, so that much slides.
+    size = 3e6 / (fault.contact.stiffness()[0] or fault.contact.penalty * 1e11)
+    jump = random.normal(size=(POINTS, components)) * size * ([1.0, 5.0, 5.0][:components] if components > 1 else 5.0)
+
+    def at(jump: np.ndarray) -> Any:
+        multipliers = state["normal_stress"], fault.components(state, "shear_traction")
+        return respond(state, jump, dt, dt, multipliers, body_stiffness)
+
+    here, h = at(jump), 1e-6 * size
+    for k in range(components):
+        step = h * np.eye(components)[k]
+        expected = (at(jump + step).traction - at(jump - step).traction) / (2 * h)
+        error = np.abs(expected - here.tangent[:, :, k]).max(axis=1) / np.abs(here.tangent).max()
+        # Truncation and round-off of the differences; a point may sit within h of a kink.
+        assert np.sort(error)[-2] < 1e-6
+    sliding = np.linalg.norm(fault.components(here.state, "slip_rate"), axis=1) > 0
+    assert sliding.mean() > 0.05
+    if components > 1:
+        assert 0.01 < np.mean(here.state["normal_stress"] == 0) < 0.9
+
+
+@every_method
+def test_equilibrium_balances_and_leaves_the_state_alone(method: str) -> None:
+    """K u + J' W (T - T_0) = F at the end of a sliding step, Newton converges quadratically, nothing is committed."""
+    pressed = case({
+        "faults.main.contact": contact(method), "faults.main.friction": memory_friction("P1"), "boundaries": HELD,
+        "faults.main.initial_stress": {"normal": 1e6, "shear": 2e4},
+    })  # fmt: skip
+    model = Model(pressed)
+    equilibrium, state = Equilibrium(model), model.initial_state()
+    solution = equilibrium.solve(state, 1e-4)
+    assert np.all(state.displacement == 0) and np.all(state.faults["main"]["slip"] == 0) and state.time == 0
+    solution.commit(state)
+    assert state.step == 1 and state.time == 1e-4 and state.faults["main"]["slip"].min() > 0
+    # The tractions of the state say the same as the solution.
+    np.testing.assert_allclose(equilibrium.internal(state), solution.internal, atol=1e-9 * solution.scale)
+    free = np.ones(len(model.mass), dtype=bool)
+    for dofs, _ in model.loads.driven:
+        free[dofs] = False
+    unbalanced = (solution.internal - equilibrium.load(state.time))[free]
+    assert np.linalg.norm(unbalanced) < 1e-9 * solution.scale
+    # What is held carries the load: sum of reactions = 0.1 of the final traction times the length, 12 mm.
+    reaction = solution.internal.reshape(-1, 2)[~free.reshape(-1, 2)[:, 0]].sum(axis=0)
+    np.testing.assert_allclose(reaction, [-1e4 * 12e-3, 2e5 * 12e-3], rtol=1e-9)
+
+
+def test_the_matrix_is_the_operator() -> None:
+    """K u of the matrix that is factorised is that of the operator, to round-off."""
+    model = Model(case())
+    equilibrium, u = Equilibrium(model), smooth_field(model)
+    product = equilibrium._stiffness.createVecLeft()
+    vector = equilibrium._stiffness.createVecRight()
+    vector.array[:] = u[: len(vector.array)]
+    equilibrium._stiffness.mult(vector, product)
+    expected = -model.internal_force(u, u)[: len(product.array)]
+    assert np.abs(product.array - expected).max() < 1e-13 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"ksp_type": "cg", "pc_type": "gamg", "ksp_rtol": 1e-9},
+    {"ksp_type": "fgmres", "pc_type": "jacobi", "ksp_rtol": 1e-8},
+])  # fmt: skip
+def test_options_of_the_case_choose_the_solver(options: dict[str, Any]) -> None:
+    model = Model(case({"order": 2, "boundaries": HELD}))
+    equilibrium, reference = Equilibrium(model, options), Equilibrium(model)
+    ours, theirs = (solver.solve(model.initial_state(), 1e-4).displacement for solver in (equilibrium, reference))
+    np.testing.assert_allclose(ours, theirs, atol=1e-8 * np.abs(theirs).max())
+    ksp = equilibrium._solver.snes.getKSP()
+    assert ksp.getType() == options.get("ksp_type", "preonly")
+    assert ksp.getPC().getType() == options.get("pc_type", "lu")
+
+
+def test_multigrid_solves_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What large systems get: CG while the tangent is symmetric, GMRES where friction follows pressure."""
+    monkeypatch.setattr("ruptfx.solvers.DIRECT", {2: 0})
+    sliding = case({
+        "order": 2, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.1},
+        "boundaries": [*HELD[:2], {**HELD[2], "traction": [3e6, -1e6]}, {**HELD[0], "edge": "upper.left"}],
+        "faults.main.initial_stress": {"normal": 1e6, "shear": 9e4},
+    })  # fmt: skip
+    model = Model(sliding)
+    equilibrium, state = Equilibrium(model), model.initial_state()
+    types = []
+    for dt in (1e-5, 9.9e-4):
+        equilibrium.solve(state, dt).commit(state)
+        types.append(equilibrium._solver.snes.getKSP().getType())
+    assert state.faults["main"]["slip"].max() > 0
+    assert types == ["cg", "gmres"]
+
+
+def test_unknown_option_is_refused() -> None:
+    model = Model(case({"order": 2, "boundaries": HELD}))
+    equilibrium = Equilibrium(model, {"snes_rtoll": 1e-8})
+    with pytest.raises(CaseError, match=r"stepper\.petsc_options\.snes_rtoll = 1e-08: .* no such option"):
+        equilibrium.solve(model.initial_state(), 1e-4)
+
+
+def test_no_equilibrium_says_where_and_changes_nothing() -> None:
+    """A plate that nothing holds, pulled off its base."""
+    lost = case({
+        "order": 2, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.1}, "faults.main.initial_stress.normal": 1e6,
+        "boundaries": [*HELD[:2], {**HELD[2], "traction": [0.0, 9e6]}],
+    })  # fmt: skip
+    model = Model(lost)
+    equilibrium, state = Equilibrium(model), model.initial_state()
+    with pytest.raises(ConvergenceError, match=r"no equilibrium at time 0.0005 s, step of 0.0005 s: DIVERGED.*worst:"):
+        equilibrium.solve(state, 5e-4)
+    assert np.all(state.displacement == 0) and state.time == 0 and state.faults["main"]["opening"].max() == 0
+
+
+def test_contact_of_the_other_kind_of_steps_is_refused() -> None:
+    model = Model(case({"faults.main.contact": {"kind": "split_node"}}))
+    with pytest.raises(CaseError, match=r"faults\.main\.contact\.kind = 'split_node': not for implicit steps"):
+        Equilibrium(model)
+    rigid = case({"faults.main.contact": {"kind": "augmented_lagrangian"}})
+    with pytest.raises(CaseError, match=r"'augmented_lagrangian': not for explicit steps; use 'compliant' or 'split_n"):
+        rigid.stepper.bind(Model(rigid))
