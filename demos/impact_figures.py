@@ -1,14 +1,16 @@
 # %% [markdown]
 # # What the shear-impact study shows
 #
-# Three pictures: the speed of the leading tip over impact speed and compression, from the table of the map; slip and
-# displacement jump along the interface for the four published loadings; the fringes of a polariscope 16 us after an
-# impact of 5 m/s at 10 MPa, on an interface that cannot slip and on one that does.
+# Four pictures: the modes of all sets of constants side by side; the speed of the leading tip over impact speed and
+# compression, from the table of the map; slip and displacement jump along the interface for the four published
+# loadings; the fringes of a polariscope 16 us after an impact of 5 m/s at 10 MPa, on an interface that cannot slip and
+# on one that does.
 #
 #     ruptfx study demos/mode_map.toml --out studies/mode_map
+#     ruptfx study demos/mode_map_best.toml --out studies/mode_map_best
 #     python demos/impact_figures.py
 #
-# The second command takes a minute and leaves the pictures in `studies/figures`. Runs that exist are not run again.
+# The last command takes a minute and leaves the pictures in `studies/figures`. Runs that exist are not run again.
 
 # %%
 from pathlib import Path
@@ -18,9 +20,9 @@ from matplotlib.figure import Figure
 
 from ruptfx import Record, read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
+from ruptfx.plots import mode_map
 from ruptfx.plots.bulk import Raster
 from ruptfx.plots.style import GUIDE, TIME_MAP, letter, styled
-from ruptfx.study import read_csv
 
 HERE, OUT = Path(__file__).parent, Path("studies/figures")
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
@@ -36,7 +38,7 @@ def run(name, sigma, speed, *changes):
 
 
 # %% [markdown]
-# Tip speed against impact speed, one line per compression, for every set of constants of the map. Points without
+# The modes; and tip speed against impact speed, one line per compression, for the sets of the map. Points without
 # sliding, or whose tip has run less than 30 mm, have no speed worth the name.
 
 
@@ -67,11 +69,15 @@ def tip_speeds(table):
     return figure
 
 
-table = Path("studies/mode_map/table.csv")
-if table.is_file():
-    tip_speeds(read_csv(table)).savefig(OUT / "tip_speed.png", dpi=170)
-else:
-    print(f"{table}: missing; first run: ruptfx study demos/mode_map.toml --out studies/mode_map")
+maps = []
+for name in ("mode_map", "mode_map_best"):
+    if Path("studies", name, "table.csv").is_file():
+        maps.append(mode_map.read_map(Path("studies", name)))
+    else:
+        print(f"studies/{name}: missing; first run: ruptfx study demos/{name}.toml --out studies/{name}")
+if maps:
+    mode_map.draw_modes(maps).savefig(OUT / "modes.png", dpi=170)
+    tip_speeds(maps[0].rows).savefig(OUT / "tip_speed.png", dpi=170)
 
 # %% [markdown]
 # Slip (lines) and displacement jump (dashes) every 10 us, set P1. The jump is the slip and the elastic stretch of the

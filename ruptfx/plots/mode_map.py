@@ -182,10 +182,31 @@ def draw(shown: Map) -> Figure:
         ax.set_title(label)
     letter([ax for ax, *_ in cells])
     if shown.has_modes:
-        outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
-        handles = [Line2D([], [], marker="s", color=c, label=name, **outline) for name, (c, _) in shown.look().items()]
-        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
+        _legend(figure, shown.look())
     return figure
+
+
+@styled
+def draw_modes(maps: Sequence[Map]) -> Figure:
+    """Only the modes, of several studies side by side; the axes should be the same."""
+    panels = [(shown, label, rows) for shown in maps for label, rows in shown.facets]
+    figure, grid = new_figure(1, len(panels), 2.5, max(WIDTH, 2.4 * len(panels)), sharey=True)
+    for ax, (shown, label, rows) in zip(grid[0], panels, strict=True):
+        _axes(ax, shown)
+        _draw_modes(ax, shown, rows)
+        _draw_marks(ax, shown)
+        ax.set_title(label or shown.study.title)
+        ax.label_outer()
+    letter(grid[0])
+    found = {name: look for shown in maps for name, look in shown.look().items()}
+    _legend(figure, {name: found[name] for name in (*MODES, *(found.keys() - MODES.keys())) if name in found})
+    return figure
+
+
+def _legend(figure: Figure, look: dict[str, tuple[str, str]]) -> None:
+    outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
+    handles = [Line2D([], [], marker="s", color=colour, label=name, **outline) for name, (colour, _) in look.items()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
 
 
 def _axes(ax: Axes, shown: Map) -> None:

@@ -86,6 +86,13 @@ def test_the_page_is_one_file_without_links(page):
     assert "<title>Modes &lt;of> two plates &amp; more</title>" in text
 
 
+def test_modes_of_two_studies_side_by_side(page):
+    shown = mode_map.read_map(page.parent)
+    figure = mode_map.draw_modes([shown, shown])
+    assert [ax.get_title() for ax in figure.axes] == ["A", "B", "A", "B"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["crack", "pulse", "failed"]
+
+
 class Tab:
     """One tab of a headless browser, spoken to by the Chrome DevTools Protocol."""
 
