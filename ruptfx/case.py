@@ -18,7 +18,7 @@ from ruptfx.loading import AnyBoundary, InitialStress
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
-from ruptfx.schema import CaseError, Name, Part, Unit, find, json_schema, kinds, nearest
+from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_schema, kinds, nearest, shown_key
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed
@@ -148,11 +148,12 @@ def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:
     CaseError
     """
     table = dict(table)
+    check_tables(table)
     try:
         if "kind" in table:
             kind = table.pop("kind")
             if kind not in kinds("ruptfx.lumped"):
-                raise CaseError(f"kind = {kind!r}: unknown, {nearest(str(kind), kinds('ruptfx.lumped'))}")
+                raise CaseError(f"kind = '{shown_key(kind)}': unknown, {nearest(str(kind), kinds('ruptfx.lumped'))}")
             return find("ruptfx.lumped", kind).model_validate(table, context={"directory": directory})
         return Case.model_validate(table, context={"directory": directory})
     except ValidationError as error:
@@ -175,20 +176,46 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Any:
         File missing or not TOML, unknown keys, wrong types or signs, inconsistent values.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CaseError(f"{path}: not valid TOML: {error}") from None
+    table = read_toml(path)
     for item in overrides:
         override(table, item)
     try:
         return parse_case(table, path.resolve().parent)
     except CaseError as error:
         raise CaseError("\n".join(f"{path}: {line}" for line in str(error).splitlines())) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Tables of a TOML file, unchecked.
+
+    Raises
+    ------
+    CaseError
+        File missing, or not TOML.
+    """
+    try:
+        return load_toml(path.read_text(encoding="utf-8-sig"))
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
+    except (OSError, ValueError) as error:  # the name may be none, the bytes no text
+        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def load_toml(text: str) -> dict[str, Any]:
+    """Tables of a TOML text.
+
+    Raises
+    ------
+    CaseError
+    """
+    try:
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise CaseError("not valid TOML: nested too deeply") from None
+    except ValueError as error:  # also of integers with thousands of digits
+        raise CaseError(f"not valid TOML: {error}") from None
+    check_tables(table)
+    return table
 
 
 def override(table: dict[str, Any], item: str) -> None:
@@ -202,8 +229,8 @@ def override(table: dict[str, Any], item: str) -> None:
     if not equals or not key.strip():
         raise CaseError(f"--set {item}: write KEY=VALUE, for example duration=60e-6")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value = load_toml(f"value = {text}")["value"]
+    except CaseError:
         value = text.strip()  # an unquoted word
     try:
         set_key(table, key.strip(), value)
@@ -229,7 +256,7 @@ def set_key(table: dict[str, Any], key: str, value: Any) -> None:
         else:
             node[last] = value
     except (ValueError, IndexError, TypeError, AttributeError):
-        raise CaseError(f"'{key}' does not lead to a value of the case") from None
+        raise CaseError(f"{shown_key(key)}: does not lead to a value of the case") from None
 
 
 def case_schema() -> dict[str, Any]:

@@ -429,6 +429,8 @@ class Model:
         for _ in range(200):
             w = apply(vector) - beta * before
             diagonal.append(dot(w, vector))
+            if not np.isfinite(diagonal[-1]):
+                break
             w -= diagonal[-1] * vector
             beta = np.sqrt(dot(w, w))
             if len(diagonal) % 10 == 0 or beta == 0:
@@ -437,7 +439,7 @@ class Model:
                     break
             off.append(beta)
             before, vector = vector, w / beta
-        if not np.isfinite(highest) or highest <= 0:
+        if not np.isfinite(diagonal[-1]) or highest <= 0:
             raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
         return float(np.sqrt(highest))
 

@@ -121,7 +121,8 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
         return
     yield Row(f"{label}: strength at rest", peak, "Pa")
     if tau > peak * (1 + 1e-12):
-        yield Row(f"{label}: shear / strength", tau / peak, "", "the interface slips from the first step", "warning")
+        ratio = tau / peak if peak > 0 else np.inf
+        yield Row(f"{label}: shear / strength", ratio, "", "the interface slips from the first step", "warning")
     if {"mu_d", "D_c"} <= numbers.keys():
         exponential = law.kind() == "exponential_slip_weakening"
         yield from _slip_weakening_rows(label, numbers, exponential, (peak, tau, sigma), modulus, spacing, model)
@@ -157,7 +158,7 @@ def _slip_weakening_rows(
         yield Row(f"{label}: nucleation half-length", nucleation, "m", "under slow loading (Uenishi and Rice 2003)")
     zone = fracture.static_process_zone(modulus, slip, strength_drop)
     yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
-    points = zone / spacing
+    points = zone / max(spacing, 1e-300)
     yield Row(
         f"{label}: points in it", points, "", "" if points >= 5 else "too few: 5 or more resolve a front",
         "ok" if points >= 5 else "warning",
@@ -172,7 +173,7 @@ def _rate_and_state_rows(
     yield Row(f"{label}: b - a", b - a, "", "velocity weakening" if b > a else "velocity strengthening: stable")
     length = modulus * slip / (b * sigma)
     yield Row(f"{label}: L_b", length, "m", "G* D_c / (b sigma), the process zone (Dieterich 1992)")
-    points = length / spacing
+    points = length / max(spacing, 1e-300)
     yield Row(
         f"{label}: points in L_b", points, "", "" if points >= 3 else "too few: 3 or more resolve a front",
         "ok" if points >= 3 else "warning",

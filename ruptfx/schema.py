@@ -42,8 +42,8 @@ class CaseError(RuptfxError):
         """Reword pydantic's report: one line per problem, ``key = value: what is wrong``."""
         lines = []
         for item in error.errors(include_url=False):
-            # Tags of unions (`<number>`, `<boxcar>`) are pydantic's own steps, not keys of the case.
-            path = [str(part) for part in (where, *item["loc"]) if not str(part).startswith("<")]
+            # Tags of unions (`<number>`) and of dictionaries (`[key]`) are pydantic's own steps, not keys of the case.
+            path = [shown_key(part) for part in (where, *item["loc"]) if not str(part).startswith(("<", "[key]"))]
             key = ".".join(part for part in path if part) or "case"
             if item["type"] == "missing":
                 lines.append(f"{key}: this key is required and missing")
@@ -55,6 +55,35 @@ class CaseError(RuptfxError):
                 reason = item["msg"].removeprefix("Value error, ")
                 lines.append(f"{key} = {shown}: {reason[0].lower()}{reason[1:]}")
         return cls("\n".join(dict.fromkeys(lines)))
+
+
+def shown_key(key: object) -> str:
+    """A key as messages show it: on one line, and not too long."""
+    text = str(key)
+    text = text if text.isprintable() else repr(text)
+    return text if len(text) < 60 else text[:57] + "..."
+
+
+MAX_DEPTH = 40
+
+
+def check_tables(table: Mapping[str, Any]) -> None:
+    """Refuse what no reader of a case could hold or show: deep nesting, and integers beyond 64 bits, as in TOML.
+
+    Raises
+    ------
+    CaseError
+        Names the key.
+    """
+    todo: list[tuple[str, int, Any]] = [("", 0, table)]
+    while todo:
+        key, depth, value = todo.pop()
+        if depth > MAX_DEPTH:
+            raise CaseError(f"{shown_key(key[1:])}: nested more than {MAX_DEPTH} levels deep")
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise CaseError(f"{shown_key(key[1:])}: an integer of {value.bit_length()} bits, the largest have 63")
+        items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+        todo += [(f"{key}.{name}", depth + 1, item) for name, item in items]
 
 
 def nearest(word: str, known: Iterator[str] | list[str]) -> str:
@@ -118,7 +147,8 @@ class Part(BaseModel, metaclass=_Reworded):
         if isinstance(values, Mapping):
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
-                hints = "; ".join(f"unknown key '{key}', {nearest(key, list(cls.model_fields))}" for key in unknown)
+                known = list(cls.model_fields)
+                hints = "; ".join(f"unknown key '{shown_key(key)}', {nearest(key, known)}" for key in unknown)
                 raise PydanticCustomError("unknown_key", "{hints}", {"hints": hints})
         return values
 
@@ -174,9 +204,8 @@ def find(package: str, kind: str) -> type[Alternative]:
         No file of that name; the nearest one is named.
     """
     if kind not in kinds(package):
-        raise PydanticCustomError(
-            "unknown_kind", "unknown kind '{kind}', {hint}", {"kind": kind, "hint": nearest(kind, kinds(package))}
-        )
+        words = {"kind": shown_key(kind), "hint": nearest(kind, kinds(package))}
+        raise PydanticCustomError("unknown_kind", "unknown kind '{kind}', {hint}", words)
     module = importlib.import_module(f"{package}.{kind}")
     classes = [
         value

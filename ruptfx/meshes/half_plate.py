@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes.two_plates import grid, row_levels
+from ruptfx.meshes.two_plates import affordable, grid, row_levels
 from ruptfx.schema import Unit
 from ruptfx.units import Coordinate, Length
 
@@ -38,7 +38,7 @@ class HalfPlate(MeshSource):
 
 def plate(length: float, height: float, size: float, growth: float, left: float, other_side: str) -> RawMesh:
     """A plate above the interface `main`, whose minus side is not meshed."""
-    x = left + np.linspace(0, length, max(1, round(length / size)) + 1)
+    x = left + np.linspace(0, length, affordable(length / size) + 1)
     points, cells, sides = grid(x, row_levels(height, size, growth))
     return RawMesh(
         cell="quadrilateral", points=points, cells=cells, bodies=["upper"], cell_body=np.zeros(len(cells), dtype=int),

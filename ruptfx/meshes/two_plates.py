@@ -8,8 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.schema import Unit
+from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Coordinate, Length
+
+MOST_ELEMENTS = 100_000_000
 
 
 class TwoPlates(MeshSource):
@@ -34,8 +36,7 @@ class TwoPlates(MeshSource):
         return row_levels(self.height, self.element_size, self.growth)
 
     def build(self) -> RawMesh:
-        columns = max(1, round(self.length / self.element_size))
-        x = self.left + np.linspace(0, self.length, columns + 1)
+        x = self.left + np.linspace(0, self.length, affordable(self.length / self.element_size) + 1)
         levels = self.levels()
         upper, upper_cells, upper_sides = grid(x, levels)
         lower, lower_cells, lower_sides = grid(x, -levels[::-1])
@@ -52,19 +53,31 @@ class TwoPlates(MeshSource):
         )  # fmt: skip
 
 
+def affordable(elements: float) -> int:
+    """A number of elements, rounded, if a mesh that is built on one rank can have so many.
+
+    Raises
+    ------
+    CaseError
+    """
+    if elements > MOST_ELEMENTS:
+        raise CaseError(f"mesh.element_size: {elements:.3g} elements, at most {MOST_ELEMENTS:.0e}; make them larger")
+    return max(1, round(elements))
+
+
 def row_levels(height: float, size: float, growth: float) -> np.ndarray:
     """Heights of element rows that begin with `size` and grow by a factor, scaled to end at `height` [m]."""
     if growth == 1:
-        return np.linspace(0, height, max(1, round(height / size)) + 1)
-    sizes = [size]
-    while sum(sizes) < height:
-        sizes.append(sizes[-1] * growth)
-    heights = np.concatenate([[0.0], np.cumsum(sizes)])
+        return np.linspace(0, height, affordable(height / size) + 1)
+    # n rows are size (growth^n - 1) / (growth - 1) high together.
+    rows = np.ceil(np.log1p(height / size * (growth - 1)) / np.log(growth) * (1 - 1e-12))
+    heights = np.concatenate([[0.0], np.cumsum(size * growth ** np.arange(affordable(rows)))])
     return heights * height / heights[-1]
 
 
 def grid(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Points, cells in tensor order and the facets of the four sides of a rectangle."""
+    affordable((len(x) - 1) * (len(y) - 1))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     number = np.arange(len(points)).reshape(len(x), len(y))
     cells = np.stack([number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]], axis=-1).reshape(-1, 4)

@@ -6,7 +6,7 @@ import copy
 import hashlib
 import itertools
 import json
-import tomllib
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,11 +15,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from ruptfx.case import override, parse_case, set_key
+from ruptfx.case import override, parse_case, read_toml, set_key
 from ruptfx.schema import CaseError, CasePath, Name, Part, nearest
 from ruptfx.units import Duration, Fraction
 
 Coordinates = dict[str, Any]
+MOST_POINTS = 1_000_000
 
 
 class Axis(Part):
@@ -103,7 +104,7 @@ class Axis(Part):
         """What the table shows for a value: the number, its label, or the text of a list."""
         if self.labels is not None and value in (self.values or []):
             return self.labels[(self.values or []).index(value)]
-        return value if isinstance(value, str | int | float) else json.dumps(value)
+        return value if isinstance(value, str | int | float) else json.dumps(value, default=str)
 
 
 class Refine(Part):
@@ -189,6 +190,10 @@ class Study(Part):
             raise ValueError(f"two axes are called '{twice}'; give them different names")
         if self.sampling == "latin_hypercube" and (self.samples is None or not self.sampled):
             raise ValueError("a latin_hypercube needs samples and at least one axis with a range")
+        crossed = [len(axis.values or []) or axis.points or 1 for axis in self.axes if axis not in self.sampled]
+        count = math.prod(crossed) * (self.samples or 1 if self.sampled else 1)
+        if count > MOST_POINTS:
+            raise ValueError(f"{count} points, the most are {MOST_POINTS}: take fewer values, points or samples")
         return self
 
     @property
@@ -203,11 +208,9 @@ class Study(Part):
         """Tables of the case with `set` and further dotted keys; not yet checked."""
         path = Path(self.case)
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise CaseError(f"case = '{path}': cannot be read: {getattr(error, 'strerror', None) or error}") from None
-        except tomllib.TOMLDecodeError as error:
-            raise CaseError(f"case = '{path}': not valid TOML: {error}") from None
+            table = read_toml(path)
+        except CaseError as error:
+            raise CaseError(f"case = {error}") from None
         quiet = {} if "kind" in table else {"output.figures": False}
         for key, value in {**quiet, **_flat(self.set), **(overrides or {})}.items():
             set_key(table, key, copy.deepcopy(value))
@@ -219,7 +222,8 @@ class Study(Part):
         table.pop("title", None)
         keys = sorted(key for axis in self.axes for key in axis.keys)
         case = {key: value for key, value in _flat(table, whole=False).items() if key not in keys}
-        return {"axes": keys, "case": hashlib.sha256(json.dumps(case, sort_keys=True).encode()).hexdigest()[:16]}
+        text = json.dumps(case, sort_keys=True, default=str)
+        return {"axes": keys, "case": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
     def combinations(self) -> Iterator[dict[str, Any]]:
         """Value of every axis, point by point."""
@@ -292,12 +296,7 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
         File missing or not TOML, unknown keys, wrong types, axes that do not fit together.
     """
     path = Path(path)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise CaseError(f"{path}: not valid TOML: {error}") from None
+    table = read_toml(path)
     changes: dict[str, Any] = {}
     for item in overrides:
         override(changes, item)

@@ -173,7 +173,7 @@ def test_overrides(item: str, where: list[Any], value: Any) -> None:
     "item, said",
     [
         ("duration", "--set duration: write KEY=VALUE"), ("=3", "--set =3: write KEY=VALUE"),
-        ("boundaries.7.velocity=1.0", "'boundaries.7.velocity' does not lead to a value"),
+        ("boundaries.7.velocity=1.0", "boundaries.7.velocity: does not lead to a value"),
         ("boundaries.first.velocity=1.0", "does not lead to a value"),
         ("duration.value=1.0", "does not lead to a value"),
     ],

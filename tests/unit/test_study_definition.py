@@ -80,7 +80,7 @@ def test_identity_is_the_case_without_its_axes(tmp_path):
     ("text", "message"),
     [
         ('[[axes]]\nkey = "faults.main.frction.L_p"\nvalues = [1e-6]', "did you mean 'friction'"),
-        ('[[axes]]\nkey = "boundaries.3.velocity"\nvalues = [1.0]', "'boundaries.3.velocity' does not lead to a value"),
+        ('[[axes]]\nkey = "boundaries.3.velocity"\nvalues = [1.0]', "boundaries.3.velocity: does not lead to a value"),
         (f"[[axes]]\n{SIGMA}\nvalues = [1e6, -1e6]", "normal = -1000000.0: "),
         (f'[[axes]]\n{SIGMA}\nvalues = ["high"]', "normal = 'high'"),
         (f"[[axes]]\n{SIGMA}", "give either values or range"),
