@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import shutil
@@ -20,6 +21,7 @@ from small_cases import impact
 
 pytest.importorskip("dolfinx")
 
+from ruptfx import __version__, checkpoint
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
 
@@ -202,6 +204,55 @@ def test_checkpoint_of_another_case_is_refused(killed, case_file):
     assert done.returncode == 1
     assert "belongs to case" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.faults
+def test_no_byte_of_a_checkpoint_can_change_unnoticed(killed):
+    (killed / "summary.json").unlink(missing_ok=True)
+    folder, chance = max((killed / "checkpoints").glob("step_*")), random.Random(0)
+    case_hash = json.loads((folder / "manifest.json").read_text())["case_hash"]
+    checkpoint._verified(folder, case_hash)
+    for path in sorted(folder.iterdir()):
+        whole = path.read_bytes()
+        for place in (0, len(whole) - 2, *(chance.randrange(len(whole)) for _ in range(8))):
+            damaged = bytearray(whole)
+            damaged[place] ^= 1 << chance.randrange(8)
+            path.write_bytes(damaged)
+            with pytest.raises(checkpoint.CheckpointError, match=r"damaged|does not match|belongs to"):
+                checkpoint._verified(folder, case_hash)
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(checkpoint.CheckpointError):
+            checkpoint._verified(folder, case_hash)
+        path.write_bytes(whole)
+    checkpoint._verified(folder, case_hash)
+
+
+@pytest.mark.faults
+def test_checkpoint_of_another_version_is_refused(killed, case_file):
+    for folder in (killed / "checkpoints").glob("step_*"):
+        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest.pop("seal")
+        manifest["ruptfx_version"] = "0.0.1"
+        (folder / "manifest.json").write_text(json.dumps({**manifest, "seal": checkpoint._seal(manifest)}))
+    done = run(case_file, killed, 1, "--resume")
+    assert done.returncode == 1
+    assert f"written by ruptfx 0.0.1, this is {__version__}" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.faults
+def test_a_rank_that_dies_ends_all_and_nothing_is_lost(case_file, reference, tmp_path):
+    out = tmp_path / "run"
+    process = subprocess.Popen(command(case_file, out, 2), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    deadline = time.monotonic() + LIMIT
+    while not list((out / "checkpoints").glob("step_*")) and time.monotonic() < deadline:
+        time.sleep(0.005)
+    ranks = [p for p in psutil.Process(process.pid).children(recursive=True) if "ruptfx" in " ".join(p.cmdline())]
+    ranks[-1].kill()
+    began = time.monotonic()
+    process.communicate(timeout=LIMIT)
+    assert process.returncode != 0 and time.monotonic() - began < 20
+    assert run(case_file, out, 2, "--resume").returncode == 0
+    assert max(largest_difference(reference[2], out).values()) == 0
 
 
 @pytest.mark.faults
