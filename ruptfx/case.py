@@ -45,6 +45,8 @@ class Output(Part):
     """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots."""
 
     interface_interval: Duration | None = None
+    interface_steps: Annotated[int, Field(ge=1)] | None = None
+    """Also save the interface every so many steps: where steps vary, records follow what happens."""
     bulk_interval: Duration | None = None
     checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
     """Wall-clock time between checkpoints."""

@@ -66,7 +66,8 @@ class Checkpoints:
             On all ranks, when the disk is full; the previous checkpoints are untouched.
         """
         model = self._model
-        arrays = {name: model.gather_nodes(getattr(state, name)) for name in ("displacement", "velocity")}
+        nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
+        arrays = {name: model.gather_nodes(values) for name, values in nodal.items()}
         faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
         energy = model.comm.gather(state.energy, root=0)
         self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
@@ -79,15 +80,17 @@ class Checkpoints:
         temporary.mkdir(parents=True)
         with h5py.File(temporary / "state.h5", "w") as file:
             for name, values in arrays.items():
-                file[name] = values
+                file[f"nodes/{name}"] = values
             for fault, fields in faults.items():
                 for name, values in fields.items():
-                    file[f"{fault}/{name}"] = values
+                    file[f"faults/{fault}/{name}"] = values
         for path in self._recorder.settle():
             shutil.copyfile(path, temporary / path.name)
         manifest = {
             "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
-            "dt": self._recorder.dt, "records": self._recorder.records, "largest_work": self._recorder.largest_work,
+            "time": state.time, "numbers": state.numbers, "fields": list(state.fields),
+            "next": self._recorder.next, "records": self._recorder.records,
+            "largest_work": self._recorder.largest_work,
             "files": {path.name: _checksum(path) for path in sorted(temporary.iterdir())},
         }  # fmt: skip
         (temporary / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
@@ -155,10 +158,11 @@ class Checkpoint:
 
         arrays = parallel.on_root(model.comm, read)
         for name in ("displacement", "velocity"):
-            getattr(state, name)[:] = model.scatter_nodes(arrays[name])
+            getattr(state, name)[:] = model.scatter_nodes(arrays[f"nodes/{name}"])
+        state.fields = {name: model.scatter_nodes(arrays[f"nodes/{name}"]) for name in self.manifest["fields"]}
         for fault in model.faults:
             for name, values in state.faults[fault.name].items():
-                values[:] = arrays[f"{fault.name}/{name}"][fault.interface.number]
+                values[:] = arrays[f"faults/{fault.name}/{name}"][fault.interface.number]
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:
@@ -166,8 +170,8 @@ class Checkpoint:
                 state.energy[name] = saved[rank][name]
             else:
                 state.energy[name] = sum(part[name] for part in saved) if rank == 0 else 0.0
-        state.step = self.manifest["step"]
-        state.time = state.step * self.manifest["dt"]
+        state.step, state.time = self.manifest["step"], self.manifest["time"]
+        state.numbers = dict(self.manifest["numbers"])
 
 
 def _all(out: Path) -> list[Path]:

@@ -67,6 +67,10 @@ class State:
         Fields of every fault by name.
     energy : dict of str to float
         Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
+    fields : dict of str to ndarray, shape (nodes * components,)
+        Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
+    numbers : dict of str to float
+        Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
     """
 
     displacement: np.ndarray
@@ -78,6 +82,8 @@ class State:
     energy: dict[str, float] = field(
         default_factory=lambda: {"frictional_dissipation": 0.0, "damping": 0.0, "boundary_work": 0.0}
     )
+    fields: dict[str, np.ndarray] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
 
 
 class Model:
@@ -370,8 +376,9 @@ class Model:
     def energies(self, state: State, dt: float) -> dict[str, float]:
         """Energy budget over all ranks [J, per metre of thickness in 2D].
 
-        In the middle of the last step, where the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly.
-        `boundary_work` is that of driven edges, tractions and the initial stress.
+        Velocity and tractions lag behind the displacement by `dt`: the budget is that in the middle of the last step,
+        where the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. Schemes that have all at the same
+        time pass zero. `boundary_work` is that of driven edges, tractions and the initial stress.
         """
         half = 0.5 * dt * state.velocity
         earlier, middle = state.displacement - 2 * half, state.displacement - half

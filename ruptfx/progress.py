@@ -15,17 +15,16 @@ class Progress:
 
     Parameters
     ----------
-    steps : int
     duration : float
         Simulated time of the whole run [s].
     show : bool
     """
 
-    def __init__(self, steps: int, duration: float, show: bool) -> None:
+    def __init__(self, duration: float, show: bool) -> None:
         # Under mpiexec the launcher's terminal is what counts; `ruptfx run` passes its nature on.
         terminal = True if os.environ.get("RUPTFX_TERMINAL") else None
         self._console = Console(force_terminal=terminal, stderr=True)
-        self._steps, self._duration, self._show, self._tenth = steps, duration, show, 0
+        self._duration, self._show, self._tenth = duration, show, 0
         self._bar: Bar | None = None
         if show and self._console.is_terminal:
             self._bar = Bar(
@@ -33,7 +32,7 @@ class Progress:
                 TimeRemainingColumn(),
                 console=self._console, transient=False,
             )  # fmt: skip
-            self._task = self._bar.add_task(self._text(0.0, 0, 0.0), total=steps)
+            self._task = self._bar.add_task(self._text(0.0, 0, 0.0), total=duration)
 
     def _text(self, time: float, step: int, peak: float) -> str:
         return f"t = {time:9.3g} s of {self._duration:.3g}  step {step:6d}  peak slip rate {peak:8.3g} m/s"
@@ -58,9 +57,9 @@ class Progress:
             return
         text = self._text(time, step, peak)
         if self._bar:
-            self._bar.update(self._task, completed=step, description=text)
-        elif 10 * step // self._steps > self._tenth:
-            self._tenth = 10 * step // self._steps
+            self._bar.update(self._task, completed=time, description=text)
+        elif int(10 * time / self._duration) > self._tenth:
+            self._tenth = int(10 * time / self._duration)
             self._console.print(f"{10 * self._tenth:3d} %  {text}", highlight=False)
 
     def __exit__(self, *_: Any) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ruptfx.case import Case
     from ruptfx.checkpoint import Checkpoint
     from ruptfx.model import Model, State
+    from ruptfx.steppers import Motion
 
 ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "boundary_work")
 
@@ -72,23 +73,29 @@ def prepare_directory(comm: fem.MPI.Comm, out: Path, again: Case | None = None) 
 class Recorder:
     """Writes the files of one run; a context manager that leaves readable files however the run ends.
 
+    Records are evenly spaced in time: each is made after the first step that reaches its time. The first state and
+    the last are recorded, too.
+
     Parameters
     ----------
     model : Model
+    motion : Motion
+        The stepper, which knows where energies balance.
     out : Path
         An existing empty directory.
-    dt : float
-        Time step [s], to turn intervals into steps.
     resume : Checkpoint, optional
         Go on with the files as they were then.
     """
 
-    def __init__(self, model: Model, out: Path, dt: float, resume: Checkpoint | None = None) -> None:
-        self.model, self.out, self.dt, self._resume = model, out, dt, resume
+    def __init__(self, model: Model, motion: Motion, out: Path, resume: Checkpoint | None = None) -> None:
+        self.model, self.out, self._motion, self._resume = model, out, motion, resume
         case = model.case
-        self.steps = max(1, int(np.ceil(case.duration / dt * (1 - 1e-9))))
-        self._interface_steps = self._schedule(case.output.interface_interval or case.duration / 300)
-        self._bulk_steps = self._schedule(case.output.bulk_interval or case.duration / 6) - {0}
+        self._times = {
+            "interface": self._schedule(case.output.interface_interval or case.duration / 300),
+            "bulk": self._schedule(case.output.bulk_interval or case.duration / 6),
+        }
+        # The next of these times, by number: a bulk snapshot of the start would show nothing.
+        self.next = dict(resume.manifest["next"]) if resume else {"interface": 0, "bulk": 1}
         self.records = resume.manifest["records"] if resume else 0
         self.largest_work = resume.manifest["largest_work"] if resume else 0.0
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
@@ -96,10 +103,15 @@ class Recorder:
         self._bulk = BulkFields(model)
         self._files: dict[str, InterfaceFile] = {}
 
-    def _schedule(self, interval: float) -> set[int]:
-        """Steps of evenly spaced records, the first and the last step among them."""
-        count = min(self.steps, max(1, round(self.model.case.duration / interval)))
-        return set(np.round(np.linspace(0, self.steps, count + 1)).astype(int).tolist())
+    def _schedule(self, interval: float) -> np.ndarray:
+        """Evenly spaced times of records [s], the first and the last among them, early by what rounding may cost."""
+        duration = self.model.case.duration
+        count = max(1, round(duration / interval))
+        return np.linspace(0, duration, count + 1) - 1e-9 * duration
+
+    def finished(self, state: State) -> bool:
+        """Whether the state has reached the duration of the case."""
+        return bool(state.time >= self._times["interface"][-1])
 
     def __enter__(self) -> Recorder:
         places = [
@@ -170,16 +182,29 @@ class Recorder:
 
     def due(self, state: State) -> bool:
         """Whether something is to be saved at this step."""
-        return state.step in self._interface_steps or state.step in self._bulk_steps
+        return self._reached("interface", state) or self._reached("bulk", state)
+
+    def _reached(self, what: str, state: State) -> bool:
+        every = self.model.case.output.interface_steps
+        if what == "interface" and every is not None and state.step % every == 0:
+            return True
+        times, number = self._times[what], self.next[what]
+        return number < len(times) and bool(state.time >= times[number])
+
+    def _passed(self, what: str, state: State) -> None:
+        """A long step may pass several times at once."""
+        self.next[what] = int(np.searchsorted(self._times[what], state.time, side="right"))
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
-        if state.step in self._interface_steps:
+        if self._reached("interface", state):
+            self._passed("interface", state)
             fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
-            energy = self.model.energies(state, self.dt)
+            energy = self._motion.energies(state)
             self.write_on_root(lambda: self._append(state.time, fields, energy))
             self.records += 1
-        if state.step in self._bulk_steps:
+        if self._reached("bulk", state):
+            self._passed("bulk", state)
             snapshot = self._bulk.gather(state)
             self.write_on_root(lambda: self._bulk.append(state.time, snapshot))
 

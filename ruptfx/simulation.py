@@ -15,6 +15,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.case import Case
 from ruptfx.checkpoint import Checkpoint, Checkpoints
+from ruptfx.equilibrium import ConvergenceError
 from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
@@ -73,9 +74,9 @@ def simulate(
     if checkpoint:
         checkpoint.restore(model, state)
     with (
-        Recorder(model, out, motion.dt, checkpoint) as recorder,
+        Recorder(model, motion, out, checkpoint) as recorder,
         Signals() as signals,
-        Progress(recorder.steps, case.duration, progress and comm.rank == 0) as bar,
+        Progress(case.duration, progress and comm.rank == 0) as bar,
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         checkpoints = Checkpoints(model, recorder)
@@ -84,11 +85,11 @@ def simulate(
         stopping, ended = StopRules(model), ""
         stepping, first = time.perf_counter(), state.step
         error = None
-        while state.step < recorder.steps and not ended:
+        while not recorder.finished(state) and not ended:
             # A rank with an error steps on, for the others wait for its messages; the first is kept until all meet.
             failed = _step(motion, state)
             error = error or failed
-            regular, due = state.step % CHECK_EVERY == 0, recorder.due(state)
+            regular, due = motion.collective or state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
                 continue
             _raise_together(comm, error or (_not_a_number(model, state) if regular or due else None))
@@ -101,7 +102,7 @@ def simulate(
                 checkpoints.write(state)
             if stop:
                 raise Interrupted(
-                    f"stopped by {stop} at {state.time:.6g} s, step {state.step} of {recorder.steps}; "
+                    f"stopped by {stop} at {state.time:.6g} s of {case.duration:.6g}, step {state.step}; "
                     f"{recorder.records} records are kept in {out}; go on with --resume"
                 )
         stepping = time.perf_counter() - stepping
@@ -117,6 +118,8 @@ def _step(motion: Any, state: State) -> RuptfxError | None:
     """One step; an error of this rank is handed back, to be raised by all together."""
     try:
         motion.step(state)
+    except ConvergenceError:  # known to all ranks
+        raise
     except RuptfxError as error:
         state.step += 1
         return error

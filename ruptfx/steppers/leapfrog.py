@@ -71,6 +71,8 @@ class LeapfrogMotion:
     Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here.
     """
 
+    collective = False
+
     def __init__(self, model: Model, dt: float) -> None:
         self.model, self.dt = model, dt
         c, mass = model.components, model.mass
@@ -155,7 +157,11 @@ class LeapfrogMotion:
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
         state.step += 1
-        state.time = state.step * self.dt
+        state.time += self.dt
+
+    def energies(self, state: State) -> dict[str, float]:
+        """In the middle of the last step."""
+        return self.model.energies(state, self.dt)
 
     def _bulk(self, state: State) -> None:
         """Internal force at held nodes, complete over ranks; plain nodes advanced on the way.
