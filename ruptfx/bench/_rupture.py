@@ -36,7 +36,7 @@ class Rupture:
     position : ndarray, shape (n,)
         Arc length along the interface [m].
     time : ndarray, shape (k,)
-        [s]
+        Of the slip rates [s]: the middle of a step.
     slip_rate : ndarray, shape (k, n)
         At every `stride`-th step [m/s].
     opening : ndarray, shape (k, n)
@@ -69,6 +69,17 @@ class Rupture:
         when = self.time[before] + np.clip(part, 0, 1) * (self.time[first] - self.time[before])
         return np.where(slid, when, np.nan)
 
+    def slip_time(self, slip: float) -> Array:
+        """When the slip reaches a value [s], NaN where it does not; shape (n,). Needs every step (`stride` 1)."""
+        step = self.time[2] - self.time[1]
+        slips = np.cumsum(np.abs(self.slip_rate), axis=0) * step
+        first = np.argmax(slips > slip, axis=0)
+        rate = np.take_along_axis(np.abs(self.slip_rate), first[None], axis=0)[0]
+        after = np.take_along_axis(slips, first[None], axis=0)[0]
+        # The rate is constant over a step.
+        when = self.time[first] + 0.5 * step - (after - slip) / np.maximum(rate, 1e-300)
+        return np.where(slips[-1] > slip, when, np.nan)
+
     def at(self, position: float) -> int:
         """Index of the nearest point."""
         return int(np.argmin(np.abs(self.position - position)))
@@ -78,7 +89,9 @@ class Rupture:
         return Check("energy closure", 0.0, self.closure, tolerance, "1", source)
 
 
-def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None) -> Rupture:
+def rupture(
+    table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None, sudden: bool = False
+) -> Rupture:
     """Run a case in memory on one rank.
 
     Parameters
@@ -89,6 +102,9 @@ def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: An
         Steps between samples of the slip rate.
     energies : int
         How often the energy budget is looked at.
+    sudden : bool
+        The load acts in full from the first instant. The first step then moves the bodies from rest as if it had acted
+        for a whole step, not for half of one: the run is half a step ahead of its clock.
     """
     case = parse_case(table)
     model = Model(case, comm or fem.MPI.COMM_SELF)
@@ -98,13 +114,14 @@ def rupture(table: dict[str, Any], stride: int = 1, energies: int = 10, comm: An
     steps = int(np.ceil(case.duration / motion.dt * (1 - 1e-9)))
     zero = np.zeros(len(fault.interface.position))
     times, rates, gaps, lost, scale = [0.0], [zero], [zero], [0.0], 1e-300
+    early = 0.0 if sudden else 0.5 * motion.dt
     seconds = 0.0
     for step in range(1, steps + 1):
         began = time.process_time()
         motion.step(state)
         seconds += time.process_time() - began
         if step % stride == 0:
-            times.append(state.time - motion.dt)  # slip rate and traction belong to the beginning of the step
+            times.append(state.time - early)
             rates.append(fault.components(state.faults[fault.name], "slip_rate")[:, 0].copy())
             gaps.append(state.faults[fault.name]["opening"].copy())
         if step % max(1, steps // energies) == 0 or step == steps:

@@ -1,7 +1,10 @@
 """Burridge-Andrews bracket: in plane strain a rupture with S = 1.2 goes supershear, one with S = 2.0 never does.
 
 S = (tau_s - tau_0) / (tau_0 - tau_d); the limit is 1.77 for nu = 0.25 (Burridge 1973; Andrews 1976). Both ruptures run
-over more than 30 critical half-lengths a_c = Gamma E' / (pi dtau^2).
+over 50 critical half-lengths a_c = Gamma E' / (pi dtau^2). At S = 1.2 a daughter crack starts ahead of the front some
+35 a_c from the centre, on every mesh: a model of only 30 a_c does not show the transition. The place is checked by a
+second mesh; it depends on the damping (39 a_c with a Kelvin-Voigt viscosity of 0.1 stable steps, 35.5 with 0.03, 34
+with 0.01), hardly on the nucleation.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ C_R = rayleigh_speed(C_P, C_S)
 DROP = 1e6  # Pa, tau_0 - tau_d
 SIGMA = 10e6
 MODULUS = fracture.effective_modulus(DENSITY * C_S**2, C_P, C_S)
+
+
+REACH = 50.0  # a_c
 
 
 def crack(ratio: float, reach: float, per_zone: float, duration: float, start: float = 1.1) -> tuple[Rupture, float]:
@@ -41,7 +47,7 @@ def crack(ratio: float, reach: float, per_zone: float, duration: float, start: f
             "element_size": 4 * zone / per_zone,
         },
         "materials": {"default": elastic(C_P, C_S, DENSITY)},
-        "damping": {"kelvin_voigt": {"fraction": 0.1}},
+        "damping": {"kelvin_voigt": {"fraction": 0.03}},
         "faults": {"main": {
             "contact": {"kind": "split_node"}, "initial_stress": {"normal": SIGMA, "shear": 0.2 * SIGMA + DROP},
             "friction": {
@@ -57,56 +63,63 @@ def crack(ratio: float, reach: float, per_zone: float, duration: float, start: f
             {"kind": "absorbing", "edge": "upper.top"}, {"kind": "absorbing", "edge": "upper.right"},
         ],
     }  # fmt: skip
-    return rupture(table, stride=2), critical
+    return rupture(table), critical
 
 
 def front(result: Rupture, critical: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Half-length [a_c], arrival [s] and smoothed front speed [m/s]."""
+    """Half-length [a_c], arrival [s] and smoothed front speed [m/s]; no speed where a crack ahead was earlier."""
     arrival = result.rupture_time(1e-3 * DROP / (DENSITY * C_S))
-    x = result.position
     slid = np.isfinite(arrival)
-    grid = np.arange(0.2, x[slid].max() / critical, 0.1)
-    when = np.interp(grid * critical, x[slid], arrival[slid])
-    # Slope of a line through five points, 0.4 a_c.
-    width = 2
-    speed = np.array([
-        np.polyfit(when[i - width : i + width + 1], grid[i - width : i + width + 1] * critical, 1)[0]
-        if width <= i < len(grid) - width else np.nan for i in range(len(grid))
-    ])  # fmt: skip
+    x, arrival = result.position[slid], arrival[slid]
+    ahead = np.minimum.accumulate(arrival[::-1])[::-1]
+    arrival = np.where(arrival > ahead + 3 * (result.time[2] - result.time[1]), np.nan, arrival)
+    grid = np.arange(0.2, x.max() / critical, 0.1)
+    when = np.interp(grid * critical, x, arrival)
+    speed = np.full(len(grid), np.nan)
+    width = 4
+    for i in range(width, len(grid) - width):
+        part = slice(i - width, i + width + 1)
+        if np.isfinite(when[part]).all():  # slope at the middle of a parabola through 0.8 a_c
+            speed[i] = critical / np.polyfit(grid[part] - grid[i], when[part], 2)[1]
     return grid, when, speed
+
+
+def transition(length: np.ndarray, when: np.ndarray) -> float:
+    """Half-length [a_c] at which a crack ahead of the front begins; NaN where there is none."""
+    overtaken = length[np.isnan(when)]
+    return float(overtaken.max()) if len(overtaken) else np.nan
 
 
 def run(fine: bool, comm: Any) -> Outcome:
     del comm
-    checks, curves = [], []
-    for ratio, reach, supershear in ((1.2, 50.0, True), (2.0, 34.0, False)):
-        result, critical = crack(ratio, reach, 8.0 if fine else 5.0, 1.3 * reach)
-        length, _, speed = front(result, critical)
-        inside = (length > 2) & (length < reach - 2)
-        fastest = float(np.nanmax(speed[inside])) / C_S
+    checks, curves, places = [], [], []
+    for ratio, per_zone in ((1.2, 6.0), (1.2, 8.0), (2.0, 5.0)):
+        result, critical = crack(ratio, REACH, per_zone * (1.5 if fine else 1.0), 1.3 * REACH)
+        length, when, speed = front(result, critical)
         checks.append(Check(f"S = {ratio}: reach", 30.0, float(length[-1]), 0, "a_c", "model", "at least"))
-        if supershear:
-            late = float(np.median(speed[(length > reach - 12) & (length < reach - 2)])) / C_S
-            checks.append(Check("S = 1.2: late speed / c_s", 1.0, late, 0, "1", "Andrews (1976)", "at least"))
-            # The last place below c_s: single points of a sub-Rayleigh front scatter up to it.
-            jump = float(length[inside & (speed < C_S)].max())
-            checks.append(Check("S = 1.2: faster than c_s from", 30.0, jump, 0, "a_c", "Andrews (1976)", "at most"))
+        if ratio < 1.77:
+            places.append(transition(length, when))
+            late = float(np.median(speed[(length > REACH - 10) & (length < REACH - 2)])) / C_S
+            checks.append(Check(f"S = {ratio}: late speed / c_s", 1.0, late, 0, "1", "Andrews (1976)", "at least"))
         else:
-            checks.append(Check("S = 2.0: fastest / c_s", 1.0, fastest, 0, "1", "Andrews (1976)", "at most"))
+            fastest = float(np.nanmax(speed[(length > 2) & (length < REACH - 2)])) / C_S
+            checks.append(Check(f"S = {ratio}: fastest / c_s", 1.0, fastest, 0, "1", "Andrews (1976)", "at most"))
         checks.append(result.budget())
-        curves.append((ratio, length, speed))
+        curves.append((f"S = {ratio}, {result.position[4] / critical:.2g} $a_c$ per element", length, speed))
+    text = "S = 1.2: supershear from"
+    checks.append(Check(text, places[0], places[1], 0.05, "a_c", "coarser mesh", relative=True))
     return Outcome(checks, lambda: _draw(curves))
 
 
 def _draw(curves: list) -> Any:
     from matplotlib import pyplot as plt
 
-    figure, ax = plt.subplots(figsize=(5, 3.2), layout="constrained")
-    for ratio, length, speed in curves:
-        ax.plot(length, speed / C_S, label=f"S = {ratio}")
+    figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
+    for (label, length, speed), style in zip(curves, ("C0:", "C0-", "C1-"), strict=True):
+        ax.plot(length, speed / C_S, style, lw=1, label=label)
     for level, name in ((C_R / C_S, "$c_R$"), (np.sqrt(2), "$\\sqrt{2} c_s$"), (C_P / C_S, "$c_p$")):
         ax.axhline(level, color="0.6", lw=0.8, ls=":")
-        ax.text(50.5, level, name, va="center")
-    ax.set(xlabel="half-length / $a_c$", ylabel="front speed / $c_s$", xlim=(0, 50), ylim=(0, 2))
-    ax.legend(frameon=False)
+        ax.text(REACH + 0.5, level, name, va="center")
+    ax.set(xlabel="half-length / $a_c$", ylabel="front speed / $c_s$", xlim=(0, REACH), ylim=(0, 2))
+    ax.legend(frameon=False, loc="lower right", fontsize=8)
     return figure
