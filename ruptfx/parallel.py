@@ -48,6 +48,11 @@ def total(comm: Any, values: Any) -> np.ndarray:
     return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))
 
 
+def largest(comm: Any, value: float) -> float:
+    """Largest value of all ranks."""
+    return max(comm.allgather(float(value)))
+
+
 def gather_rows(comm: Any, rows: np.ndarray) -> np.ndarray | None:
     """Rows of all ranks, one below the other, on rank 0; None elsewhere."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)

@@ -1,0 +1,212 @@
+"""Equilibrium without inertia, in steps that adapt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.schema import Part, unit_of
+from ruptfx.steppers import Stepper
+from ruptfx.steppers._options import PetscOptions
+from ruptfx.units import Duration, Fraction, Length
+
+if TYPE_CHECKING:
+    from ruptfx.equilibrium import Solution
+    from ruptfx.fault import Fault
+    from ruptfx.model import Model, State
+
+MOST_HALVINGS = 12
+MOST_GROWTH, MOST_SHRINKING = 1.5, 0.1
+EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which on it shrinks
+
+
+class QuasiStatic(Stepper):
+    """Equilibrium at the end of every step: K u + J' W (T - T_0) = F, slip and state by backward Euler.
+
+    The step follows the error of slip, half the difference between the explicit and the implicit Euler step,
+    dt |V - V_old| / 2 < slip_tolerance + rate_tolerance dt V, and the number of Newton iterations. First order.
+    Where slip becomes unstable there is no equilibrium without inertia: the run stops and says where, unless
+    `radiation_damping` carries off what waves would (quasi-dynamic; Source: Rice 1993), or kind = "hybrid" is used.
+    """
+
+    inertia: ClassVar[bool] = False
+
+    first_step: Duration | None = None
+    """Default: the step in which the fastest motion of edges and interfaces covers the slip tolerance."""
+    largest_step: Duration | None = None
+    """Default: a hundredth of the duration."""
+    smallest_step: Duration | None = None
+    """Below it no step is repeated for accuracy; default: a tenth of the stable explicit one."""
+    slip_tolerance: Length | None = None
+    """Default: a fiftieth of the shortest length in the friction laws; without one, of the slip that relaxes a
+    hundredth of the normal stress over the whole interface."""
+    rate_tolerance: Fraction = 0.1
+    radiation_damping: bool = False
+    """Subtract mu / (2 c_s) times the slip rate from the elastic traction."""
+    petsc_options: PetscOptions = {}
+
+    def bind(self, model: Model) -> QuasiStaticMotion:
+        return QuasiStaticMotion(model, self)
+
+
+class QuasiStaticMotion:
+    """Quasi-static steps bound to a model.
+
+    `State.velocity` is the mean one of the last step, the size of the next step is in `State.numbers`.
+    """
+
+    collective = True
+
+    def __init__(self, model: Model, stepper: QuasiStatic) -> None:
+        from ruptfx.equilibrium import Equilibrium  # not at the top: cases are read also where there is no DOLFINx
+        from ruptfx.model import three_digits
+
+        self.model, self._stepper, self._rounded = model, stepper, three_digits
+        on = float(stepper.radiation_damping)
+        self._radiation = {fault.name: on * radiation_impedance(model, fault) for fault in model.faults}
+        self.equilibrium = Equilibrium(model, stepper.petsc_options, self._radiation)
+        self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
+        self._smallest = stepper.smallest_step or 0.1 * model.stable_time_step()
+        self._greatest = stepper.largest_step or model.case.duration / 100
+        self.dt = three_digits(min(stepper.first_step or self._first_step(), self._greatest))
+        self._driven = np.zeros(len(model.mass))
+        for dofs, _ in model.loads.driven:
+            self._driven[dofs] = 1.0
+
+    def _chosen_tolerance(self) -> float:
+        return min((slip_to_resolve(self.model, fault) for fault in self.model.faults), default=np.inf)
+
+    def _first_step(self) -> float:
+        speeds = [abs(drive.velocity) for _, drive in self.model.loads.driven]
+        for fault in self.model.faults:
+            creep = np.linalg.norm(fault.components(fault.initial_state(), "slip_rate"), axis=1)
+            speeds.append(float(creep.max(initial=0.0)))
+        fastest = parallel.largest(self.model.comm, max(speeds, default=0.0))
+        return self.slip_tolerance / fastest if fastest > 0 else self._greatest
+
+    def step(self, state: State) -> None:
+        """One step that converged and is accurate enough, or as small as it may be; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks, the state as before: halving the step did not help.
+        """
+        dt, halvings = state.numbers.get("dt", self.dt), 0
+        while True:
+            solution = self._solve(state, dt, halvings)
+            if solution is None:
+                dt, halvings = self._rounded(0.5 * dt), halvings + 1
+                continue
+            error = self._error(state, solution)
+            if error <= 1 or dt <= self._smallest:
+                break
+            dt = self._rounded(max(dt * max(0.8 / error, MOST_SHRINKING), self._smallest))
+        moved = self._account(state, solution)
+        solution.commit(state)
+        self._lose_kinetic(state, moved / dt)
+        state.numbers["dt"] = self._next(dt, error, solution)
+
+    def energies(self, state: State) -> dict[str, float]:
+        """At the end of the step."""
+        return self.model.energies(state, 0.0)
+
+    def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
+        """The equilibrium, or None where there is none and a smaller step may help."""
+        from ruptfx.equilibrium import ConvergenceError
+
+        try:
+            return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
+        except ConvergenceError as error:
+            if halvings < MOST_HALVINGS:
+                return None
+            advice = "slip may be unstable here: use radiation_damping = true, or kind = 'hybrid'"
+            raise ConvergenceError(f"{error}; the step was halved {halvings} times, {advice}") from None
+
+    def _error(self, state: State, solution: Solution) -> float:
+        """Error of slip over what is tolerated, the largest of all points."""
+        worst, dt = 0.0, solution.dt
+        for fault in self.model.faults:
+            old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
+            speed = np.maximum(np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1))
+            error = 0.5 * dt * np.linalg.norm(new - old, axis=1)
+            error = error / (self.slip_tolerance + self._stepper.rate_tolerance * dt * speed)
+            worst = max(worst, float(error.max(initial=0.0)))
+        return parallel.largest(self.model.comm, worst)
+
+    def _next(self, dt: float, error: float, solution: Solution) -> float:
+        """Size of the next step; three digits, so that it does not depend on the number of ranks."""
+        growth = min(0.8 / np.sqrt(max(error, 1e-12)), MOST_GROWTH)
+        newton = solution.iterations / solution.outer
+        if newton > EASY:
+            growth = min(growth, 0.7 if newton > HARD else 1.0)
+        return self._rounded(min(max(dt * growth, self._smallest), self._greatest))
+
+    def _account(self, state: State, solution: Solution) -> np.ndarray:
+        """Count the work done in the step; the displacement added in it [m].
+
+        Bodies and interfaces take what driven edges and loads give, and what forces out of balance at the start, such
+        as those of waves that are no longer computed, lose.
+        """
+        model, time = self.model, state.time
+        loads = [self.equilibrium.load(t) for t in (time, time + solution.dt)]
+        before, after = self.equilibrium.internal(state) - loads[0], solution.internal - loads[1]
+        moved = solution.displacement - state.displacement
+        mean = 0.5 * (before + after)
+        state.energy["boundary_work"] += model.owned_dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)
+        state.energy["damping"] -= model.owned_dot((1 - self._driven) * mean, moved)
+        for fault in model.faults:
+            # Radiation is part of the traction times the slip rate that counts as friction.
+            radiated = self._radiated(fault, state, solution)
+            state.energy["frictional_dissipation"] -= radiated
+            state.energy["damping"] += radiated
+        return moved
+
+    def _radiated(self, fault: Fault, state: State, solution: Solution) -> float:
+        old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
+        power = 0.5 * self._radiation[fault.name] * np.sum((old + new) * new, axis=1)
+        return float(np.sum(fault.interface.owned * fault.interface.weight * power)) * solution.dt
+
+    def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:
+        """Take over the velocity; equilibrium knows no inertia, so the change of kinetic energy is lost or gained."""
+        mass, dot = self.model.mass, self.model.owned_dot
+        state.energy["damping"] += 0.5 * (dot(state.velocity, mass * state.velocity) - dot(velocity, mass * velocity))
+        state.velocity[:] = velocity
+
+
+def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
+    """Traction per slip rate of plane shear waves that leave both sides [Pa s/m], shape (n,): 1 / (1/Z+ + 1/Z-) with
+    Z = rho c_s, which is mu / (2 c_s) between equal bodies and Z+ on a rigid one."""
+    impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
+    face = fault.interface
+    plus = impedance[model.node_body[face.plus]]
+    if face.other_side == "rigid":
+        return plus
+    minus = plus if face.one_sided else impedance[model.node_body[face.minus]]
+    return plus * minus / (plus + minus)
+
+
+def slip_to_resolve(model: Model, fault: Fault) -> float:
+    """A fiftieth of the shortest length in the friction law [m]; without one, of the slip that relaxes a hundredth of
+    the normal stress over the whole interface; collective."""
+    shortest = -parallel.largest(model.comm, -min(_lengths(fault.friction), default=np.inf))
+    if not np.isfinite(shortest):
+        softest = min(m.density * m.wave_speeds(model.case.plane).c_s ** 2 for m in model.materials)
+        length = parallel.largest(model.comm, fault.interface.position.max(initial=0.0))
+        shortest = 0.01 * length * parallel.largest(model.comm, fault.normal_stress_0.max(initial=0.0)) / softest
+    return 0.02 * shortest if shortest > 0 else np.inf
+
+
+def _lengths(law: Part) -> Iterator[float]:
+    """Every positive length among the parameters of a law and of the law it holds."""
+    for name in type(law).model_fields:
+        value = getattr(law, name)
+        if isinstance(value, Part):
+            yield from _lengths(value)
+        elif isinstance(value, float | int | np.ndarray) and unit_of(type(law), name) == "m" and np.size(value):
+            smallest = float(np.min(value))
+            if smallest > 0:
+                yield smallest
