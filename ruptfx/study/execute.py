@@ -267,16 +267,20 @@ class Progress:
         failed = sum(result["status"] == "failed" for result in known)
         self._failed += failed
         self._done += len(known) - failed
+        self._tenth = self._tenths()  # refinement adds points after the last tenth
 
     def finished(self, result: Result) -> None:
         self._new += 1
         self._failed += result["status"] == "failed"
         self._done += result["status"] != "failed"
-        tenth = 10 * (self._done + self._failed) // max(self._total, 1)
+        tenth = self._tenths()
         if self._show and not self._lively and tenth > self._tenth:
             self._tenth = tenth
             numbers = ", ".join(f"{name} {value}" for name, value in self._numbers().items())
             self._console.print(f"{10 * tenth:3d} %  {numbers}")
+
+    def _tenths(self) -> int:
+        return 10 * (self._done + self._failed) // max(self._total, 1)
 
     def _numbers(self) -> dict[str, str]:
         left = self._total - self._done - self._failed
