@@ -373,6 +373,11 @@ class Model:
         self.sum_shared(force)
         return force
 
+    @property
+    def copies(self) -> int:
+        """2 where the bodies have a mirror image, which holds and loses what the meshed half does."""
+        return 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
+
     def energies(self, state: State, dt: float) -> dict[str, float]:
         """Energy budget over all ranks [J, per metre of thickness in 2D].
 
@@ -393,9 +398,7 @@ class Model:
             "damping": state.energy["damping"],
             "boundary_work": state.energy["boundary_work"] + sum(fault.preload_work(middle) for fault in self.faults),
         }
-        # A mirror image holds and loses what the meshed half does.
-        copies = 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
-        summed = copies * parallel.total(self.comm, list(here.values()))
+        summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
 
     def highest_frequency(self, free: np.ndarray) -> float:

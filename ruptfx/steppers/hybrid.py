@@ -1,0 +1,200 @@
+"""Slow loading in implicit steps, ruptures in explicit ones."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx import parallel
+from ruptfx.contact import Point
+from ruptfx.projection import ProjectionError
+from ruptfx.steppers import AnyStepper, Stepper
+from ruptfx.units import Duration, Speed
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model, State
+
+SLOW, FAST = 0.0, 1.0
+LOOK_EVERY = 25  # explicit steps between looks at all ranks
+
+
+class Hybrid(Stepper):
+    """One run from slow loading through ruptures to reloading: `slow` steps until the interface slides faster than
+    `fast_above` anywhere, or until they find no equilibrium; then `fast` ones, until it has not been faster than
+    `slow_below` for `calm_for`.
+
+    Displacement, velocity, slip and state go on unchanged. What the schemes cannot hand over is counted as damping:
+    the kinetic energy of waves that are left when equilibrium takes over, and the shift of half a step between the
+    times at which the two balance energy. Every switch is in the log.
+    """
+
+    slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
+    """Its steps must accept the contact method, which explicit ones must, too: `compliant`."""
+    fast: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
+    fast_above: Speed = 1e-2
+    slow_below: Speed = 1e-3
+    calm_for: Duration | None = None
+    """Default: shear waves cross the bodies ten times."""
+
+    @model_validator(mode="after")
+    def _two_speeds(self) -> Hybrid:
+        if self.slow_below >= self.fast_above:
+            raise ValueError(f"slow_below = {self.slow_below:g}: must be less than fast_above = {self.fast_above:g}")
+        if self.slow.kind() not in ("quasi_static", "generalized_alpha"):
+            raise ValueError(f"slow.kind = '{self.slow.kind()}': must be an implicit one, for example quasi_static")
+        if self.fast.kind() != "leapfrog":
+            raise ValueError(f"fast.kind = '{self.fast.kind()}': must be leapfrog")
+        return self
+
+    def bind(self, model: Model) -> HybridMotion:
+        return HybridMotion(model, self)
+
+
+class HybridMotion:
+    """Steps of two kinds bound to a model; which of them is under way is in `State.numbers`, as `fast`, with the time
+    since which the interface has been calm."""
+
+    def __init__(self, model: Model, stepper: Hybrid) -> None:
+        self.model, self._stepper = model, stepper
+        self._slow: Any = stepper.slow.bind(model)
+        self._fast: Any = stepper.fast.bind(model)
+        self.dt = self._slow.dt
+        self.collective = True
+        self._calm_for = stepper.calm_for or 10 * self._crossing_time()
+        self._log = logging.getLogger("ruptfx.run")
+
+    def _crossing_time(self) -> float:
+        """Time a shear wave takes across the bodies [s]; collective."""
+        model = self.model
+        slowest = min(m.wave_speeds(model.case.plane).c_s for m in model.materials)
+        high, low = (
+            [parallel.largest(model.comm, (sign * axis).max(initial=-np.inf)) for axis in model.coordinates.T]
+            for sign in (1, -1)
+        )
+        return max(a + b for a, b in zip(high, low, strict=True)) / slowest
+
+    def step(self, state: State) -> None:
+        """One step of the kind under way, then maybe a switch.
+
+        Raises
+        ------
+        RuptfxError
+        """
+        if state.numbers.get("fast", SLOW) == FAST:
+            self._step_fast(state)
+        else:
+            self._step_slow(state)
+        self.collective = state.numbers["fast"] == SLOW
+
+    def energies(self, state: State) -> dict[str, float]:
+        """As the scheme under way has it."""
+        return (self._fast if state.numbers.get("fast", SLOW) == FAST else self._slow).energies(state)
+
+    def _step_slow(self, state: State) -> None:
+        from ruptfx.equilibrium import ConvergenceError
+
+        state.numbers["fast"] = SLOW
+        try:
+            self._slow.step(state)
+        except ConvergenceError as error:
+            self._switch(state, FAST, str(error).partition(";")[0])
+            self._fast.step(state)
+            return
+        fastest = self._peak_slip_rate(state)
+        if fastest > self._stepper.fast_above:
+            self._switch(state, FAST, f"peak slip rate {fastest:.3g} m/s")
+
+    def _step_fast(self, state: State) -> None:
+        self._fast.step(state)
+        if state.step % LOOK_EVERY:
+            return
+        fastest = self._peak_slip_rate(state)
+        if fastest > self._stepper.slow_below:
+            state.numbers["calm_since"] = state.time
+        elif state.time - state.numbers["calm_since"] >= self._calm_for:
+            self._switch(state, SLOW, f"peak slip rate {fastest:.3g} m/s")
+
+    def _peak_slip_rate(self, state: State) -> float:
+        """Of the points in contact [m/s]; collective."""
+        largest = 0.0
+        for fault in self.model.faults:
+            fields = state.faults[fault.name]
+            speed = np.linalg.norm(fault.components(fields, "slip_rate"), axis=1)
+            largest = max(largest, float(np.where(fields["normal_stress"] > 0, speed, 0.0).max(initial=0.0)))
+        return parallel.largest(self.model.comm, largest)
+
+    def _switch(self, state: State, to: float, why: str) -> None:
+        """Hand the state over; collective."""
+        before = _missing(self.energies(state))
+        (self._bring_faults_up if to == SLOW else self._take_faults_back)(state)
+        state.numbers |= {"fast": to, "calm_since": state.time, "dt": self._fast.dt}
+        state.fields.clear()
+        after = self.energies(state)
+        lost = _missing(after) - before
+        if self.model.comm.rank == 0:
+            state.energy["damping"] += lost / self.model.copies
+        kind = (self._stepper.fast if to == FAST else self._stepper.slow).kind()
+        self._log.info(
+            "%s from %.9g s, step %d: %s; kinetic energy %.3g J, %.3g J booked as damping",
+            kind, state.time, state.step, why, after["kinetic"], lost,
+        )  # fmt: skip
+
+    def _take_faults_back(self, state: State) -> None:
+        """Explicit tractions are a step behind the displacement, and so is the slip they depend on."""
+        from ruptfx.fault import component_names
+
+        dt = self._fast.dt
+        earlier, time = state.displacement - dt * state.velocity, max(state.time - dt, 0.0)
+        for fault in self.model.faults:
+            fields, face = state.faults[fault.name], fault.interface
+            rate, shear = fault.components(fields, "slip_rate"), fault.components(fields, "shear_traction")
+            slip = fault.components(fields, "slip") - dt * rate
+            opening, slip_jump = face.split(face.jump(earlier))
+            unknown = np.full(len(opening), np.nan)
+            trial = fault.contact.trial(Point(
+                normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
+                opening_jump=opening, slip_jump=list(slip_jump.T), opening_velocity=unknown,
+                slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), dt=dt, normal_impedance=unknown,
+                shear_impedance=unknown,
+            ))  # fmt: skip
+            normal = np.maximum(np.broadcast_to(trial.normal_stress, opening.shape), 0.0)
+            stuck = np.stack(trial.shear_traction, axis=1) * (normal > 0)[:, None]
+            power = fault.contact.dissipated(stuck, shear, rate, rate).sum(axis=1)
+            state.energy["frictional_dissipation"] -= float(np.sum(face.owned * face.weight * power)) * dt
+            fields["normal_stress"][:] = normal
+            fields["opening"][:] = (normal - trial.normal_stress) * trial.normal_compliance
+            for k in range(fault.tangents):
+                fields[component_names("slip", fault.tangents)[k]][:] = slip[:, k]
+                fields[component_names("shear_traction", fault.tangents)[k]][:] = stuck[:, k]
+
+    def _bring_faults_up(self, state: State) -> None:
+        """The way back: one more fault step, with the displacement as it is."""
+        from ruptfx.response import FaultResponse
+
+        dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
+        error = None
+        for fault in self.model.faults:
+            fields, answer = state.faults[fault.name], FaultResponse(fault, threshold)
+            multiplier = fields["normal_stress"], fault.components(fields, "shear_traction")
+            unknown = np.full(len(fault.interface.weight), np.nan)
+            try:
+                jump = fault.interface.jump(state.displacement)
+                new = answer(fields, jump, dt, state.time, multiplier, unknown).state
+            except ProjectionError as caught:
+                error = caught
+                continue
+            dissipated, impact, worked = answer.exchanged(fields, new, dt, state.time)
+            state.energy["frictional_dissipation"] += dissipated
+            state.energy["damping"] += impact
+            state.energy["boundary_work"] += worked
+            for name, values in new.items():
+                fields[name][:] = values
+        parallel.raise_on_all(self.model.comm, error)
+
+
+def _missing(energies: dict[str, float]) -> float:
+    """What went in and is not found again [J]."""
+    return 2 * energies["boundary_work"] - sum(energies.values())
