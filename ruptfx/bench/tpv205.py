@@ -116,7 +116,8 @@ def _convergence(fine: bool) -> dict[str, Any]:
     half, duration = 18e3, 4.6
     spacings = [100.0, 50.0, 25.0, 12.5] if fine else [100.0, 50.0, 25.0]
     stations = np.arange(-14.5e3, 14.501e3, 0.5e3) + half  # corners of elements in all meshes
-    stations = stations[np.abs(stations - half) > 3e3]
+    # Away from the nucleation, and not on the edge of a patch, where a node carries the mean of two stresses.
+    stations = stations[(np.abs(stations - half) > 3e3) & ~np.isin(np.abs(stations - half), (6e3, 9e3))]
     columns = []
     for spacing in spacings:
         run = rupture(case(spacing, duration, half, 6e3), energies=1, sudden=True)
