@@ -6,6 +6,7 @@ Every other module says ``from ruptfx import fem`` and never imports DOLFINx, pe
 # ruff: noqa: I001
 from __future__ import annotations
 
+import ctypes
 import hashlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -134,6 +135,18 @@ def local_matrix(form: Any) -> Any:
     rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
     # Columns beyond the local unknowns wait for what other ranks would add.
     return rows[:, : rows.shape[0]].copy()
+
+
+def option_was_read(name: str) -> bool:
+    """Whether anything has asked PETSc's database for an option, name with prefix and without dash."""
+    database = PETSc.Options()
+    if hasattr(database, "used"):
+        return bool(database.used(name))
+    # petsc4py before 3.23 does not wrap it.
+    used = ctypes.c_int(0)
+    library = ctypes.CDLL(PETSc.__file__)  # symbols of the PETSc it is linked to
+    library.PetscOptionsUsed(None, f"-{name}".encode(), ctypes.byref(used))
+    return bool(used.value)
 
 
 class SharedVector:

@@ -53,7 +53,7 @@ class CaseOptions:
 
     def __exit__(self, *_: Any) -> None:
         database = PETSc.Options()
-        unread = [name for name in self.given if not database.used(self.prefix + name)]
+        unread = [name for name in self.given if not fem.option_was_read(self.prefix + name)]
         self.unread = f"stepper.petsc_options.{unread[0]} = {self.given[unread[0]]!r}" if unread else ""
         for name in self._all:
             database.delValue(self.prefix + name)
