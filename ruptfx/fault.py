@@ -75,6 +75,10 @@ class Fault:
         shear[:, 0] += self.load(time)
         return shear
 
+    def traced_law(self) -> TracedLaw:
+        """The friction law as the contact method sees it."""
+        return TracedLaw(self.friction, self.contact.traction_ends_slip)
+
     @property
     def tangents(self) -> int:
         return self.interface.tangents
@@ -180,9 +184,9 @@ def advance_reference(
     ))  # fmt: skip
     rate_old = fault.components(state, "slip_rate")
     traction_old = fault.components(state, "shear_traction")
-    law_state = {name: state[name] for name in law.state_names}
+    before = {name: state[name] for name in (*law.state_names, "normal_stress")}
     done = project(
-        law, law_state, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
+        law, before, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
         trial.impedance, dt, np.linalg.norm(rate_old, axis=1), f"of fault '{fault.name}' at time {time:.6g} s",
     )  # fmt: skip
     power = fault.contact.dissipated(traction_old, done.shear_traction, rate_old, done.slip_rate).sum(axis=1)
@@ -225,7 +229,7 @@ class FaultStep:
 
     def __init__(self, fault: Fault, inverse_mass: np.ndarray, dt: float, threshold: float) -> None:
         self.fault, self.dt, self.threshold = fault, dt, threshold
-        self.law = TracedLaw(fault.friction)
+        self.law = fault.traced_law()
         face = fault.interface
         normal_impedance, shear_impedance = impedances(face, inverse_mass, dt)
         contact_values, traced_contact = parameters_as_symbols(fault.contact, "c_")
@@ -357,7 +361,7 @@ def _source(
     # Symbol of the traced code -> the array it is loaded from.
     loaded = {name: name for name in fixed if name != "weight"}
     loaded |= {f"q_slip_{k}": fields["slip"][k] for k in range(tangents)}
-    loaded |= {f"s_{name}": name for name in law.state_names}
+    loaded |= {"normal_stress_before": "normal_stress"} | {f"s_{name}": name for name in law.state_names}
 
     def lines(texts: Any) -> str:
         return "\n".join(texts)

@@ -1,15 +1,13 @@
 """Trial traction -> admissible traction and slip rate: one scalar solve, shared by every law and contact method.
 
     normal:  sigma = max(trial_n, 0); the rest opens the gap
-    shear:   find V >= 0 with |trial_s| - Z V = strength(V, sigma, advance(state, V, sigma, dt));
+    shear:   find V >= 0 with |trial_s| - Z V = strength(V, sigma, state seen), the state advanced with V and sigma;
              the traction is parallel to trial_s
 
-Advancing the state inside the solve (backward Euler) makes stiff laws stable at the bulk time step. Slip and clocks
-enter with their value at the time of the traction instead (`explicit_fields` of a law): they have nothing to relax,
-and weakening one step early would make rupture fronts too fast, by an amount of first order in the step. The root is
-bracketed by V = 0 and V = |trial_s| / Z and found by Newton steps in V or log V, whichever fits, with bisection as
-the way out. The same algorithm exists twice, for arrays here and in `projection.c` for the explicit hot path; both
-evaluate the traced law (`TracedLaw`).
+Advancing the state inside the solve makes stiff laws stable at the bulk time step; `TracedLaw` says which state is
+seen. The root is bracketed by V = 0 and V = |trial_s| / Z and found by Newton steps in V or log V, whichever fits,
+with bisection as the way out. The same algorithm exists twice, for arrays here and in `fault.c` for the explicit hot
+path; both evaluate the traced law (`TracedLaw`).
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
-from ruptfx.tracing import Expression, constant, derivative, symbol, to_c, to_numpy
+from ruptfx.tracing import Expression, constant, depends, derivative, symbol, to_c, to_numpy
 
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
@@ -53,25 +51,48 @@ def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]
 
 
 class TracedLaw:
-    """A law recorded once: its strength after a step, the exact derivatives and the new state.
+    """A law recorded once: its strength in a step, the exact derivatives and the new state.
 
     Parameters
     ----------
     law : FrictionLaw
         With profiles already evaluated at the points (`law.at(position)`).
     at_end : bool
-        The traction belongs to the end of the step (implicit steps): the strength sees all states there.
+        Whether the traction belongs to the end of the slip that the step adds, or to its beginning.
+    explicit : bool
+        Whether time has gone on to that of the traction before the step.
+
+    Notes
+    -----
+    At the end of the slip the strength sees the `new` state: backward Euler. At its beginning it sees `old` +
+    (1 - dnew/dold) (`new` - `old`). Slip has dnew/dold = 1 and enters with its value at the time of the traction:
+    weakening one step early would make rupture fronts too fast, by an amount of first order in the step. A variable
+    that relaxes has dnew/dold = exp(-x) for a step of x relaxation times: short steps, x << 1, see `old` but for terms
+    of second order; long ones see `new`, where each step ends at its own steady state and nothing can overshoot.
+    `advance` being exact, a step never has to be divided, whatever the slip rate; slip rates keep their sign within a
+    step, and the normal stress enters with its mean. The slip rate itself is that of the middle of the step: where the
+    strength depends on it, steps are of first order. Clocks, which nothing but time drives, tell the time of
+    the traction before explicit steps.
     """
 
-    def __init__(self, law: FrictionLaw, at_end: bool = False) -> None:
+    def __init__(self, law: FrictionLaw, at_end: bool = False, explicit: bool = True) -> None:
         self.law = law
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
         self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
         old = {name: symbol(f"s_{name}") for name in self.state_names}
-        new = traced.advance(old, self.slip_rate, self.normal_stress, self.dt)
-        carrying = new if at_end else traced.state_of_strength(old, new, self.slip_rate, self.dt)
-        strength = traced.strength(self.slip_rate, self.normal_stress, carrying)
+        stress, before = self.normal_stress, symbol("normal_stress_before")
+        if explicit:  # the mean while it slips: between the last two or, at the beginning, half a step beyond
+            stress = 0.5 * (before + stress) if at_end else np.maximum(1.5 * stress - 0.5 * before, 0.0)
+        new = traced.advance(old, self.slip_rate, stress, self.dt)
+        seen = dict(new)
+        for name, value in old.items():
+            if explicit and not depends(new[name], (self.slip_rate, self.normal_stress)):
+                seen[name] = value
+            elif not at_end:
+                relaxed = np.minimum(np.maximum(1 - derivative(new[name], value), 0.0), 1.0)
+                seen[name] = value + (new[name] - value) * relaxed
+        strength = traced.strength(self.slip_rate, self.normal_stress, seen)
         if not isinstance(strength, Expression):
             strength = constant(strength)
         self.outputs = {
@@ -83,7 +104,8 @@ class TracedLaw:
 
     @property
     def inputs(self) -> list[str]:
-        return ["slip_rate", "normal_stress", "dt", *(f"s_{name}" for name in self.state_names), *self.parameters]
+        given = "slip_rate", "normal_stress", "normal_stress_before", "dt"
+        return [*given, *(f"s_{name}" for name in self.state_names), *self.parameters]
 
     @cached_property
     def _function(self) -> Any:
@@ -101,15 +123,17 @@ class TracedLaw:
         dt: float,
         points: Any = slice(None),
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Strength [Pa] at the end of a step, its derivatives with respect to slip rate [Pa s/m] and normal stress,
-        and the new state; `points` selects from parameters and state when only some points are evaluated."""
+        """Strength [Pa] in a step, its derivatives with respect to slip rate [Pa s/m] and normal stress, and the new
+        state. `state` may hold the `normal_stress` before the step; without it, it is the same. `points` selects from
+        parameters and state when only some points are evaluated."""
 
         def pick(value: Any) -> Any:
             return value[points] if isinstance(value, np.ndarray) else value
 
         values = [pick(value) for value in (*(state[name] for name in self.state_names), *self.parameters.values())]
+        before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
         with np.errstate(all="ignore"):
-            strength, slope, *new, stress_slope = self._function(slip_rate, normal_stress, dt, *values)
+            strength, slope, *new, stress_slope = self._function(slip_rate, normal_stress, before, dt, *values)
         shape = np.shape(slip_rate)
         states = {name: np.broadcast_to(v, shape) for name, v in zip(self.state_names, new, strict=True)}
         strength, slope, stress_slope = (np.broadcast_to(v, shape) for v in (strength, slope, stress_slope))
@@ -187,7 +211,7 @@ def project(
     ----------
     law : TracedLaw
     state : dict of ndarray, shape (n,)
-        State at the beginning of the step.
+        State of the law, and normal stress where it matters that it changes, at the beginning of the step.
     trial_normal, trial_shear : ndarray, shapes (n,) and (n, tangents)
         Trial tractions [Pa]; compression positive.
     impedance : ndarray, shape (n,)

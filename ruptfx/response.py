@@ -45,7 +45,7 @@ class FaultResponse:
 
     def __init__(self, fault: Fault, threshold: float, radiation: float | np.ndarray = 0.0) -> None:
         self.fault, self.threshold, self.radiation = fault, threshold, radiation
-        self.law = TracedLaw(fault.friction, at_end=True)
+        self.law = TracedLaw(fault.friction, at_end=True, explicit=False)
 
     def __call__(
         self,

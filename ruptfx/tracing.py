@@ -162,6 +162,11 @@ def derivative(expression: Expression, variable: Expression) -> Expression:
     return slopes[expression]
 
 
+def depends(expression: Any, variables: Iterable[Expression]) -> bool:
+    """Whether any of the symbols occurs in a traced expression (or number)."""
+    return isinstance(expression, Expression) and not set(_ordered([expression])).isdisjoint(variables)
+
+
 def _ordered(roots: Iterable[Expression]) -> list[Expression]:
     """Every node once, arguments before their users."""
     order: dict[Expression, None] = {}

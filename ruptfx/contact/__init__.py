@@ -83,6 +83,8 @@ class ContactMethod(Alternative):
 
     explicit: ClassVar[bool] = True
     """Whether explicit steps can use it."""
+    traction_ends_slip: ClassVar[bool] = False
+    """Whether the traction of an explicit step belongs to the end of the slip that it adds, or to its beginning."""
     implicit: ClassVar[bool] = False
     """Whether implicit steps can use it."""
 

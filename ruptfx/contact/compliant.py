@@ -15,6 +15,7 @@ class Compliant(ContactMethod):
     """
 
     implicit = True
+    traction_ends_slip = True
 
     C_n: Stiffness
     C_s: Stiffness

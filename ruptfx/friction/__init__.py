@@ -24,9 +24,6 @@ class FrictionLaw(Alternative):
 
     state_fields: ClassVar[Mapping[str, str]] = {}
     """State variables of the law: name -> unit."""
-    explicit_fields: ClassVar[tuple[str, ...]] = ()
-    """State variables that enter the strength with their value at the beginning of a step, which is the time of the
-    traction: slip and clocks. The others relax, maybe faster than a step, and enter with their value at its end."""
     formula: ClassVar[str] = ""
     """The law in one line, for `ruptfx describe friction`."""
     source: ClassVar[str] = ""
@@ -36,16 +33,6 @@ class FrictionLaw(Alternative):
         """State fields of this law and of the law it holds, if it is a wrapper."""
         inner = getattr(self, "law", None)
         return {**(inner.all_state_fields() if inner is not None else {}), **self.state_fields}
-
-    def state_of_strength(self, old: LawState, new: LawState, slip_rate: Array, dt: Array) -> LawState:
-        """What the strength sees of the states at the beginning and at the end of a step.
-
-        The beginning is the time of the traction, which makes a step second order; the end keeps stiff laws stable.
-        Laws that relax over a slip L take the fraction x / (1 + x) of the change, x = V dt / L: both at once.
-        """
-        inner = getattr(self, "law", None)
-        held = inner.state_of_strength(old, new, slip_rate, dt) if inner is not None else new
-        return {**held, **{name: old[name] for name in self.explicit_fields}}
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         """State consistent with the given stresses and slip rate.
@@ -69,7 +56,7 @@ class FrictionLaw(Alternative):
         raise NotImplementedError
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        """State after a step `dt` [s] at constant slip rate and normal stress; unconditionally stable."""
+        """State after a step `dt` [s] at constant slip rate and normal stress: exactly, so that no step is too long."""
         raise NotImplementedError
 
     def given_slip_rate(self) -> Array | None:

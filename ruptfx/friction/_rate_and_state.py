@@ -79,10 +79,6 @@ class RateAndState(FrictionLaw):
         exponent, drive = self._exponent(state["theta"]), shear_stress / (self.a * normal_stress)
         return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
 
-    def state_of_strength(self, old: LawState, new: LawState, slip_rate: Array, dt: Array) -> LawState:
-        x = np.abs(slip_rate) * dt / self.D_c
-        return {**new, "theta": old["theta"] + (new["theta"] - old["theta"]) * (x / (1 + x))}
-
     def given_slip_rate(self) -> Array | None:
         return self.V_initial if self.theta_initial is not None and "V_initial" in self.model_fields_set else None
 

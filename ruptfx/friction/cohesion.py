@@ -15,7 +15,6 @@ class Cohesion(FrictionLaw):
     """
 
     state_fields = {"cohesive_slip": "m"}
-    explicit_fields = ("cohesive_slip",)
     formula = "strength = c max(1 - cohesive_slip / D_cohesion, 0) + law(V, sigma)"
     source = "Coulomb (1785); lost with slip as in Palmer and Rice (1973)"
 

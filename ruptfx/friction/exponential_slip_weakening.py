@@ -15,7 +15,6 @@ class ExponentialSlipWeakening(FrictionLaw):
     """
 
     state_fields = {"cumulative_slip": "m"}
-    explicit_fields = ("cumulative_slip",)
     formula = "strength = [mu_d + (mu_s - mu_d) exp(-cumulative_slip / D_c)] sigma"
     source = "exponential member of the slip-dependent laws of Ida (1972)"
 

@@ -16,7 +16,6 @@ class ForcedWeakening(FrictionLaw):
     """
 
     state_fields = {"clock": "s"}
-    explicit_fields = ("clock",)
     formula = "strength = (1 - w) law + w min(law, mu_d sigma), w = min(max((t - arrival) / t_w, 0), 1)"
     source = "Andrews (1985); forced rupture of the SCEC/USGS benchmarks, Harris et al. (2018)"
 

@@ -12,7 +12,6 @@ class LinearSlipWeakening(FrictionLaw):
     """Linear slip weakening: the coefficient falls from mu_s to mu_d over the slip D_c and stays there."""
 
     state_fields = {"cumulative_slip": "m"}
-    explicit_fields = ("cumulative_slip",)
     formula = "strength = [mu_s - (mu_s - mu_d) min(cumulative_slip / D_c, 1)] sigma"
     source = "Ida (1972); Andrews (1976)"
 

@@ -71,10 +71,6 @@ class RateAndStateFlashHeating(FrictionLaw):
         forgotten = -np.expm1(-slip_rate * dt / self.D_c)
         return {"psi": state["psi"] + (self.steady_psi(slip_rate) - state["psi"]) * forgotten}
 
-    def state_of_strength(self, old: LawState, new: LawState, slip_rate: Array, dt: Array) -> LawState:
-        x = slip_rate * dt / self.D_c
-        return {**new, "psi": old["psi"] + (new["psi"] - old["psi"]) * (x / (1 + x))}
-
     def given_slip_rate(self) -> Array | None:
         return self.V_initial if self.psi_initial is not None and "V_initial" in self.model_fields_set else None
 

@@ -16,7 +16,6 @@ class TimeWeakening(FrictionLaw):
     """
 
     state_fields = {"clock": "s"}
-    explicit_fields = ("clock",)
     formula = "strength = [mu_s - (mu_s - mu_d) min(max((t - arrival) / t_w, 0), 1)] sigma"
     source = "Kostrov (1966), prescribed rupture speed; Andrews (1985), time weakening"
 

@@ -16,7 +16,6 @@ from ruptfx.fault import Fault, FaultStep, advance_reference, impedances
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.interface import Interface
 from ruptfx.model import Model
-from ruptfx.projection import TracedLaw
 from ruptfx.schema import alternatives
 
 pytestmark = pytest.mark.fem
@@ -60,7 +59,7 @@ def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> t
     inverse = np.repeat(random.uniform(1e4, 1e5, 2 * POINTS), components)
     driven = fault.interface.plus[random.random(POINTS) < 0.1] * components
     inverse[driven] = 0  # driven nodes, on one side and in one direction
-    compiled, law = FaultStep(fault, inverse, dt, threshold), TracedLaw(fault.friction)
+    compiled, law = FaultStep(fault, inverse, dt, threshold), fault.traced_law()
     ours, theirs = fault.initial_state(), fault.initial_state()
     worst, opened, slid = 0.0, 0.0, 0.0
     # Jumps that change the normal stress by a few MPa: C_n u, or Z u / dt with Z near 1e6 Pa s/m.
@@ -127,7 +126,7 @@ def test_failure_names_the_point(method: str) -> None:
             fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS), 2e-6
         ),
         lambda: advance_reference(
-            fault, TracedLaw(fault.friction), fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS),
+            fault, fault.traced_law(), fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS),
             np.ones(4 * POINTS), 1e-7, 2e-6, 1e-3,
         ),
     ):
