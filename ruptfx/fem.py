@@ -145,7 +145,7 @@ def option_was_read(name: str) -> bool:
     # petsc4py before 3.23 does not wrap it.
     used = ctypes.c_int(0)
     library = ctypes.CDLL(PETSc.__file__)  # symbols of the PETSc it is linked to
-    library.PetscOptionsUsed(None, f"-{name}".encode(), ctypes.byref(used))
+    library.PetscOptionsUsed(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
 
 
