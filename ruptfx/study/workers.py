@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import select
 import shutil
@@ -150,6 +151,7 @@ def _on_child(ranks: int, job: dict[str, Any], time_limit: float | None) -> Resu
 def close_children() -> None:
     """End all children of this process; points in hand are dropped, not recorded."""
     _closing.set()
+    _report_errors(False)  # every dropped point would be one
     with _guard:
         for child in list(_all):
             child.close()
@@ -160,3 +162,10 @@ def close_children() -> None:
 def open_for_work() -> None:
     """Allow children again."""
     _closing.clear()
+    _report_errors(True)
+
+
+def _report_errors(wanted: bool) -> None:
+    """By dask, on standard error."""
+    for name in ("distributed.worker", "distributed.worker.state_machine"):
+        logging.getLogger(name).disabled = not wanted

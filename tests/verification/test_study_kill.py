@@ -43,7 +43,8 @@ def start(tmp_path):
 
     def launch(out: str) -> subprocess.Popen:
         command = [sys.executable, "-m", "ruptfx", "study", "study.toml", "--out", out, "--quiet"]
-        return subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL)
+        with (tmp_path / f"{out}.err").open("w") as errors:
+            return subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=errors)
 
     return launch
 
@@ -101,6 +102,8 @@ def test_ctrl_c_keeps_what_is_done_and_ends_at_once(tmp_path, start):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=20) == 130
+    message = (tmp_path / "out.err").read_text()
+    assert "the same command continues" in message and len(message.splitlines()) == 1, message
     done = len((tmp_path / "out" / "points.log").read_text().splitlines())
     assert 1 <= done < 48
     assert start("out").wait() == 0
