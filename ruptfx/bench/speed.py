@@ -53,7 +53,8 @@ def run(fine: bool, comm: Any) -> Outcome:
 
     Rows hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
     ratio_to_stock_ufl_form (the form compiled with DOLFINx's own flags instead of ours for this processor),
-    ratio_to_petsc, ratio_to_bandwidth, interface_share and efficiency (None where not measured).
+    ratio_to_petsc, ratio_to_bandwidth, interface_share; for several ranks efficiency, and independent_efficiency of as
+    many problems that share nothing but the machine. None where not measured.
     """
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
@@ -110,12 +111,14 @@ def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> 
 def _compare_ranks(rows: list[dict[str, Any]]) -> None:
     """Speed-up of the last row over the row of one rank on the same problem."""
     last = rows[-1]
-    last["efficiency"] = None
+    last["efficiency"] = last["independent_efficiency"] = None
+    independent = last.pop("independent", None)
     for row in rows[:-1]:
         same = all(row[key] == last[key] for key in ("dim", "order", "geometry", "asked"))
         if same and row["ranks"] == 1 < last["ranks"]:
             key = "node_updates_per_second_per_core"
             last["efficiency"] = last["ranks"] * last[key] / row[key]
+            last["independent_efficiency"] = last["ranks"] * independent / row[key]
 
 
 def show(rows: list[dict[str, Any]]) -> None:
@@ -226,29 +229,20 @@ def median_time(function: Callable[[], Any], least: float = 0.05, samples: int =
 
 def work(dim: int, order: int, geometry: str, nodes: int) -> dict[str, Any] | None:
     """Measure one row on the ranks of this job; the row on rank 0, None elsewhere."""
-    case = problem(dim, order, geometry, nodes)
-    model = Model(case, fem.MPI.COMM_WORLD)
-    motion: Any = case.stepper.bind(model)
-    state = model.initial_state()
-    comm, alone = model.comm, model.comm.size == 1
-    # The same number of steps on all ranks, which wait for each other.
-    steps = max(2, int(2e6 * comm.size / model.total_nodes))
-    times = []
-    for _ in range(SAMPLES):
-        began = time.process_time()
-        for _ in range(steps):
-            motion.step(state)
-        times.append((time.process_time() - began) / steps)
-    step = comm.allreduce(float(np.median(times)), op=fem.MPI.MAX)
-    if not np.isfinite(state.velocity).all():
-        raise RuptfxError("bench speed: the motion is not a number")
+    comm = fem.MPI.COMM_WORLD
+    model, motion, state, step = timed_steps(problem(dim, order, geometry, nodes), comm)
     row: dict[str, Any] = {
         "dim": dim, "order": order, "geometry": geometry, "nodes": model.total_nodes, "asked": nodes,
         "ranks": comm.size, "node_updates_per_second_per_core": model.total_nodes / step / comm.size,
         "bytes_per_node": held_bytes(model, motion, state) / model.nodes, "ratio_to_ufl_form": None,
         "ratio_to_stock_ufl_form": None, "ratio_to_petsc": None, "ratio_to_bandwidth": None, "interface_share": None,
     }  # fmt: skip
-    if alone:
+    if comm.size > 1:
+        del model, motion, state
+        size = nodes // comm.size
+        own, *_, seconds = timed_steps(problem(dim, order, geometry, size), fem.MPI.COMM_SELF)
+        row["independent"] = own.total_nodes / seconds
+    else:
         # Displacement and velocity read and written, one inverse mass read.
         must_move = 8 * (4 * model.components + 1)
         row["ratio_to_bandwidth"] = must_move * model.total_nodes / step / bandwidth()
@@ -258,6 +252,24 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> dict[str, Any] | No
         del model, motion, state
         row["ratio_to_petsc"] = petsc_product(dim, order) * row["node_updates_per_second_per_core"]
     return row if comm.rank == 0 else None
+
+
+def timed_steps(case: Case, comm: Any) -> tuple[Model, Any, Any, float]:
+    """Model, motion and state after some steps, and the processor time of one [s], the longest of all ranks."""
+    model = Model(case, comm)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    # The same number of steps on all ranks, which wait for each other.
+    steps = max(2, int(2e6 * comm.size / model.total_nodes))
+    times = []
+    fem.MPI.COMM_WORLD.Barrier()
+    for _ in range(SAMPLES):
+        began = time.process_time()
+        for _ in range(steps):
+            motion.step(state)
+        times.append((time.process_time() - began) / steps)
+    if not np.isfinite(state.velocity).all():
+        raise RuptfxError("bench speed: the motion is not a number")
+    return model, motion, state, fem.MPI.COMM_WORLD.allreduce(float(np.median(times)), op=fem.MPI.MAX)
 
 
 def held_bytes(model: Model, motion: Any, state: Any) -> float:
