@@ -36,7 +36,6 @@ from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.contact import require
 from ruptfx.fault import Fault, FaultState
 from ruptfx.interface import Interface
-from ruptfx.loading import ramp
 from ruptfx.model import Model, State
 from ruptfx.operators.assembled import stiffness_form
 from ruptfx.projection import ProjectionError
@@ -173,7 +172,7 @@ class Equilibrium:
         """F: nodal force of the boundary tractions [N]."""
         total = np.zeros(len(self.model.mass))
         for force, load in self.model.loads.force:
-            total += ramp(time, load.ramp) * force
+            total += load.factor(time) * force
         return total
 
     def damping_force(self, velocity: np.ndarray) -> np.ndarray:

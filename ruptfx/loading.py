@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from ruptfx import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Time, VaryingPressure, VaryingStress, Velocity
@@ -105,12 +106,53 @@ class Driven(_Edge):
         return self.velocity * (time - 0.5 * self.ramp)
 
 
+class Ricker(Part):
+    """Ricker wavelet (1 - 2 a) exp(-a), a = (pi frequency (t - delay))^2."""
+
+    kind: Literal["ricker"]
+    frequency: Annotated[float, Field(gt=0), Unit("1/s")]
+    """Of the peak of the spectrum."""
+    delay: Time
+    """Time of the peak; from 1.5 / frequency on nothing begins suddenly."""
+
+    def __call__(self, time: float) -> float:
+        a = (np.pi * self.frequency * (time - self.delay)) ** 2
+        return float((1 - 2 * a) * np.exp(-a))
+
+
+class Sampled(Part):
+    """Linear interpolation between given times, constant beyond the ends."""
+
+    kind: Literal["sampled"]
+    times: Annotated[list[float], Field(min_length=2), Unit("s")]
+    values: Annotated[list[float], Field(min_length=2), Unit("1")]
+
+    @model_validator(mode="after")
+    def _matching(self) -> Sampled:
+        if len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
+            raise ValueError("times must increase, with one value for each")
+        return self
+
+    def __call__(self, time: float) -> float:
+        return float(np.interp(time, self.times, self.values))
+
+
 class Traction(_Edge):
     """A traction on the edge on top of the initial load."""
 
     kind: Literal["traction"]
     traction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("Pa")]
     ramp: Time = 0.0
+    """Time over which the traction grows linearly from zero."""
+    history: Annotated[Ricker | Sampled, Field(discriminator="kind")] | None = None
+    """Factor of the traction in time."""
+    x_range: Range | None = None
+    y_range: Range | None = None
+    """Only the sides of elements whose middle is within these coordinates are loaded."""
+
+    def factor(self, time: float) -> float:
+        """What the traction is multiplied with."""
+        return ramp(time, self.ramp) * (self.history(time) if self.history is not None else 1.0)
 
 
 class Absorbing(_Edge):
@@ -177,9 +219,17 @@ class Loads:
             if isinstance(boundary, Driven):
                 self.driven.append((self._driven_dofs(boundary, tag), boundary))
             elif isinstance(boundary, Traction):
-                self.force.append((model.edge_force(tag, boundary.traction), boundary))
+                self.force.append((self._edge_force(boundary, tag, number), boundary))
             elif isinstance(boundary, Absorbing):
                 self.dashpot += model.edge_dashpot(tag)
+
+    def _edge_force(self, boundary: Traction, tag: int, number: int) -> np.ndarray:
+        limits = [boundary.x_range, boundary.y_range]
+        force = self._model.edge_force(tag, boundary.traction, limits)
+        if any(limits) and any(boundary.traction) and not parallel.total(self._model.comm, np.abs(force).sum()):
+            given = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
+            raise CaseError(f"boundaries.{number}: {boundary.edge} has no side with its middle in {given} m")
+        return force
 
     def _driven_dofs(self, boundary: Driven, tag: int) -> np.ndarray:
         nodes = self._model.edge_nodes(tag)

@@ -7,6 +7,7 @@ exchange nothing but the internal force.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -261,11 +262,29 @@ class Model:
             metadata=fem.gll_metadata(self.mesh, self.case.order),
         )
 
-    def edge_force(self, tag: int, traction: list[float]) -> np.ndarray:
-        """Nodal force of a constant traction [Pa] on an edge [N]."""
-        test = fem.ufl.TestFunction(self.space)
+    def edge_force(
+        self, tag: int, traction: list[float], limits: Sequence[Sequence[float] | None] = ()
+    ) -> np.ndarray:
+        """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
+        test = self._loaded_cells(tag, limits) * fem.ufl.TestFunction(self.space)
         density = traction[0] * test if self.components == 1 else fem.ufl.inner(fem.ufl.as_vector(traction), test)
         return fem.assemble_summed(self.space, density * self._edge_measure(tag))
+
+    def _loaded_cells(self, tag: int, limits: Sequence[Sequence[float] | None]) -> fem.ufl.core.expr.Expr:
+        """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
+        mesh, side = self.mesh, self.mesh.topology.dim - 1
+        loaded = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
+        facets = self.bodies.facets.find(tag)
+        middle = fem.dolfinx.mesh.compute_midpoints(mesh, side, facets)
+        inside = np.ones(len(facets), dtype=bool)
+        for axis, bounds in enumerate(limits):
+            if bounds is not None:
+                inside &= (middle[:, axis] > bounds[0]) & (middle[:, axis] < bounds[1])
+        mesh.topology.create_connectivity(side, side + 1)
+        cells = mesh.topology.connectivity(side, side + 1)
+        for facet in facets[inside]:
+            loaded.x.array[loaded.function_space.dofmap.list[cells.links(facet), 0]] = 1
+        return loaded
 
     def edge_dashpot(self, tag: int) -> np.ndarray:
         """Lysmer dashpot of every degree of freedom on an edge [N s/m]: rho c_p along the normal, rho c_s across."""

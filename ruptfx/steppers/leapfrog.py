@@ -131,7 +131,7 @@ class LeapfrogMotion:
         self._bulk(state)
         for force, load in self.model.loads.force:
             # Work of the load by the mean velocity is added once the new one is known.
-            state.force += ramp(state.time, load.ramp) * force
+            state.force += load.factor(state.time) * force
         moving = [fault_step.opening_rate(state.faults[name], state.velocity) for name, fault_step in self._faults]
         pointer = _pointer
         n = ctypes.c_long(len(self._dofs))
@@ -199,7 +199,7 @@ class LeapfrogMotion:
         for force, load in self.model.loads.force:
             mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
             share = force[self._dofs] * self._owned
-            state.energy["boundary_work"] += float(share @ mean) * ramp(state.time, load.ramp) * self.dt
+            state.energy["boundary_work"] += float(share @ mean) * load.factor(state.time) * self.dt
 
 
 def _pointer(array: np.ndarray) -> Any:

@@ -1,0 +1,116 @@
+"""Lamb's problem: a line load on a half space; displacement of the surface against Cagniard and de Hoop's solution.
+
+Vertical Ricker load of 10 Hz on a narrow strip of the surface, plane strain, c_p 3200, c_s 1847.5 m/s. An impulse on a
+line moves the surface at the distance x after the time p x by
+
+    u_z = Im[a / (c_s^2 R)] / (pi mu x) downwards,    u_x = Im[p (g - 2 a b) / R] / (pi mu x)
+
+with a = sqrt(1/c_p^2 - p^2), b = sqrt(1/c_s^2 - p^2), g = 1/c_s^2 - 2 p^2, R = g^2 + 4 p^2 a b just above the real axis
+of p. The convolution with the wavelet f is Im of an integral of K(p) f(t - p x) over p; all is analytic above the axis,
+so that the path of integration passes over the branch points and the Rayleigh pole.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._rupture import elastic
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+
+C_P, C_S, RHO = 3200.0, 1847.5, 2000.0
+FREQUENCY, DELAY = 10.0, 0.15
+RECEIVERS = (700.0, 1200.0)
+HALF_WIDTH, LOAD = 25.0, 1e6  # m, Pa
+DURATION = 0.95
+SOURCE = "Lamb (1904); de Hoop (1960)"
+
+
+def case(size: float) -> dict[str, Any]:
+    """Right half of the problem, so long and deep that echoes come too late; its two plates are glued."""
+    left = [
+        {"kind": "driven", "edge": f"{body}.left", "component": "x", "velocity": 0.0} for body in ("upper", "lower")
+    ]
+    load = {
+        "kind": "traction", "edge": "upper.top", "traction": [0.0, -LOAD], "x_range": [0.0, HALF_WIDTH],
+        "history": {"kind": "ricker", "frequency": FREQUENCY, "delay": DELAY},
+    }  # fmt: skip
+    glued = {
+        "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 1.0},
+        "initial_stress": {"normal": 1e12},
+    }  # fmt: skip
+    return {
+        "plane": "strain", "order": 4, "duration": DURATION, "stepper": {"kind": "leapfrog", "safety": 0.3},
+        "mesh": {"kind": "two_plates", "length": 2200.0, "height": 750.0, "element_size": size},
+        "materials": {"default": elastic(C_P, C_S, RHO)}, "faults": {"main": glued}, "boundaries": [*left, load],
+    }  # fmt: skip
+
+
+def exact(x: float, time: np.ndarray) -> np.ndarray:
+    """Displacement (right, up) of the surface at x, shape (times, 2) [m]."""
+    # As high above the axis as the wavelet, which grows there as exp((pi f x Im p)^2), allows; down to p = 0 at the
+    # left, on to where the wavelet has not begun at the right.
+    height, end = 1.5 / (np.pi * FREQUENCY * x), (time[-1] + DELAY) / (x - HALF_WIDTH)
+    nodes, weights = np.polynomial.legendre.leggauss(2000)
+    nodes, weights = 0.5 * (nodes + 1), 0.5 * weights
+    p = np.concatenate([1j * height * nodes, 1j * height + end * nodes])
+    dp = np.concatenate([1j * height * weights, end * weights])
+    a, b, g = np.sqrt(1 / C_P**2 - p**2), np.sqrt(1 / C_S**2 - p**2), 1 / C_S**2 - 2 * p**2
+    R = g**2 + 4 * p**2 * a * b
+    kernels = np.stack([p * (g - 2 * a * b) / R, -a / (C_S**2 * R)]) * dp
+    result = np.zeros((len(time), 2))
+    places, shares = np.polynomial.legendre.leggauss(8)  # of the strip
+    for place, share in zip(places, shares, strict=True):
+        argument = (np.pi * FREQUENCY * (time[:, None] - DELAY - p * (x - HALF_WIDTH * place))) ** 2
+        result += 0.5 * share * (((1 - 2 * argument) * np.exp(-argument)) @ kernels.T).imag
+    return 2 * HALF_WIDTH * LOAD / (np.pi * RHO * C_S**2) * result
+
+
+def surface(size: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times, displacement at the receivers, shape (times, receivers, 2) [m], and energy closure."""
+    problem = parse_case(case(size))
+    model = Model(problem, fem.MPI.COMM_SELF)
+    motion, state = problem.stepper.bind(model), model.initial_state()
+    top = np.flatnonzero(model.coordinates[:, 1] > 750.0 * (1 - 1e-9))
+    nodes = [top[np.argmin(np.abs(model.coordinates[top, 0] - x))] for x in RECEIVERS]
+    times, found = [0.0], [np.zeros((len(nodes), 2))]
+    while state.time < DURATION:
+        motion.step(state)
+        if state.step % 10 == 0:
+            times.append(state.time)
+            found.append(state.displacement.reshape(-1, 2)[nodes].copy())
+    energy = model.energies(state, motion.dt)
+    lost = 2 * energy["boundary_work"] - sum(energy.values())
+    return np.array(times), np.array(found), abs(lost / energy["boundary_work"])
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    del comm
+    time, found, closure = surface(12.5 if fine else 25.0)
+    reference = np.stack([exact(x, time) for x in RECEIVERS], axis=1)
+    checks = []
+    for i, x in enumerate(RECEIVERS):
+        for component, name in enumerate(("along the surface", "across it")):
+            off = np.abs(found[:, i, component] - reference[:, i, component]).max()
+            worst = float(off / np.abs(reference[:, i, component]).max())
+            checks.append(Check(f"{x:g} m, {name}: largest misfit over peak", 0.0, worst, 5e-3, "1", SOURCE))
+    checks.append(Check("energy closure", 0.0, closure, 1e-3, "1", "exact"))
+    return Outcome(checks, lambda: _draw(time, found, reference))
+
+
+def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Any:
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", sharey=True)
+    for ax, component, name in zip(axes, (0, 1), ("along the surface", "upwards"), strict=True):
+        for i, x in enumerate(RECEIVERS):
+            ax.plot(time, 1e3 * found[:, i, component], label=f"{x:g} m")
+            ax.plot(time, 1e3 * reference[:, i, component], "k:", lw=1)
+        ax.set(xlabel="time [s]", title=name, xlim=(0.2, DURATION))
+    axes[0].set_ylabel("displacement [mm]")
+    axes[0].legend(frameon=False)
+    return figure
