@@ -220,7 +220,7 @@ def describe(
 
 @app.command()
 def bench(
-    name: Annotated[str, typer.Argument(help="A benchmark, `all`, or `list`.")] = "list",
+    name: Annotated[str, typer.Argument(help="A benchmark, `all`, `list`, or `table` (of saved numbers).")] = "list",
     as_json: Annotated[bool, typer.Option("--json", help="Machine-readable rows.")] = False,
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
     out: Annotated[Path, typer.Option(help="Where figures go.")] = Path("bench"),

@@ -11,8 +11,10 @@ import ast
 import importlib
 import json
 import math
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -74,7 +76,9 @@ class Outcome:
 
 
 def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench") -> bool:
-    """Run one benchmark, or `all`; print its table, save its figure and its numbers. `list` only lists them.
+    """Run one benchmark, or `all`; print its table, save its figure and its numbers.
+
+    `list` only lists them; `table` prints the saved numbers of earlier runs as one table in Markdown.
 
     Parameters
     ----------
@@ -100,11 +104,18 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
     if name == "list":
         _list(known)
         return True
-    if name != "all" and name not in known:
-        raise RuptfxError(f"bench {name}: no such benchmark, {nearest(name, [*known, 'all', 'list'])}")
     # Speed is a measurement of this machine, to be made when it is quiet: not one of all.
-    chosen = [each for each in known if each != "speed"] if name == "all" else [name]
-    results = {each: _run(each, fine, Path(out), as_json) for each in chosen}
+    every = [each for each in known if each != "speed"]
+    if name == "table":
+        return _markdown(every, Path(out))
+    if name != "all" and name not in known:
+        raise RuptfxError(f"bench {name}: no such benchmark, {nearest(name, [*known, 'all', 'list', 'table'])}")
+    chosen = every if name == "all" else [name]
+    results = {}
+    for number, each in enumerate(chosen, 1):
+        with _shown(f"{number}/{len(chosen)} {each}"):
+            outcome = _run(each, fine, Path(out))
+        results[each] = _report(each, *outcome, Path(out), as_json)
     if as_json:
         rows = {each: reported for each, (_, reported) in results.items()}
         print(json.dumps(rows if name == "all" else rows[name], indent=2))
@@ -126,24 +137,72 @@ def _list(names: list[str]) -> None:
     console.print(table)
 
 
-def _run(name: str, fine: bool, out: Path, quiet: bool) -> tuple[bool, list[dict[str, Any]]]:
-    """Run, save and (unless quiet) print one benchmark; whether it passed, and its rows."""
+@contextmanager
+def _shown(text: str) -> Iterator[None]:
+    """What runs and for how long, on a terminal; else a line when it begins."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        print(text, file=sys.stderr, flush=True)
+        yield
+        return
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as progress:
+        progress.add_task(text, total=None)
+        yield
+
+
+def _run(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:
+    """Run one benchmark and save its numbers and figure; what came out, and the seconds it took."""
     module = importlib.import_module(f"ruptfx.bench.{name}")
     began = time.perf_counter()
     result = module.run(fine, _world())
     seconds = time.perf_counter() - began
     outcome = result if isinstance(result, Outcome) else Outcome(list(result))
-    rows = [{**asdict(check), "passed": check.passed} for check in outcome.checks]
-    for row in rows:  # JSON knows no NaN
-        row.update({key: None for key, v in row.items() if isinstance(v, float) and not math.isfinite(v)})
     out.mkdir(parents=True, exist_ok=True)
-    (out / f"{name}.json").write_text(json.dumps({"fine": fine, "seconds": seconds, "checks": rows}, indent=2) + "\n")
+    saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks)}
+    (out / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
     if outcome.draw is not None:
-        figure = outcome.draw()
-        figure.savefig(out / f"{name}.png", dpi=150)
+        outcome.draw().savefig(out / f"{name}.png", dpi=150)
+    return outcome, seconds
+
+
+def _report(name: str, outcome: Outcome, seconds: float, out: Path, quiet: bool) -> tuple[bool, list[dict[str, Any]]]:
+    """Print a benchmark (unless quiet); whether it passed, and its rows."""
     if not quiet:
         _print(name, outcome.checks, seconds, out)
-    return all(check.passed for check in outcome.checks), outcome.rows or rows
+    return all(check.passed for check in outcome.checks), outcome.rows or _rows(outcome.checks)
+
+
+def _rows(checks: list[Check]) -> list[dict[str, Any]]:
+    rows = [{**asdict(check), "passed": check.passed} for check in checks]
+    for row in rows:  # JSON knows no NaN
+        row.update({key: None for key, v in row.items() if isinstance(v, float) and not math.isfinite(v)})
+    return rows
+
+
+def _markdown(names: list[str], out: Path) -> bool:
+    """Print the saved checks of all benchmarks as a table; whether there are any and all passed."""
+    print("| problem | quantity | expected | found | tolerance | unit | | command |\n|---|---|---|---|---|---|---|---|")
+    verdicts = []
+    for name in names:
+        path = out / f"{name}.json"
+        if not path.exists():
+            continue
+        saved = json.loads(path.read_text())
+        command = f"`ruptfx bench {name}{' --fine' if saved['fine'] else ''}`"
+        for row in saved["checks"]:
+            verdict = "pass" if row.pop("passed") else "**fail**"
+            values: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
+            check = Check(**values)
+            verdicts.append(check.passed)
+            numbers = f"{check.expected:.6g} | {check.found:.6g} | {check.limit}"
+            print(f"| {name} | {check.quantity} | {numbers} | {check.unit} | {verdict} | {command} |")
+    if not verdicts:
+        raise RuptfxError(f"bench table: no numbers in {out}; run `ruptfx bench all` first")
+    return all(verdicts)
 
 
 def _world() -> Any:

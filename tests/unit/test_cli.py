@@ -241,3 +241,19 @@ def test_plot_of_nothing(tmp_path: Path) -> None:
     assert result.exit_code == 1 and "no such directory" in said(result)
     result = ruptfx("plot", tmp_path)
     assert result.exit_code == 1 and "case.toml" in said(result)
+
+
+def test_bench_saves_reports_and_tabulates(needs_fem: None, tmp_path: Path) -> None:
+    out = "--out", tmp_path
+    done = ruptfx("bench", "table", *out)
+    assert done.exit_code == 1 and "no numbers" in said(done)
+    rows = json.loads(ruptfx("bench", "waves", "--json", *out).stdout)
+    assert all(row["passed"] for row in rows) and (tmp_path / "waves.png").stat().st_size > 1000
+    table = ruptfx("bench", "table", *out)
+    assert table.exit_code == 0 and table.stdout.count("| pass | `ruptfx bench waves` |") == len(rows)
+    # A saved number that does not pass fails the table too.
+    saved = json.loads((tmp_path / "waves.json").read_text())
+    saved["checks"][0].update(found=None, passed=False)
+    (tmp_path / "waves.json").write_text(json.dumps(saved))
+    failed = ruptfx("bench", "table", *out)
+    assert failed.exit_code == 1 and "nan" in failed.stdout and "**fail**" in failed.stdout
