@@ -11,15 +11,15 @@
 #define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
 
 static const double tolerance = $tolerance;
-enum { max_iterations = $max_iterations };
+enum { max_iterations = $max_iterations, bisect_every = $bisect_every };
 
-static inline double next_rate(double v, double low, double high, double residual, double slope, double z)
+static inline double next_rate(double v, double low, double high, double residual, double slope, double z, int bisect)
 {
-    // Newton in V where the impedance rules, in log V where the law does, else bisection.
+    // Newton in V where the impedance rules, in log V where the law does; else, and now and then, bisection.
     const double step = slope > 2 * z ? v * exp(residual / (slope * v)) : v + residual / slope;
     const double floor_ = low > 1e-12 * high ? low : 1e-12 * high;
     const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(floor_ * high);
-    return step > low && step < high ? step : middle;
+    return step > low && step < high && !bisect ? step : middle;
 }
 
 // result: [0] dissipated energy, [1] failing point or -1, [2..5] its trial normal stress, trial shear, Z, slip rate
@@ -80,6 +80,7 @@ $law_strength
             any += active[l];
         }
         for (int iteration = 0; any > 0; iteration++) {
+            const int bisect = iteration % bisect_every == bisect_every - 1;
             any = 0;
             _Pragma("omp simd reduction(+:any)")
             for (int l = 0; l < LANES; l++) {
@@ -91,7 +92,7 @@ $law_slope
                 const double lo = residual > 0 ? slip_rate : low[l], hi = residual > 0 ? high[l] : slip_rate;
                 const double done = fabs(residual) <= tolerance * trial[l] || hi - lo <= 1e-15 * hi;
                 const double go = active[l] != 0 && done == 0;
-                const double next = next_rate(slip_rate, lo, hi, residual, z[l] + slope, z[l]);
+                const double next = next_rate(slip_rate, lo, hi, residual, z[l] + slope, z[l], bisect);
                 low[l] = active[l] != 0 ? lo : low[l];
                 high[l] = active[l] != 0 ? hi : high[l];
                 // A strength that is not a number must not be taken for a converged one.

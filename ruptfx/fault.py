@@ -20,7 +20,15 @@ from ruptfx.contact import ContactMethod, Point, Trial
 from ruptfx.friction import FrictionLaw
 from ruptfx.interface import Interface
 from ruptfx.nucleation import Nucleation
-from ruptfx.projection import MAX_ITERATIONS, TOLERANCE, TracedLaw, explain, parameters_as_symbols, project
+from ruptfx.projection import (
+    BISECT_EVERY,
+    MAX_ITERATIONS,
+    TOLERANCE,
+    TracedLaw,
+    explain,
+    parameters_as_symbols,
+    project,
+)
 from ruptfx.tracing import Expression, constant, symbol, to_c
 
 FaultState = dict[str, np.ndarray]
@@ -394,6 +402,7 @@ def _source(
         components=fault.interface.frame.shape[2], local=fault.interface.frame.shape[1], tangents=tangents,
         has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), tolerance=repr(TOLERANCE),
         max_iterations=MAX_ITERATIONS,
+        bisect_every=BISECT_EVERY,
         unpack=lines(unpack), load=lines(load),
         bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
         trial=to_c(_expressions(targets)), bind_law=lines(bind),

@@ -25,6 +25,7 @@ from ruptfx.tracing import Expression, constant, depends, derivative, symbol, to
 
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
+BISECT_EVERY = 8
 
 
 def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]:
@@ -290,7 +291,7 @@ def _solve(
     v = (trial[todo] - at_rest[todo]) / impedance[todo]
     if guess is not None:
         v = np.where((guess[todo] > 0) & (guess[todo] < high), guess[todo], v)
-    for _ in range(MAX_ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
         if len(todo) == 0:
             return rate
         z, t = impedance[todo], trial[todo]
@@ -302,19 +303,20 @@ def _solve(
         go = ~done & np.isfinite(residual)
         rate[todo[~done & ~go]] = np.nan
         todo, low, high, v = todo[go], low[go], high[go], v[go]
-        v = _next(v, low, high, residual[go], slope[go], z[go])
+        v = _next(v, low, high, residual[go], slope[go], z[go], iteration % BISECT_EVERY == BISECT_EVERY - 1)
     rate[todo] = np.nan
     return rate
 
 
 def _next(
-    v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray
-) -> np.ndarray:
+    v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
+    bisect: bool,
+) -> np.ndarray:  # fmt: skip
     """Newton in V where the impedance rules, in log V where the law does; bisection (in log V when the bracket spans
-    decades) where that leaves the bracket."""
+    decades) where that leaves the bracket, and now and then: the two sorts of steps may lead to each other for ever."""
     with np.errstate(all="ignore"):
         linear = v + residual / slope
         logarithmic = v * np.exp(residual / (slope * v))
     step = np.where(slope > 2 * z, logarithmic, linear)
     middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
-    return np.where((step > low) & (step < high), step, middle)
+    return np.where((step > low) & (step < high) & (not bisect), step, middle)

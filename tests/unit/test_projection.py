@@ -10,6 +10,8 @@ from examples import friction, friction_laws
 
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
+from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo
+from ruptfx.friction.rate_and_state_power_law import RateAndStatePowerLaw
 from ruptfx.friction.velocity_weakening import VelocityWeakening
 from ruptfx.projection import ProjectionError, TracedLaw, project
 
@@ -54,6 +56,19 @@ def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: boo
     # The returned state is the one after a step at the returned slip rate.
     for name, value in law.advance(state, rate, sigma, dt).items():
         np.testing.assert_allclose(done.state[name], value + 0 * rate, rtol=1e-12)
+
+
+def test_steps_do_not_go_round_in_circles() -> None:
+    """Met in a run: steps in V led from 2.7 to 68 m/s and steps in log V back, for ever; the root is at 12.8 m/s."""
+    held = RateAndStatePowerLaw(
+        mu_s=0.6, mu_d=0.367353, V_0=39.9676, V_1=27.682, p=1.2, m=3.42914, L_0=2.94185e-6, A_0=2.02208,
+        theta_0_initial=5.596e-5,
+    )  # fmt: skip
+    law = PrakashCliftonTwo(law=held, L_1=5.04426e-6, L_2=2.4753e-5, C=0.534763, D=0.358336)
+    state = {"theta_0": np.array([3.14511e-8]), "theta_1": np.array([9.15887e6]), "theta_2": np.array([6.15029e6])}
+    normal, trial, Z = np.array([1.71174e7]), np.array([[5648850.59148074]]), np.array([9752.66])
+    done = project(TracedLaw(law, at_end=True), state, normal, trial, Z, 2.4e-8, guess=np.array([69.4224]))
+    assert 12 < done.slip_rate[0, 0] < 14
 
 
 def test_a_guess_changes_nothing_but_the_number_of_steps() -> None:
