@@ -80,6 +80,12 @@ class Rupture:
         when = self.time[first] + 0.5 * step - (after - slip) / np.maximum(rate, 1e-300)
         return np.where(slips[-1] > slip, when, np.nan)
 
+    def mean_peak(self, over: float) -> Array:
+        """Largest running mean of the slip rate over some time [s], the same on every mesh [m/s]; shape (n,)."""
+        width = max(1, round(over / (self.time[2] - self.time[1])))
+        total = np.cumsum(np.abs(self.slip_rate), axis=0)
+        return (total[width:] - total[:-width]).max(axis=0) / width
+
     def at(self, position: float) -> int:
         """Index of the nearest point."""
         return int(np.argmin(np.abs(self.position - position)))

