@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ruptfx import RuptfxError
 from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
 
@@ -51,7 +52,10 @@ def modes_of(record: Record) -> Modes:
 def summarise(record: Record) -> dict[str, Any]:
     """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
     data = record.interface if record.interfaces else {}
-    values = _of_sliding(record) if "slip_rate" in data else {}
+    try:
+        values = _of_sliding(record) if "slip_rate" in data else {}
+    except RuptfxError as error:  # a run on few points is worth having all the same
+        values = {"mode": None, "mode_missing": str(error)}
     first = data["rupture_time"].values if "rupture_time" in data else np.array([])
     values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
     for name in ("peak_slip_rate", "max_slip", "max_opening"):

@@ -16,12 +16,13 @@ from ruptfx import RuptfxError
 from ruptfx.plots.along import front, slip_profiles, snapshots, space_time
 from ruptfx.plots.budget import energy_budget
 from ruptfx.plots.bulk import fringes, most_fringes, wavefield
+from ruptfx.plots.cycles import cycles, is_uneven
 from ruptfx.plots.style import STYLE
 from ruptfx.record import Record
 
 __all__ = [
-    "all_figures", "energy_budget", "fringes", "front", "save_all", "slip_profiles", "snapshots", "space_time",
-    "wavefield",
+    "all_figures", "cycles", "energy_budget", "fringes", "front", "save_all", "slip_profiles", "snapshots",
+    "space_time", "wavefield",
 ]
 
 _ALONG = (space_time, snapshots, slip_profiles, front)
@@ -31,11 +32,12 @@ MOST_FRINGES = 60
 def all_figures(record: Record) -> dict[str, Figure]:
     """Every figure the run has the data for, by name: of the interface and the bodies only in two dimensions.
 
-    Fringes are left out of antiplane runs, which have none, and where there are too many to be seen.
+    Fringes are left out of antiplane runs, which have none, and where there are too many to be seen. Runs with slow and
+    fast phases have a figure of their own.
     """
     draw: list[Callable[[Record], Figure]] = []
     if record.interfaces and "slip_rate" in record.interface:
-        draw += _ALONG
+        draw += (cycles, slip_profiles) if is_uneven(record) else _ALONG
     if (record.path / "bulk.h5").is_file() and record.bulk["points"].shape[1] == 2:
         draw += [fringes] * (0 < most_fringes(record) < MOST_FRINGES) + [wavefield]
     if (record.path / "energy.csv").is_file():

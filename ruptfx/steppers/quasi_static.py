@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar
 
@@ -28,8 +29,9 @@ class QuasiStatic(Stepper):
 
     The step follows the error of slip, half the difference between the explicit and the implicit Euler step,
     dt |V - V_old| / 2 < slip_tolerance + rate_tolerance dt V, and the number of Newton iterations. First order.
-    Where slip becomes unstable there is no equilibrium without inertia: the run stops and says where, unless
-    `radiation_damping` carries off what waves would (quasi-dynamic; Source: Rice 1993), or kind = "hybrid" is used.
+    Where slip becomes unstable the next equilibrium is far away, or there is none: steps fall to `smallest_step`, jump
+    to it and the log says so, or the run stops. `radiation_damping` carries off what waves would (quasi-dynamic;
+    Source: Rice 1993); kind = "hybrid" computes them.
     """
 
     inertia: ClassVar[bool] = False
@@ -39,7 +41,7 @@ class QuasiStatic(Stepper):
     largest_step: Duration | None = None
     """Default: a hundredth of the duration."""
     smallest_step: Duration | None = None
-    """Below it no step is repeated for accuracy; default: a tenth of the stable explicit one."""
+    """No step is repeated for accuracy below it; default: a tenth of the stable explicit one."""
     slip_tolerance: Length | None = None
     """Default: a fiftieth of the shortest length in the friction laws; without one, of the slip that relaxes a
     hundredth of the normal stress over the whole interface."""
@@ -72,6 +74,7 @@ class QuasiStaticMotion:
         self._smallest = stepper.smallest_step or 0.1 * model.stable_time_step()
         self._greatest = stepper.largest_step or model.case.duration / 100
         self.dt = three_digits(min(stepper.first_step or self._first_step(), self._greatest))
+        self._warned = False
         self._driven = np.zeros(len(model.mass))
         for dofs, _ in model.loads.driven:
             self._driven[dofs] = 1.0
@@ -102,7 +105,10 @@ class QuasiStaticMotion:
                 dt, halvings = self._rounded(0.5 * dt), halvings + 1
                 continue
             error = self._error(state, solution)
-            if error <= 1 or dt <= self._smallest:
+            if error <= 1:
+                break
+            if dt <= self._smallest:
+                self._warn(state, error)
                 break
             dt = self._rounded(max(dt * max(0.8 / error, MOST_SHRINKING), self._smallest))
         moved = self._account(state, solution)
@@ -125,6 +131,14 @@ class QuasiStaticMotion:
                 return None
             advice = "slip may be unstable here: use radiation_damping = true, or kind = 'hybrid'"
             raise ConvergenceError(f"{error}; the step was halved {halvings} times, {advice}") from None
+
+    def _warn(self, state: State, error: float) -> None:
+        if not self._warned:
+            logging.getLogger("ruptfx.run").warning(
+                "slip runs away at %.9g s: its error is %.3g times the tolerance in steps of %.3g s, and these are the "
+                "smallest; use radiation_damping = true, or kind = 'hybrid'", state.time, error, self._smallest,
+            )  # fmt: skip
+        self._warned = True
 
     def _error(self, state: State, solution: Solution) -> float:
         """Error of slip over what is tolerated, the largest of all points."""

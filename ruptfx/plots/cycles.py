@@ -1,0 +1,112 @@
+"""Figure of runs whose steps span decades: slow loading and ruptures in one picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from ruptfx.plots.style import GUIDE, RATE_MAP, Array, direction, letter, new_figure, note, scale, styled, wave_speeds
+from ruptfx.record import Record
+
+UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
+SLOWEST = 1e-10  # m/s
+
+
+def is_uneven(record: Record) -> bool:
+    """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
+    gaps = np.diff(record.interface["time"].values)
+    return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
+
+
+def ruptures(record: Record) -> list[tuple[int, int]]:
+    """First and last record of every time the interface slides faster than the rupture threshold; pauses of up to a
+    thousand times the shortest time between records are part of it."""
+    data = record.interface
+    time, peak = data["time"].values, np.abs(data["slip_rate"].values).max(axis=1)
+    fast = np.flatnonzero(peak > data.attrs.get("rupture_threshold", 1e-3))
+    if not len(fast):
+        return []
+    ends = np.flatnonzero(np.diff(time[fast]) > 1000 * np.diff(time).min())
+    firsts, lasts = np.append(0, ends + 1), np.append(ends, len(fast) - 1)
+    return [(int(fast[i]), int(fast[j])) for i, j in zip(firsts, lasts, strict=True) if j > i]
+
+
+@styled
+def cycles(record: Record) -> Figure:
+    """Mean shear traction and peak slip rate against time; slip rate along the interface against the number of the
+    record, in which every phase has its room; and the largest rupture against time."""
+    data = record.interface
+    position, time = data["position"].values, data["time"].values
+    rate = np.abs(data["slip_rate"].values)
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(time, "s")
+    figure, axes = new_figure(2, 2, 5.6)
+    force = direction(record) * np.trapezoid(data["shear_traction"].values, position, axis=1)
+    f_size, f_unit = scale(force, "Pa")  # newton per metre, with the same prefixes
+    axes[0, 0].plot(time / t_size, force / f_size, color="#1a1a1a", lw=0.8)
+    axes[0, 0].set(xlabel=f"Time ({t_unit})", ylabel=f"Shear force per thickness ({f_unit.replace('Pa', 'N/m')})")
+    peak = np.maximum(rate.max(axis=1), SLOWEST)
+    axes[0, 1].semilogy(time / t_size, peak, color="#c1440e", lw=0.8)
+    axes[0, 1].set(xlabel=f"Time ({t_unit})", ylabel="Peak slip rate (m/s)")
+    for ax in axes[0]:
+        ax.set_xlim(time[0] / t_size, time[-1] / t_size)
+    high = float(rate.max(initial=0.0))
+    if high <= SLOWEST:
+        for ax in axes[1]:
+            note(ax, "no sliding")
+        return figure
+    norm, found = LogNorm(max(SLOWEST, 1e-10 * high), high), ruptures(record)
+    edges = np.arange(len(time) + 1) - 0.5
+    shown = np.maximum(rate, norm.vmin or SLOWEST)
+    mesh = axes[1, 0].pcolormesh(_edges(position) / x_size, edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
+    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel="Number of the record")
+    _mark_times(axes[1, 0], time, found, t_size, t_unit)
+    figure.colorbar(mesh, ax=axes[1, 0], label="Slip rate (m/s)", pad=0.04)
+    _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
+    letter(axes.ravel())
+    return figure
+
+
+def _mark_times(ax: Axes, time: Array, found: list[tuple[int, int]], t_size: float, t_unit: str) -> None:
+    """When the ruptures were, on the right."""
+    right = ax.secondary_yaxis("right")
+    right.set_yticks([first for first, _ in found], [f"{time[first] / t_size:.3g} {t_unit}" for first, _ in found])
+    right.tick_params(colors=GUIDE, labelsize=6)
+
+
+def _largest(
+    ax: Axes, record: Record, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
+) -> None:
+    """The rupture with the most slip, against the time since it began, with lines at the wave speeds."""
+    if not found:
+        note(ax, "no rupture")
+        return
+    data = record.interface
+    slip = data["slip"].values
+    first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
+    # Until the front has crossed, and as long again: what follows is ringing.
+    threshold = data.attrs.get("rupture_threshold", 1e-3)
+    rate = np.abs(data["slip_rate"].values[first : last + 1])
+    time = data["time"].values[first : last + 1] - data["time"].values[first]
+    reached = np.where((rate > threshold).any(axis=0), (rate > threshold).argmax(axis=0), 0)
+    began, crossed = time[reached.min()], time[reached.max()]
+    until = int(np.searchsorted(time, crossed + 0.5 * (crossed - began) + 1e-30)) + 1
+    rate, time = rate[:until], time[:until]
+    size, unit = scale(time, "s")
+    mesh = ax.pcolormesh(_edges(position), _edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
+                         norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
+    ax.figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", pad=0.03)
+    began_at = f"{data['time'].values[first]:.5g} s"
+    ax.set(xlabel=f"Position ({x_unit})", ylabel=f"Time since {began_at} ({unit})", ylim=(0, time[-1] / size))
+    width, top = np.ptp(position), 0.95 * time[-1] / size
+    for place, name in ((0.05, "$c_s$"), (0.4, "$c_l$")):  # slopes to compare with
+        speed = wave_speeds(record).get(name)
+        if speed is not None:
+            x = position[0] + np.array([place, place + 0.2]) * width
+            ax.plot(x, [top - 0.2 * width * x_size / speed / size, top], "--", color=GUIDE, lw=0.8)
+            ax.annotate(name, (x[1], top), (2, 0), textcoords="offset points", color=GUIDE, va="center")
+
+
+def _edges(centres: Array) -> Array:
+    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])
