@@ -60,7 +60,7 @@ def cycles(record: Record) -> Figure:
     edges = np.arange(len(time) + 1) - 0.5
     shown = np.maximum(rate, norm.vmin or SLOWEST)
     mesh = axes[1, 0].pcolormesh(_edges(position) / x_size, edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
-    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel="Number of the record")
+    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel="Record (number)")
     _mark_times(axes[1, 0], time, found, t_size, t_unit)
     figure.colorbar(mesh, ax=axes[1, 0], label="Slip rate (m/s)", pad=0.04)
     _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)

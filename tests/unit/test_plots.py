@@ -13,11 +13,12 @@ import synthetic
 from ruptfx import RuptfxError, plots
 from ruptfx.analysis import summarise
 from ruptfx.plots.bulk import Raster
+from ruptfx.plots.cycles import ruptures
 from ruptfx.plots.style import default_times, scale
 from ruptfx.record import Record
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
-UNIT = re.compile(r"\((µm|mm|m|km|µs|ms|s|[kMG]?Pa|(mm|km|m)/s|[mkM]?J/m|%.*)\)|per fringe")
+UNIT = re.compile(r"\((µm|mm|m|km|µs|ms|s|[kMG]?Pa|(mm|km|m)/s|[mkM]?J/m|[kM]?N/m|number|%.*)\)|per fringe")
 
 
 def record_of(tmp_path, field, **options):
@@ -43,12 +44,32 @@ def check_units(figure):
 
 def test_every_figure_has_units_and_can_be_drawn(train):
     figures = plots.all_figures(train)
-    assert set(figures) == set(plots.__all__) - {"all_figures", "save_all"}
+    assert set(figures) == set(plots.__all__) - {"all_figures", "cycles", "save_all"}
     for figure in figures.values():
         check_units(figure)
         figure.canvas.draw()
         letters = [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")]
         assert letters == [f"({chr(97 + i)})" for i in range(len(letters))]
+
+
+@pytest.mark.parametrize("size", [1.0, 0.0])
+def test_slow_and_fast_phases_have_a_figure_of_their_own(tmp_path, size):
+    """Two ruptures of 60 us, loaded for 10 s each."""
+    rest, crack = np.full((20, len(POSITION)), 1e-9), synthetic.crack(TIME, POSITION)
+    field = size * np.concatenate([rest, crack, rest, crack, rest])
+    slow, fast = np.full(len(rest), 0.5), np.full(len(crack), TIME[1] - TIME[0])
+    time = np.cumsum(np.concatenate([slow, fast, slow, fast, slow]))
+    path = synthetic.write_run(tmp_path / "run", field, time, POSITION)
+    with Record(path) as record:
+        figures = plots.all_figures(record)
+        assert "cycles" in figures and "space_time" not in figures
+        found = ruptures(record)
+        assert len(found) == (2 if size else 0)
+        for first, last in found:
+            assert 30e-6 < float(record.interface.time[last] - record.interface.time[first]) < 61e-6
+        figures["cycles"].canvas.draw()
+        check_units(figures["cycles"])
+        assert size or any("no sliding" in text.get_text() for ax in figures["cycles"].axes for text in ax.texts)
 
 
 def test_guide_lines_run_at_the_wave_speeds(train):
