@@ -33,7 +33,7 @@ test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at s
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
 bench: env ## benchmarks with acceptance numbers; fails when one is missed
-	$(BIN)/ruptfx bench all
+	$(BIN)/ruptfx bench all --out runs/bench
 
 docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker build -t ruptfx .

@@ -70,7 +70,7 @@ def generalized_rayleigh_speed(model: Model) -> float | None:
 
 def _remembers(model: Model) -> bool:
     """Whether every fault has a memory of the normal stress."""
-    return all("theta_p" in fault.friction.all_state_fields() for fault in model.faults)
+    return all("Pa" in fault.friction.all_state_fields().values() for fault in model.faults)
 
 
 def _pairing(model: Model) -> Iterator[Row]:

@@ -9,6 +9,7 @@ import numpy as np
 from ruptfx.friction import Array, FrictionLaw, LawState
 from ruptfx.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
 
+LOWEST = 1e-6  # friction coefficient
 _LARGEST_EXPONENT = 700.0  # exp of more overflows; met only if f_0 / a exceeds some 600
 
 
@@ -23,16 +24,12 @@ def decay_mean(x: Array) -> Array:
     return np.where(x < 1e-4, 1 - x / 2 + x * x / 6, -np.expm1(-large) / large)
 
 
-class RateAndState(FrictionLaw):
-    """Regularised rate and state: tau = a sigma asinh(V / (2 V_0) exp((f_0 + contact(theta)) / a)).
+class Creeping(FrictionLaw):
+    """Regularised direct effect: tau = a sigma asinh(V / (2 V_0) exp(psi / a)).
 
-    The form is that of thermally activated creep (Rice, Lapusta and Ranjith 2001). For V >> V_0 exp(-f_0 / a)
-    it is tau = sigma (f_0 + a ln(V / V_0) + contact(theta)); at V = 0 it is zero, not infinite.
-    Laws differ in `contact`, the strengthening of the contacts with their age theta, and in how the age
-    evolves; all have theta = D_c / V in steady sliding.
+    The form is that of thermally activated creep (Rice, Lapusta and Ranjith 2001). For V >> V_0 exp(-psi / a)
+    it is tau = sigma (psi + a ln(V / V_0)); at V = 0 it is zero, not infinite. Laws differ in what psi is.
     """
-
-    state_fields = {"theta": "s"}
 
     a: VaryingExponent
     b: VaryingExponent
@@ -41,6 +38,58 @@ class RateAndState(FrictionLaw):
     V_0: VaryingSpeed
     V_initial: VaryingSpeed = 1e-9
     """Slip rate [m/s] at which the initial shear stress is carried, where the interface is given at rest."""
+
+    def psi(self, state: LawState) -> Array:
+        """Friction coefficient at the slip rate V_0, but for the regularisation."""
+        raise NotImplementedError
+
+    def state_of(self, psi: np.ndarray) -> LawState:
+        """Inverse of `psi`."""
+        raise NotImplementedError
+
+    def given_state(self, normal_stress: np.ndarray) -> LawState | None:
+        """Initial state, where it is given."""
+        raise NotImplementedError
+
+    def initial_state(
+        self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray
+    ) -> LawState:
+        given = self.given_state(normal_stress)
+        if given is not None:
+            return given
+        speed = np.where(np.abs(slip_rate) > 0, np.abs(slip_rate), self.V_initial)
+        # An unloaded or open point has no state that fits: its stress counts as 1e-6 of the normal stress.
+        pressure = np.where(normal_stress > 0, normal_stress, 1.0)
+        ratio = np.maximum(np.abs(shear_stress) / pressure, LOWEST)
+        return self.state_of(self.a * (log_sinh(ratio / self.a) - np.log(speed / self.V_0)))
+
+    def _exponent(self, state: LawState) -> Array:
+        return np.minimum(self.psi(state) / self.a, _LARGEST_EXPONENT)
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.a * normal_stress * np.arcsinh(slip_rate / (2 * self.V_0) * np.exp(self._exponent(state)))
+
+    def slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        """Slip rate [m/s] at a given stress: V = 2 V_0 sinh(tau / (a sigma)) exp(-psi / a)."""
+        exponent, drive = self._exponent(state), shear_stress / (self.a * normal_stress)
+        return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
+
+    def given_slip_rate(self) -> Array | None:
+        return self.V_initial if self.given_state(np.zeros(1)) and "V_initial" in self.model_fields_set else None
+
+    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
+
+
+class RateAndState(Creeping):
+    """Rate and state with psi = f_0 + contact(theta).
+
+    Laws differ in `contact`, the strengthening of the contacts with their age theta, and in how the age
+    evolves; all have theta = D_c / V in steady sliding.
+    """
+
+    state_fields = {"theta": "s"}
+
     theta_initial: VaryingTime | None = None
     """Initial age [s]; without it, the age that carries the initial shear stress at the initial slip rate."""
 
@@ -56,34 +105,14 @@ class RateAndState(FrictionLaw):
         """dtheta/dt."""
         raise NotImplementedError
 
-    def initial_state(
-        self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray
-    ) -> LawState:
-        if self.theta_initial is not None:
-            return {"theta": np.zeros_like(normal_stress) + self.theta_initial}
-        speed = np.where(np.abs(slip_rate) > 0, np.abs(slip_rate), self.V_initial)
-        # An unloaded or open point has no age that fits: its stress counts as 1e-6 of the normal stress.
-        pressure = np.where(normal_stress > 0, normal_stress, 1.0)
-        ratio = np.maximum(np.abs(shear_stress) / pressure, 1e-6)
-        return {"theta": self.age(self.a * (log_sinh(ratio / self.a) - np.log(speed / self.V_0)) - self.f_0)}
+    def psi(self, state: LawState) -> Array:
+        return self.f_0 + self.contact(state["theta"])
 
-    def _exponent(self, theta: Array) -> Array:
-        return np.minimum((self.f_0 + self.contact(theta)) / self.a, _LARGEST_EXPONENT)
+    def state_of(self, psi: np.ndarray) -> LawState:
+        return {"theta": self.age(psi - self.f_0)}
 
-    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        argument = slip_rate / (2 * self.V_0) * np.exp(self._exponent(state["theta"]))
-        return self.a * normal_stress * np.arcsinh(argument)
-
-    def slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        """Slip rate [m/s] at a given stress: V = 2 V_0 sinh(tau / (a sigma)) exp(-exponent)."""
-        exponent, drive = self._exponent(state["theta"]), shear_stress / (self.a * normal_stress)
-        return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
-
-    def given_slip_rate(self) -> Array | None:
-        return self.V_initial if self.theta_initial is not None and "V_initial" in self.model_fields_set else None
-
-    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
+    def given_state(self, normal_stress: np.ndarray) -> LawState | None:
+        return None if self.theta_initial is None else {"theta": 0 * normal_stress + self.theta_initial}
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         speed = np.maximum(slip_rate, 1e-100)

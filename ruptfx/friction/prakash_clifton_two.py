@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.friction import Array, LawState
+from ruptfx.friction._memory import Memory, approach
 from ruptfx.units import VaryingLength, VaryingRatio
 
 
-class PrakashCliftonTwo(FrictionLaw):
+class PrakashCliftonTwo(Memory):
     """Two-stage memory of the normal stress: the held law sees theta_1 + theta_2, each with its own length and share.
 
     theta_1 approaches C sigma over the slip L_1 and theta_2 approaches D sigma over L_2: a step of normal stress is
@@ -22,7 +23,6 @@ class PrakashCliftonTwo(FrictionLaw):
     )
     source = "Prakash (1998); Coker, Lykotrafitis, Needleman, Rosakis (2005)"
 
-    law: AnyFriction
     L_1: VaryingLength
     L_2: VaryingLength
     C: VaryingRatio = 0.5
@@ -32,28 +32,15 @@ class PrakashCliftonTwo(FrictionLaw):
     theta_2_ratio: VaryingRatio = 1.0
     """Initial theta_2 / (D sigma)."""
 
-    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        theta_1 = self.theta_1_ratio * self.C * normal_stress
-        theta_2 = self.theta_2_ratio * self.D * normal_stress
-        inner = self.law.initial_state(theta_1 + theta_2, shear_stress, slip_rate)
-        return {**inner, "theta_1": theta_1, "theta_2": theta_2}
+    def share(self) -> Array:
+        return self.C + self.D
 
-    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        # An open interface carries nothing, whatever it remembers.
-        remembered = np.where(normal_stress > 0, state["theta_1"] + state["theta_2"], 0.0)
-        return self.law.strength(slip_rate, remembered, state)
+    def start(self, normal_stress: np.ndarray) -> LawState:
+        shares = {"theta_1": self.theta_1_ratio * self.C, "theta_2": self.theta_2_ratio * self.D}
+        return {name: share * normal_stress for name, share in shares.items()}
 
-    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        # Exact at constant slip rate and normal stress.
-        first = -np.expm1(-slip_rate * dt / self.L_1)
-        second = -np.expm1(-slip_rate * dt / self.L_2)
-        theta_1 = state["theta_1"] + (self.C * normal_stress - state["theta_1"]) * first
-        theta_2 = state["theta_2"] + (self.D * normal_stress - state["theta_2"]) * second
-        inner = self.law.advance(state, slip_rate, theta_1 + theta_2, dt)
-        return {**inner, "theta_1": theta_1, "theta_2": theta_2}
-
-    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        return self.law.carried_slip_rate(shear_stress, state["theta_1"] + state["theta_2"], state)
-
-    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        return self.law.steady_strength(slip_rate, (self.C + self.D) * normal_stress)
+    def follow(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        return {
+            "theta_1": approach(state["theta_1"], self.C * normal_stress, slip_rate * dt / self.L_1),
+            "theta_2": approach(state["theta_2"], self.D * normal_stress, slip_rate * dt / self.L_2),
+        }

@@ -1,0 +1,35 @@
+"""What the slip-weakening laws share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.units import VaryingCoefficient, VaryingLength
+
+
+class SlipWeakening(FrictionLaw):
+    """The coefficient falls from mu_s to mu_d with slip; laws differ in the part of the drop that is left."""
+
+    state_fields = {"cumulative_slip": "m"}
+
+    mu_s: VaryingCoefficient
+    mu_d: VaryingCoefficient
+    D_c: VaryingLength
+
+    def left(self, ratio: Array) -> Array:
+        """Part of the drop that is left after the slip `ratio` D_c, from 1 to 0."""
+        raise NotImplementedError
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        return {"cumulative_slip": np.zeros_like(normal_stress)}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        left = self.left(state["cumulative_slip"] / self.D_c)
+        return (self.mu_d + (self.mu_s - self.mu_d) * left) * normal_stress
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        return {"cumulative_slip": state["cumulative_slip"] + slip_rate * dt}
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        return self.mu_d * normal_stress
