@@ -40,10 +40,14 @@ from ruptfx.model import Model, State
 from ruptfx.operators.assembled import stiffness_form
 from ruptfx.projection import ProjectionError
 from ruptfx.response import FaultResponse, Response
-from ruptfx.solvers import NewtonSolver, Options
+from ruptfx.solvers import NewtonSolver
+from ruptfx.steppers._options import PetscOptions
 
 PETSc: Any = fem.PETSc
-MAX_OUTER = 60
+MAX_OUTER = 100
+# What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger
+# it is the fewer outer iterations, but the harder is that.
+EASINGS = (1.0, 0.1, 0.01)
 
 
 class ConvergenceError(RuptfxError):
@@ -141,12 +145,13 @@ class Equilibrium:
     """
 
     def __init__(
-        self, model: Model, petsc_options: Options | None = None, radiation: dict[str, Any] | None = None
+        self, model: Model, petsc_options: PetscOptions | None = None, radiation: dict[str, Any] | None = None
     ) -> None:
         self.model = model
         require(model.faults, "implicit")
         threshold = model.case.output.rupture_threshold
         self._answers = {f.name: FaultResponse(f, threshold, (radiation or {}).get(f.name, 0.0)) for f in model.faults}
+        self._multipliers = any(fault.contact.multiplier_tolerance() is not None for fault in model.faults)
         self._owned = model.owned_nodes * model.components
         self._driven = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(d for d, _ in model.loads.driven)]))
         self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
@@ -163,7 +168,8 @@ class Equilibrium:
         self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
         self._task: _Task
         self._solver = NewtonSolver(
-            model, self._tangent, petsc_options or {}, self._function, self._differentiate, lambda: self._task.scale
+            model, self._tangent, petsc_options or {}, self._function, self._differentiate,
+            lambda rtol: max(rtol * self._task.scale, self._task.round_off),
         )
 
     # -- forces ------------------------------------------------------------------------------------------------------
@@ -228,31 +234,30 @@ class Equilibrium:
         CaseError
             On all ranks: PETSc options that nobody reads.
         """
-        task = _Task(self, state, dt, rates, self.load(state.time + dt) + added)
-        self._task = task
-        u = (state.displacement if guess is None else guess).copy()
-        u[self._driven] = task.driven[self._driven]
-        iterations, residuals = 0, []
-        for outer in range(1, MAX_OUTER + 1):  # noqa: B007
-            converged = self._solver.solve(u[: self._owned])
-            iterations += self._solver.snes.getIterationNumber()
-            residuals += self._solver.history
-            if not converged:
-                raise self._failure(task, residuals)
-            self._visit(self._solver.unknown.array_r)
-            u = task.displacement
-            if self._settled(task):
-                break
-            task.update_multipliers()
-        else:
-            raise ConvergenceError(
-                f"no equilibrium at time {task.time:.6g} s, step of {dt:.4g} s: the tractions still change after "
-                f"{MAX_OUTER} outer iterations; raise the penalty of the contact method"
-            )
-        faults = {name: response.state for name, response in task.responses.items()}
-        return Solution(
-            u.copy(), task.internal, faults, dt, iterations, outer, residuals, task.scale, self._answers
-        )
+        load = self.load(state.time + dt) + added
+        self._residuals: list[float] = []
+        iterations = 0
+        for easing in EASINGS if self._multipliers else (1.0,):
+            self._task = task = _Task(self, state, dt, rates, load, easing)
+            u = (state.displacement if guess is None else guess).copy()
+            u[self._driven] = task.driven[self._driven]
+            outer = 0
+            while outer < MAX_OUTER:
+                converged = self._solver.solve(u[: self._owned])
+                outer += 1
+                iterations += self._solver.snes.getIterationNumber()
+                self._residuals += self._solver.history
+                if not converged:
+                    break
+                self._visit(self._solver.unknown.array_r)
+                u = task.displacement
+                if self._settled(task):
+                    faults = {name: response.state for name, response in task.responses.items()}
+                    return Solution(
+                        u, task.internal, faults, dt, iterations, outer, self._residuals, task.scale, self._answers
+                    )
+                task.update_multipliers()
+        raise self._failure(task, outer)
 
     def _settled(self, task: _Task) -> bool:
         """Whether the multipliers are the tractions; collective, for it follows from the case."""
@@ -327,7 +332,7 @@ class Equilibrium:
         nodal = diagonal.reshape(self.model.nodes, -1).max(axis=1)
         return np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight
 
-    def _failure(self, task: _Task, residuals: list[float]) -> ConvergenceError:
+    def _failure(self, task: _Task, outer: int) -> ConvergenceError:
         """What to say; collective."""
         model = self.model
         size = np.abs(task.residual[: self._owned])
@@ -343,10 +348,11 @@ class Equilibrium:
             told = str(task.error)
         # A point whose law failed comes first, then the largest residual.
         found = model.comm.allgather((task.error is not None, float(size.max(initial=0.0)), told))
-        history = ", ".join(f"{value:.3g}" for value in residuals[-12:])
+        history = ", ".join(f"{value:.3g}" for value in self._residuals[-12:])
+        reason = self._solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
         return ConvergenceError(
-            f"no equilibrium at time {task.time:.6g} s, step of {task.dt:.4g} s: {self._solver.reason} after "
-            f"{len(residuals)} evaluations; residuals {history} N of forces of {task.scale:.3g} N; "
+            f"no equilibrium at time {task.time:.6g} s, step of {task.dt:.4g} s: {reason} after "
+            f"{len(self._residuals)} evaluations; residuals {history} N of forces of {task.scale:.3g} N; "
             f"worst: {max(found, key=lambda item: item[:2])[2]}"
         )
 
@@ -360,12 +366,13 @@ class _Task:
         The displacement with driven edges where they end [m].
     multipliers : dict of str to FaultState
         Fields with the tractions of the last outer iteration.
-    displacement, residual, internal, responses, scale, error
+    displacement, residual, internal, responses, scale, round_off, error
         Of the last evaluation; `residual` is not a number where a law failed on this rank, which is `error`.
+        `round_off` [N] is what rounding leaves of large displacements in a small residual.
     """
 
     def __init__(
-        self, equilibrium: Equilibrium, state: State, dt: float, rates: Rates | None, load: np.ndarray
+        self, equilibrium: Equilibrium, state: State, dt: float, rates: Rates | None, load: np.ndarray, easing: float
     ) -> None:
         self._equilibrium, self._state = equilibrium, state
         self.dt, self.time, self.rates, self._load = dt, state.time + dt, rates, load
@@ -374,11 +381,12 @@ class _Task:
             self.driven[dofs] += drive.travelled(self.time) - drive.travelled(state.time)
         self.multipliers: dict[str, FaultState] = dict(state.faults)
         self._body = {
-            fault.name: equilibrium.body_stiffness(fault.interface, rates) for fault in equilibrium.model.faults
+            fault.name: easing * equilibrium.body_stiffness(fault.interface, rates)
+            for fault in equilibrium.model.faults
         }
         self.displacement = self.residual = self.internal = np.zeros(0)
         self.responses: dict[str, Response] = {}
-        self.scale = 0.0
+        self.scale = self.round_off = 0.0
         self.error: ProjectionError | None = None
 
     def update_multipliers(self) -> None:
@@ -412,7 +420,11 @@ class _Task:
         if self.error is None:
             self.residual[driven] = equilibrium._unit * (u - self.driven)[driven]
         squares = [model.owned_dot(part, part) for part in parts]
-        self.scale = float(np.sqrt(parallel.total(model.comm, [*squares, carried]).max()))
+        stiff = equilibrium._diagonal * u
+        *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.owned_dot(stiff, stiff)])
+        self.scale = float(np.sqrt(max(summed)))
+        # Not more than that: a body that nothing holds flies far.
+        self.round_off = min(20 * np.finfo(float).eps * float(np.sqrt(stiffest)), 1e-7 * self.scale)
 
     def _respond(self, fault: Fault, u: np.ndarray) -> Response:
         fields = self.multipliers[fault.name]

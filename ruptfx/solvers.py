@@ -6,7 +6,7 @@ by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GA
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import count
 from typing import Any
@@ -16,14 +16,14 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
+from ruptfx.steppers._options import PetscOptions
 
 PETSc: Any = fem.PETSc
 # Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
 DIRECT = {2: 400_000, 3: 60_000}
 TOLERANCE = 1e-10
-MAX_NEWTON = 40
+MAX_NEWTON = 30
 
-Options = Mapping[str, bool | int | float | str]
 _numbers = count()
 
 
@@ -40,7 +40,7 @@ class CaseOptions:
         Options that `given` overrides and that may go unread.
     """
 
-    def __init__(self, given: Options, defaults: Options | None = None) -> None:
+    def __init__(self, given: PetscOptions, defaults: PetscOptions | None = None) -> None:
         self.given, self.prefix = dict(given), f"ruptfx{next(_numbers)}_"
         self._all = {**(defaults or {}), **self.given}
         self.unread = ""
@@ -71,16 +71,16 @@ class NewtonSolver:
         PETSc options of the case.
     function, tangent : callable
         As SNES calls them.
-    scale : callable
-        Norm of the forces that balance at the last evaluation: `snes_rtol` is relative to it.
+    enough : callable
+        The norm of the residual [N] that is small enough for a given `snes_rtol`, at the last evaluation.
     """
 
     def __init__(
-        self, model: Model, matrix: Any, options: Options, function: Callable[..., None],
-        tangent: Callable[..., None], scale: Callable[[], float],
+        self, model: Model, matrix: Any, options: PetscOptions, function: Callable[..., None],
+        tangent: Callable[..., None], enough: Callable[[float], float],
     ) -> None:  # fmt: skip
         self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
-        self._scale = scale
+        self._enough = enough
         self.history: list[float] = []
         self.unknown = matrix.createVecRight()
         self.snes = PETSc.SNES().create(model.comm)
@@ -144,7 +144,7 @@ class NewtonSolver:
         self.history.append(norm)
         rtol, atol, _, _ = snes.getTolerances()
         reasons = PETSc.SNES.ConvergedReason
-        if norm <= max(rtol * self._scale(), atol):
+        if norm <= max(self._enough(rtol), atol):
             return reasons.CONVERGED_FNORM_RELATIVE
         return None
 

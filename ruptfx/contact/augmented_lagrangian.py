@@ -25,8 +25,8 @@ class AugmentedLagrangian(ContactMethod):
     explicit = False
     implicit = True
 
-    penalty: Penalty = 30.0
-    """k over the stiffness of the bodies at a point: every outer iteration brings about as much."""
+    penalty: Penalty = 100.0
+    """k over the stiffness of the bodies at a point; eased where Newton's iteration cannot cope with it."""
     tolerance: Tolerance = 1e-8
     """Change of the tractions over the largest one at which it is enough."""
 

@@ -1,0 +1,179 @@
+"""Implicit second-order steps: generalized-alpha with Newmark, HHT and average acceleration as choices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.loading import ramp
+from ruptfx.steppers import Stepper
+from ruptfx.steppers._options import PetscOptions
+from ruptfx.units import Duration, Positive
+
+if TYPE_CHECKING:
+    from ruptfx.equilibrium import Solution
+    from ruptfx.model import Model, State
+
+SchemeName = Literal["generalized_alpha", "average_acceleration", "newmark", "hht"]
+
+
+class GeneralizedAlpha(Stepper):
+    """M a(n+1-alpha_m) + (1 - alpha_f) f(n+1) + alpha_f f(n) = 0 with Newmark's rules; f are the forces of bodies,
+    damping and interfaces, less the loads.
+
+    Second order, without limit to the step: but the step must resolve what is to be seen, and friction is advanced by
+    backward Euler, so it is of first order where an interface slides. Average acceleration conserves the energy;
+    the others damp what the step does not resolve, and the energy budget stays open by as much. A step that finds no
+    equilibrium is halved, and doubled again when it goes well.
+
+    PETSc's TSALPHA2 is the same scheme, but not the engine here. It evaluates forces at the displacement of the stage
+    n+1-alpha_f, where an interface with memory has no traction of its own: friction is advanced from step to step, and
+    what it answers in between is not what the next step continues from. TSALPHA2 also starts with two half steps, and
+    again after every rejected one, each of which the history of the friction law would have to be put back for. The
+    weighted sum of tractions at both ends needs neither. `petsc_ts` drives it nevertheless, with its stage tractions.
+    Source: Newmark (1959); Hilber, Hughes and Taylor (1977); Chung and Hulbert (1993).
+    """
+
+    scheme: SchemeName = "generalized_alpha"
+    spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8
+    """What is left of unresolved motion after a step: 1 keeps it, 0 removes it; `hht` takes 0.5 to 1."""
+    gamma: Annotated[float, Field(ge=0.5, le=1)] | None = None
+    """Of `newmark`; 0.5 is second order."""
+    beta: Positive | None = None
+    """Of `newmark`; at least gamma / 2, for stability; (gamma + 0.5)^2 / 4 without it."""
+    time_step: Duration | None = None
+    courant: Positive = 10.0
+    """Time step over the stable explicit one, where it is not given."""
+    halvings: Annotated[int, Field(ge=0, le=30)] = 10
+    """How often a step is halved before the run stops."""
+    petsc_options: PetscOptions = {}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> GeneralizedAlpha:
+        if self.scheme != "newmark" and (self.gamma, self.beta) != (None, None):
+            raise ValueError(f"gamma and beta belong to scheme = 'newmark'; scheme = '{self.scheme}' has its own")
+        if self.scheme == "hht" and self.spectral_radius < 0.5:
+            raise ValueError(f"spectral_radius = {self.spectral_radius:g}: scheme = 'hht' takes 0.5 to 1")
+        if self.beta is not None and self.beta < 0.5 * (self.gamma or 0.5):
+            raise ValueError(
+                f"beta = {self.beta:g}: unstable, it must be gamma / 2 = {0.5 * (self.gamma or 0.5):g} or more"
+            )
+        return self
+
+    def weights(self) -> tuple[float, float, float, float]:
+        """alpha_m, alpha_f, gamma, beta."""
+        rho = self.spectral_radius
+        alpha_m, alpha_f = {
+            "generalized_alpha": ((2 * rho - 1) / (rho + 1), rho / (rho + 1)), "hht": (0.0, (1 - rho) / (1 + rho)),
+        }.get(self.scheme, (0.0, 0.0))  # fmt: skip
+        gamma = 0.5 - alpha_m + alpha_f
+        if self.scheme == "newmark":
+            gamma = 0.5 if self.gamma is None else self.gamma
+        beta = 0.25 * (0.5 + gamma) ** 2
+        return alpha_m, alpha_f, gamma, beta if self.beta is None else self.beta
+
+    def bind(self, model: Model) -> GeneralizedAlphaMotion:
+        from ruptfx.model import three_digits
+
+        return GeneralizedAlphaMotion(
+            model, self, self.time_step or three_digits(self.courant * model.stable_time_step())
+        )
+
+
+class GeneralizedAlphaMotion:
+    """Generalized-alpha bound to a model.
+
+    The acceleration is `state.fields["acceleration"]`, the size of the next step `state.numbers["dt"]`.
+    """
+
+    collective = True
+
+    def __init__(self, model: Model, stepper: GeneralizedAlpha, dt: float) -> None:
+        from ruptfx.equilibrium import Equilibrium
+
+        self.model, self.dt = model, dt
+        self._weights, self._halvings = stepper.weights(), stepper.halvings
+        self._equilibrium = Equilibrium(model, stepper.petsc_options)
+        self._driven = [dofs for dofs, _ in model.loads.driven]
+
+    def step(self, state: State) -> None:
+        """One step, as long as can be found an equilibrium for; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: none even after the last halving; the state is that of the last good step.
+        """
+        from ruptfx.equilibrium import ConvergenceError
+
+        carried = self._equilibrium.internal(state) + self._equilibrium.damping_force(state.velocity)
+        carried -= self._equilibrium.load(state.time)
+        if "acceleration" not in state.fields:
+            state.fields["acceleration"] = self._at_rest_on_driven(-carried / self.model.mass)
+        dt = state.numbers.get("dt", self.dt)
+        smallest = self.dt * 0.5**self._halvings
+        while True:
+            try:
+                self._advance(state, dt, carried)
+            except ConvergenceError as error:
+                if dt < 1.5 * smallest:
+                    raise ConvergenceError(
+                        f"{error}; the step was halved {self._halvings} times: reduce stepper.time_step, or raise "
+                        "stepper.halvings"
+                    ) from None
+                dt *= 0.5
+            else:
+                state.numbers["dt"] = min(2 * dt, self.dt)
+                return
+
+    def energies(self, state: State) -> dict[str, float]:
+        """At the end of the last step."""
+        return self.model.energies(state, 0.0)
+
+    def _at_rest_on_driven(self, acceleration: np.ndarray) -> np.ndarray:
+        for dofs in self._driven:
+            acceleration[dofs] = 0
+        return acceleration
+
+    def _advance(self, state: State, dt: float, carried: np.ndarray) -> None:
+        """One step of size `dt` from `carried`, the forces at its beginning."""
+        from ruptfx.equilibrium import Rates
+
+        alpha_m, alpha_f, gamma, beta = self._weights
+        acceleration = state.fields["acceleration"]
+        # Newmark: u = u* + beta dt^2 a, v = v* + gamma dt a with a the new acceleration.
+        predictor = state.displacement + dt * state.velocity + (0.5 - beta) * dt**2 * acceleration
+        velocity = state.velocity + (1 - gamma) * dt * acceleration
+        c_M, c_C = 1 / (beta * dt**2), gamma / (beta * dt)
+        for dofs, drive in self.model.loads.driven:
+            # Velocities of driven edges are given: whatever u is there, v comes out as prescribed.
+            now = drive.velocity * ramp(state.time + dt, drive.ramp)
+            moved = state.displacement[dofs] + drive.travelled(state.time + dt) - drive.travelled(state.time)
+            velocity[dofs] = now - c_C * (moved - predictor[dofs])
+        # Divided by 1 - alpha_f, so that the forces at the end of the step stand alone.
+        rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
+        added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
+        solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)
+        self._count_work(state, solution, rates.velocity_of(solution.displacement), carried)
+        state.velocity[:] = rates.velocity_of(solution.displacement)
+        acceleration[:] = self._at_rest_on_driven(c_M * (solution.displacement - predictor))
+        solution.commit(state)
+
+    def _count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
+        """Work of loads and driven edges and what damping takes, by the mean force over the step (exact for average
+        acceleration)."""
+        equilibrium, mass, dot = self._equilibrium, self.model.mass, self.model.owned_dot
+        moved = solution.displacement - state.displacement
+        damped, load = equilibrium.damping_force(velocity), equilibrium.load(state.time + solution.dt)
+        load_before, damped_before = equilibrium.load(state.time), equilibrium.damping_force(state.velocity)
+        state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
+        state.energy["boundary_work"] += 0.5 * dot(load_before + load, moved)
+        # Driven edges do what their reactions do, and what sets their own mass in motion.
+        driven = np.zeros(len(mass))
+        for dofs in self._driven:
+            driven[dofs] = 1.0
+        reaction = 0.5 * (carried + solution.internal + damped - load)
+        inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
+        state.energy["boundary_work"] += dot(driven, reaction * moved + inertia)
