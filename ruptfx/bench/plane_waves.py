@@ -119,7 +119,7 @@ def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[n
         (line,) = left.plot(when * 1e6, rate, label=name)
         left.axhline(exact, color=line.get_color(), ls=":", lw=1)
     left.set(xlabel="time [us]", ylabel="slip rate [m/s]")
-    left.legend(frameon=False)
+    left.legend(frameon=False, loc="center left")
     right.plot(time * 1e6, middle * 1e6)
     right.plot(reference[0] * 1e6, reference[1] * 1e6, "k:", lw=1)
     right.set(xlabel="time [us]", ylabel="opening [um]")

@@ -35,7 +35,17 @@ def run(fine: bool, comm: Any) -> Outcome:
                     raise RuptfxError(f"bench ranks: {name} did not run on {ranks} rank(s)")
             quantity = f"{name}: largest relative difference"
             checks.append(Check(quantity, 0.0, difference(*runs), TOLERANCE, "1", "1 rank against 2"))
-    return Outcome(checks)
+    return Outcome(checks, lambda: _draw(list(problems), [check.found for check in checks]))
+
+
+def _draw(names: list[str], differences: list[float]) -> Any:
+    from matplotlib import pyplot as plt
+
+    figure, ax = plt.subplots(figsize=(4.5, 2.4), layout="constrained")
+    ax.barh(names, np.maximum(differences, 1e-17), height=0.5)
+    ax.axvline(TOLERANCE, color="k", ls=":", lw=1)
+    ax.set(xscale="log", xlim=(1e-17, 10 * TOLERANCE), xlabel="largest difference of 1 and 2 ranks over largest value")
+    return figure
 
 
 def difference(one: Path, other: Path) -> float:
