@@ -90,24 +90,28 @@ def _pairing(model: Model) -> Iterator[Row]:
 
 
 def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
-    """Strength, S ratio, process zone and nucleation length of one fault, at its middle point."""
+    """Strength, S ratio, process zone and nucleation length of one fault, at its middle point or, where that slips at
+    once, at the nearest point that does not."""
     face, label = fault.interface, f"faults.{fault.name}"
     if len(face.plus) == 0:
         return
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
-    middle = int(np.argmin(np.abs(face.position - 0.5 * face.position.max())))
-    sigma, tau = float(fault.normal_stress_0[middle]), float(np.linalg.norm(fault.shear_traction_0[middle]))
+    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
     state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
     zero = np.zeros(len(face.plus))
-    peak = float(TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0)[0][middle])
+    strength = TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0)[0]
+    slips = shear > strength * (1 + 1e-12)
+    distance = np.abs(face.position - 0.5 * face.position.max())
+    middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))
+    sigma, tau, peak = (float(values[middle]) for values in (fault.normal_stress_0, shear, strength))
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
     slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
     speeds = slowest.wave_speeds(model.case.plane)
     modulus = slowest.density * speeds.c_s**2
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
-    # At the middle point, inside whatever wrapper the law has.
+    # Inside whatever wrapper the law has.
     law = fault.friction
     while hasattr(law, "law"):
         law = law.law
@@ -120,9 +124,10 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
         yield from _rate_and_state_rows(label, numbers, sigma, modulus, spacing)
         return
     yield Row(f"{label}: strength at rest", peak, "Pa")
-    if tau > peak * (1 + 1e-12):
-        ratio = tau / peak if peak > 0 else np.inf
-        yield Row(f"{label}: shear / strength", ratio, "", "the interface slips from the first step", "warning")
+    if slips.any():
+        ratio = float(np.max(shear[slips] / np.maximum(strength[slips], 1e-300)))
+        where = "everywhere" if slips.all() else f"at {np.count_nonzero(slips)} points"
+        yield Row(f"{label}: shear / strength", ratio, "", f"it slips from the first step {where}", "warning")
     if {"mu_d", "D_c"} <= numbers.keys():
         exponential = law.kind() == "exponential_slip_weakening"
         yield from _slip_weakening_rows(label, numbers, exponential, (peak, tau, sigma), modulus, spacing, model)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from small_cases import impact, merged, plates
+from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
 from ruptfx import __version__
@@ -203,6 +203,14 @@ def test_check_prints_the_table(tmp_path: Path, needs_fem: None) -> None:
     # Plate speeds of Homalite: c_l = sqrt(E / (rho (1 - nu^2))) = 2201.7, c_s = 1255.2, c_R = 1155.9 m/s.
     for text in ("2201.", "1255.", "1155.", "stable time step", "time step", "expected run time", "memory", "strength"):
         assert text in said(result)
+
+
+@pytest.mark.fem
+def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: None) -> None:
+    """The middle slips at once under 3.7 MPa; beside it the stress is 2.8 MPa between 3.6 and 1.8 MPa: S = 0.8."""
+    text = said(ruptfx("check", write(tmp_path, table=slip_weakening())))
+    assert "it slips from the first step at" in text and "shear 2.8e+06 Pa" in text
+    assert any("main: S " in line and "0.8 " in line for line in text.split("│ faults."))
 
 
 def test_version_and_help() -> None:
