@@ -260,3 +260,12 @@ def test_names_in_a_case_do_not_leave_the_run_directory(tmp_path):
     for name in (away, "/tmp/x", "..", "a/b", "a\\b", ".x", "x\n"):
         with pytest.raises(CaseError, match="string should match pattern"):
             parse_case({**table, "faults": {name: table["faults"]["main"]}})
+
+
+@pytest.mark.parametrize("value", [":/tmp/x", "ascii:x.txt", "binary:../x", "draw:/x", "/dev/null", "a b"])
+def test_petsc_options_print_but_do_not_write(value):
+    slow = {"stepper": {"kind": "quasi_static", "petsc_options": {"snes_view": value}}}
+    with pytest.raises(CaseError, match=r"stepper\.petsc_options\.snes_view"):
+        parse_case(plates(slow))
+    slow["stepper"]["petsc_options"] = {"snes_view": "::ascii_info_detail", "snes_rtol": 1e-9, "snes_monitor": True}
+    parse_case(plates(slow))
