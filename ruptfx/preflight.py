@@ -53,8 +53,11 @@ def preflight(case: Case) -> Iterator[Row]:
     motion = case.stepper.bind(model)
     stable = model.stable_time_step()
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
-    steps = int(np.ceil(case.duration / motion.dt))
-    yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
+    steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
+    if steps is None:
+        yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
+    else:
+        yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
     for fault in model.faults:
         yield from _fault_rows(model, fault)
     yield from _cost(model, motion, steps)
@@ -191,7 +194,7 @@ def _rate_and_state_rows(
         yield Row(f"{label}: nucleation half-length", half, "m", "ageing law, a/b > 0.5 (Rubin and Ampuero 2005)")
 
 
-def _cost(model: Model, motion: object, steps: int) -> Iterator[Row]:
+def _cost(model: Model, motion: object, steps: int | None) -> Iterator[Row]:
     """Memory and run time, from a few real steps."""
     state = model.initial_state()
     motion.step(state)  # type: ignore[attr-defined]
@@ -201,6 +204,8 @@ def _cost(model: Model, motion: object, steps: int) -> Iterator[Row]:
     each = (time.perf_counter() - begin) / 5
     vectors = 8 * 8 * model.nodes * model.components
     yield Row("memory of the vectors", vectors / 1e6, "MB", "per rank, without the mesh")
-    yield Row(
-        "expected run time", each * steps, "s", f"{each:.3g} s per step on {model.comm.size} rank(s), without output"
-    )
+    where = f"on {model.comm.size} rank(s), without output"
+    if steps is None:
+        yield Row("time of a step", each, "s", where)
+    else:
+        yield Row("expected run time", each * steps, "s", f"{each:.3g} s per step {where}")

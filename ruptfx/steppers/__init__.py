@@ -33,6 +33,8 @@ class Stepper(Alternative):
 
     inertia: ClassVar[bool] = True
     """Whether it solves the equation of motion, or only equilibrium."""
+    adaptive: ClassVar[bool] = False
+    """Whether its steps vary."""
 
     def bind(self, model: Any) -> Motion:
         """Choose the step and prepare the arrays.

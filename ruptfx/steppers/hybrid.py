@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -30,6 +30,8 @@ class Hybrid(Stepper):
     the kinetic energy of waves that are left when equilibrium takes over, and the shift of half a step between the
     times at which the two balance energy. Every switch is in the log.
     """
+
+    adaptive: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Its steps must accept the contact method, which explicit ones must, too: `compliant`."""

@@ -35,6 +35,7 @@ class QuasiStatic(Stepper):
     """
 
     inertia: ClassVar[bool] = False
+    adaptive: ClassVar[bool] = True
 
     first_step: Duration | None = None
     """Default: the step in which the fastest motion of edges and interfaces covers the slip tolerance."""
