@@ -137,7 +137,7 @@ def _list(names: list[str]) -> None:
     console.print(table)
 
 
-_MANY = 20  # checks that are one row of the table where all passed
+_MANY = 30  # checks that are one row of the table where all passed
 
 
 @contextmanager
@@ -201,13 +201,19 @@ def _markdown(names: list[str], out: Path) -> bool:
             verdicts += passed
             print(f"| {name} | {len(passed)} quantities | | | | | pass | {command} |")
             continue
-        for row in saved["checks"]:
-            verdict = "pass" if row.pop("passed") else "**fail**"
+        rows: dict[Any, Check] = {}
+        for number, row in enumerate(saved["checks"]):
             values: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
-            check = Check(**values)
+            check = Check(**{key: value for key, value in values.items() if key != "passed"})
+            known = rows.get(check.quantity)
+            # Of several runs in one benchmark, the worst closure of energy.
+            if known is None or not abs(check.found - check.expected) <= abs(known.found - known.expected):
+                rows[check.quantity] = check
+        for check in rows.values():
             verdicts.append(check.passed)
-            numbers = f"{check.expected:.6g} | {check.found:.6g} | {check.limit}"
-            print(f"| {name} | {check.quantity} | {numbers} | {check.unit} | {verdict} | {command} |")
+            quantity = check.quantity.replace("|", "\\|")
+            numbers = f"{check.expected:.6g} | {check.found:.6g} | {check.limit} | {check.unit}"
+            print(f"| {name} | {quantity} | {numbers} | {'pass' if check.passed else '**fail**'} | {command} |")
     if not verdicts:
         raise RuptfxError(f"bench table: no numbers in {out}; run `ruptfx bench all` first")
     return all(verdicts)
