@@ -205,7 +205,6 @@ def _markdown(names: list[str], out: Path) -> bool:
         for number, row in enumerate(saved["checks"]):
             values: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
             check = Check(**{key: value for key, value in values.items() if key != "passed"})
-            known = rows.get(check.quantity)
             # Of several runs in one benchmark, the worst closure of energy.
             key = "closure" if check.quantity == "energy closure" else number
             if key not in rows or not check.found <= rows[key].found:
