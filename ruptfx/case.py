@@ -21,7 +21,7 @@ from ruptfx.nucleation import AnyNucleation
 from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_schema, kinds, nearest, shown_key
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
-from ruptfx.units import Duration, Fraction, Length, Rate, Speed
+from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
 
 FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "steppers"]
 
@@ -32,6 +32,8 @@ class FaultCase(Part):
     contact: AnyContact
     friction: AnyFriction
     initial_stress: InitialStress
+    gap: VaryingGap | None = None
+    """Distance of the two sides where nothing has moved; the initial normal stress is zero where it is open."""
     nucleation: list[AnyNucleation] = []
     """What starts the rupture; entries act together."""
 

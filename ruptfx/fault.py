@@ -57,6 +57,8 @@ class Fault:
         Initial shear traction [Pa].
     nucleation : tuple of Nucleation
         What is added to it in time.
+    gap : ndarray, shape (n,), or None
+        Opening where nothing has moved [m].
     """
 
     name: str
@@ -66,6 +68,7 @@ class Fault:
     normal_stress_0: np.ndarray
     shear_traction_0: np.ndarray
     nucleation: tuple[Nucleation, ...] = ()
+    gap: np.ndarray | None = None
 
     @property
     def is_loaded(self) -> bool:
@@ -103,7 +106,7 @@ class Fault:
         now = self.driving_shear(0.0)
         state: FaultState = {
             "normal_stress": self.normal_stress_0.copy(),
-            "opening": np.zeros(n),
+            "opening": self.opening(np.zeros(n)),
             "peak_slip_rate": np.zeros(n),
             "rupture_time": np.full(n, np.nan),
         }
@@ -115,6 +118,10 @@ class Fault:
             ):
                 state[component_names(name, self.tangents)[k]] = value.copy()
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
+
+    def opening(self, jump: np.ndarray) -> np.ndarray:
+        """Distance of the two sides from their normal displacement jump [m], negative where they would overlap."""
+        return jump if self.gap is None else jump + self.gap
 
     def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray:
         """Shear components of a field, shape (n, tangents)."""
@@ -187,7 +194,7 @@ def advance_reference(
     slip, shear_0 = fault.components(state, "slip"), fault.driving_shear(time)
     trial = fault.contact.trial(Point(
         normal_stress_0=fault.normal_stress_0, shear_traction_0=list(shear_0.T),
-        opening_jump=opening, slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
+        opening_jump=fault.opening(opening), slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
         slip_velocity=list(slip_velocity.T), slip=list(slip.T), dt=dt, normal_impedance=z_n, shear_impedance=z_s,
     ))  # fmt: skip
     rate_old = fault.components(state, "slip_rate")
@@ -247,6 +254,7 @@ class FaultStep:
             "weight": face.weight, "q_normal_stress_0": fault.normal_stress_0,
             "q_normal_impedance": normal_impedance, "q_shear_impedance": shear_impedance,
             **{f"q_shear_traction_0_{k}": fault.shear_traction_0[:, k] for k in range(fault.tangents)},
+            **({} if fault.gap is None else {"gap": fault.gap}),
             **{name: value for name, value in given.items() if isinstance(value, np.ndarray)},
         }  # fmt: skip
         self._fixed = {k: np.array(np.broadcast_to(v, shape), float, order="C") for k, v in self._fixed.items()}
@@ -377,7 +385,8 @@ def _source(
     jumps = {f"q_slip_jump_{k}": f"jump_u[{has_normal + k}][l]" for k in range(tangents)}
     jumps |= {f"q_slip_velocity_{k}": f"jump_v[{has_normal + k}][l]" for k in range(tangents)}
     if has_normal:
-        jumps |= {"q_opening_jump": "jump_u[0][l]", "q_opening_velocity": "jump_v[0][l]"}
+        gap = "" if fault.gap is None else " + L_gap[l]"
+        jumps |= {"q_opening_jump": f"jump_u[0][l]{gap}", "q_opening_velocity": "jump_v[0][l]"}
     bind = [f"const double {name} = L_{name}[l];" for name in loaded]
     targets = {
         "trial_n[l]": trial.normal_stress, "compliance[l]": trial.normal_compliance, "z[l]": trial.impedance,

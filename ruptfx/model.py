@@ -23,6 +23,7 @@ from ruptfx.interface import build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.operators import ufl_form
+from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest
 
 
@@ -236,10 +237,13 @@ class Model:
             normal, shear = fault.initial_stress.tractions(face, law)
             for nucleation in fault.nucleation:
                 law = nucleation.weaken(law, face.position)
+            gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
+            if gap is not None and np.any((gap > 0) & (normal > 0)):
+                raise CaseError("gap: where it is open, initial_stress.normal must be zero")
         except CaseError as caught:  # of a profile, at the points of this rank
             error = CaseError(f"faults.{name}: {caught}")
         parallel.raise_on_all(self.comm, error)
-        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation))
+        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap)
 
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 

@@ -93,6 +93,18 @@ class Cone(Part):
         return values if self.limit is None else np.minimum(values, self.limit)
 
 
+class Parabola(Part):
+    """`tip + (position - center)^2 / (2 radius)`: as a gap, a cylinder of that radius on a plane."""
+
+    kind: Literal["parabola"]
+    radius: PositiveMetre
+    center: Metre
+    tip: float = 0.0
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self.tip + (position - self.center) ** 2 / (2 * self.radius)
+
+
 class Random(Part):
     """Gaussian random field with an exponential correlation, the same for a seed on any mesh and any rank count.
 
@@ -197,6 +209,7 @@ KINDS: dict[str, type[Part]] = {
     "gaussian": Gaussian,
     "taper": Taper,
     "cone": Cone,
+    "parabola": Parabola,
     "random": Random,
     "random_classes": RandomClasses,
     "table": Table,

@@ -77,7 +77,8 @@ class FaultResponse:
             On the rank of a point without an admissible traction.
         """
         fault = self.fault
-        opening, slip_jump = fault.interface.split(jump)
+        normal_jump, slip_jump = fault.interface.split(jump)
+        opening = fault.opening(normal_jump)
         slip, initial = fault.components(state, "slip"), fault.driving_shear(time)
         unknown = np.full(len(opening), np.nan)
         trial = fault.contact.trial(Point(

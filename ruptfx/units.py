@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     VaryingExponent = Any
     VaryingRatio = Any
     VaryingLength = Any
+    VaryingGap = Any
     VaryingSpeed = Any
     VaryingVelocity = Any
     VaryingTime = Any
@@ -48,6 +49,7 @@ else:
     VaryingExponent = Annotated[varying(Positive), Unit("1")]
     VaryingRatio = Annotated[varying(NonNegative), Unit("1")]
     VaryingLength = Annotated[varying(Positive), Unit("m")]
+    VaryingGap = Annotated[varying(NonNegative), Unit("m")]
     VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
     VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
     VaryingTime = Annotated[varying(Positive), Unit("s")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,16 @@ def test_compiled_step_in_antiplane_and_3d(method: str, components: int, kind: s
     random = np.random.default_rng(3)
     worst, *_ = steps_agree(a_fault(method, friction(kind, held), components, random), components, random)
     assert worst < 1e-10
+
+
+@every_method
+def test_compiled_step_with_a_gap(method: str) -> None:
+    random = np.random.default_rng(11)
+    fault = a_fault(method, friction("coulomb", None), 2, random)
+    size = 4e6 / (fault.contact.stiffness()[0] or 1e13)
+    worst, opened, _ = steps_agree(replace(fault, gap=random.uniform(0, 2 * size, POINTS)), 2, random)
+    assert worst < 1e-10
+    assert 0.05 < opened < 0.99
 
 
 @every_method

