@@ -100,6 +100,8 @@ class Solution:
         Norm of R after every Newton iteration [N].
     scale : float
         Norm of the largest of the forces that balance [N].
+    tangents : dict of str to ndarray, shape (n, local, local)
+        dT / d[u] by fault [Pa/m], of `Equilibrium.answer`.
     """
 
     displacement: np.ndarray
@@ -111,6 +113,7 @@ class Solution:
     residuals: list[float]
     scale: float
     _answers: dict[str, FaultResponse] = field(repr=False, default_factory=dict)
+    tangents: dict[str, np.ndarray] = field(repr=False, default_factory=dict)
 
     def commit(self, state: State) -> None:
         """Make it the state at the end of the step; arrays of the state keep their place."""
@@ -202,6 +205,30 @@ class Equilibrium:
             fault.interface.assemble(np.concatenate(change, axis=1), force)
         return force
 
+    def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
+        """Add to the energies of a state, before `commit`, the work of loads and driven edges and what damping takes,
+        by the mean forces over the step: exact for average acceleration.
+
+        Parameters
+        ----------
+        velocity : ndarray, shape (nodes * components,)
+            At the end of the step [m/s].
+        carried : ndarray, shape (nodes * components,)
+            Internal and damping forces less the load at its beginning [N].
+        """
+        mass, dot = self.model.mass, self.model.owned_dot
+        moved = solution.displacement - state.displacement
+        load, before = self.load(state.time + solution.dt), self.load(state.time)
+        damped, damped_before = self.damping_force(velocity), self.damping_force(state.velocity)
+        state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
+        state.energy["boundary_work"] += 0.5 * dot(before + load, moved)
+        # Driven edges do what their reactions do, and what sets their own mass in motion.
+        driven = np.zeros(len(mass))
+        driven[self._driven] = 1.0
+        reaction = 0.5 * (carried + solution.internal + damped - load)
+        inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
+        state.energy["boundary_work"] += dot(driven, reaction * moved + inertia)
+
     # -- the solve ---------------------------------------------------------------------------------------------------
 
     def solve(
@@ -292,18 +319,23 @@ class Equilibrium:
         """SNES asks for dR/du."""
         self._visit(x.array_r)
         task = self._task
-        blocks = {name: response.tangent for name, response in task.responses.items()}
+        blocks = task.tangents
         factors = (task.rates.mass, task.rates.damping) if task.rates else (0.0, 0.0)
         same = (
             self._built is not None
             and self._built[0] == factors
             and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
         )
-        if not self.model.comm.allreduce(int(not same)):
-            return
-        self._built = (factors, blocks)
+        if self.model.comm.allreduce(int(not same)):
+            self._built = (factors, blocks)
+            self._solver.use_symmetric(self.fill(tangent, *factors, blocks))
+
+    def fill(self, tangent: Any, c_M: float, c_C: float, blocks: dict[str, np.ndarray]) -> bool:
+        """tangent = K + J' W blocks J + c_M M + c_C (C + eta K_v), the identity where driven; whether it is symmetric.
+
+        Collective; `blocks` are dT / d[u] by fault.
+        """
         self._stiffness.copy(tangent, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        c_M, c_C = factors
         if self.model.viscosity is not None and c_C:
             tangent.axpy(self.model.viscosity.eta * c_C, self._viscous, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = tangent.createVecLeft()
@@ -318,7 +350,21 @@ class Equilibrium:
         rows = self.model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
         tangent.zeroRowsColumns(rows.astype(PETSc.IntType), diag=self._unit)
         coupled = any(np.any(block[:, 1:, 0]) for block in blocks.values())
-        self._solver.use_symmetric(not self.model.comm.allreduce(int(coupled)))
+        return not self.model.comm.allreduce(int(coupled))
+
+    def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
+        """What bodies and faults answer after `dt` to any displacement, balanced or not; collective.
+
+        Raises
+        ------
+        ProjectionError
+            On all ranks: an interface without an admissible traction.
+        """
+        task = _Task(self, state, dt, None, np.zeros_like(u), 1.0)
+        task.evaluate(u)
+        parallel.raise_on_all(self.model.comm, task.error)
+        faults = {name: response.state for name, response in task.responses.items()}
+        return Solution(u.copy(), task.internal, faults, dt, 0, 0, [], task.scale, self._answers, task.tangents)
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """K of some elements as a matrix with room for the tangents of the interfaces."""
@@ -388,6 +434,10 @@ class _Task:
         self.responses: dict[str, Response] = {}
         self.scale = self.round_off = 0.0
         self.error: ProjectionError | None = None
+
+    @property
+    def tangents(self) -> dict[str, np.ndarray]:
+        return {name: response.tangent for name, response in self.responses.items()}
 
     def update_multipliers(self) -> None:
         """Take the last tractions; what was evaluated with others is void."""

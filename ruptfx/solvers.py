@@ -90,26 +90,8 @@ class NewtonSolver:
         self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
         self.snes.setConvergenceTest(self._converged)
         self._ksp = self.snes.getKSP()
-        self.multigrid = not self._direct(model)
-        if self.multigrid:
-            matrix.setNearNullSpace(rigid_motions(model, matrix))
+        self.multigrid = not choose(self._ksp, model, matrix)
         self._ready = False
-
-    def _direct(self, model: Model) -> bool:
-        """Set the defaults; whether they are a factorisation."""
-        pc = self._ksp.getPC()
-        mumps = PETSc.Sys.hasExternalPackage("mumps")
-        unknowns = model.total_nodes * model.components
-        if unknowns <= DIRECT[model.mesh.geometry.dim] and (mumps or model.comm.size == 1):
-            self._ksp.setType("preonly")
-            pc.setType("lu")
-            if mumps:
-                pc.setFactorSolverType("mumps")
-            return True
-        self._ksp.setType("cg")
-        self._ksp.setTolerances(rtol=1e-7, max_it=2000)
-        pc.setType("gamg")
-        return False
 
     def use_symmetric(self, symmetric: bool) -> None:
         """CG or GMRES for the next solve, unless the case says otherwise or the matrix is factorised."""
@@ -154,6 +136,24 @@ class NewtonSolver:
         code = self.snes.getConvergedReason()
         text = _name(PETSc.SNES.ConvergedReason, code)
         return f"{text} ({_name(PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
+
+
+def choose(ksp: Any, model: Model, matrix: Any) -> bool:
+    """Set the defaults for a matrix; whether they are a factorisation."""
+    pc = ksp.getPC()
+    mumps = PETSc.Sys.hasExternalPackage("mumps")
+    unknowns = model.total_nodes * model.components
+    if unknowns <= DIRECT[model.mesh.geometry.dim] and (mumps or model.comm.size == 1):
+        ksp.setType("preonly")
+        pc.setType("lu")
+        if mumps:
+            pc.setFactorSolverType("mumps")
+        return True
+    ksp.setType("cg")
+    ksp.setTolerances(rtol=1e-7, max_it=2000)
+    pc.setType("gamg")
+    matrix.setNearNullSpace(rigid_motions(model, matrix))
+    return False
 
 
 def _name(reasons: Any, code: int) -> str:

@@ -13,7 +13,6 @@ from ruptfx.steppers._options import PetscOptions
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
-    from ruptfx.equilibrium import Solution
     from ruptfx.model import Model, State
 
 SchemeName = Literal["generalized_alpha", "average_acceleration", "newmark", "hht"]
@@ -156,24 +155,7 @@ class GeneralizedAlphaMotion:
         rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
         added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
         solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)
-        self._count_work(state, solution, rates.velocity_of(solution.displacement), carried)
+        self._equilibrium.count_work(state, solution, rates.velocity_of(solution.displacement), carried)
         state.velocity[:] = rates.velocity_of(solution.displacement)
         acceleration[:] = self._at_rest_on_driven(c_M * (solution.displacement - predictor))
         solution.commit(state)
-
-    def _count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
-        """Work of loads and driven edges and what damping takes, by the mean force over the step (exact for average
-        acceleration)."""
-        equilibrium, mass, dot = self._equilibrium, self.model.mass, self.model.owned_dot
-        moved = solution.displacement - state.displacement
-        damped, load = equilibrium.damping_force(velocity), equilibrium.load(state.time + solution.dt)
-        load_before, damped_before = equilibrium.load(state.time), equilibrium.damping_force(state.velocity)
-        state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
-        state.energy["boundary_work"] += 0.5 * dot(load_before + load, moved)
-        # Driven edges do what their reactions do, and what sets their own mass in motion.
-        driven = np.zeros(len(mass))
-        for dofs in self._driven:
-            driven[dofs] = 1.0
-        reaction = 0.5 * (carried + solution.internal + damped - load)
-        inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
-        state.energy["boundary_work"] += dot(driven, reaction * moved + inertia)
