@@ -41,7 +41,7 @@ def case(size: float) -> dict[str, Any]:
     }  # fmt: skip
     glued = {
         "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 1.0},
-        "initial_stress": {"normal": 1e12},
+        "initial_stress": {"normal": 1e7},
     }  # fmt: skip
     return {
         "plane": "strain", "order": 4, "duration": DURATION, "stepper": {"kind": "leapfrog", "safety": 0.3},
