@@ -3,7 +3,8 @@
 Two bodies whose shear speeds differ by 20 %, Coulomb friction, uniform stress just below sliding, friction dropped in
 a small patch (Andrews and Ben-Zion 1997; Cochard and Rice 2000). Between such bodies plain Coulomb friction has no
 solution (Ranjith and Rice 2001): refining the mesh changes the pulse. A memory of the normal stress over a slip L_p
-that the mesh resolves removes that.
+that the mesh resolves removes that. The patch ends at corners of elements on every mesh: one that ends inside an
+element is a node wider on one mesh than on another, and the pulse shows it.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, rupture
 
 LENGTH, HEIGHT = 16e-3, 5e-3
+PATCH = 0.32e-3  # m
 SIGMA, FRICTION, LOAD = 5e6, 1.0, 0.95
 COULOMB = {"kind": "coulomb", "mu_d": FRICTION}
-MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 1e-7}
+MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 2e-7}
 SLOWER = -1  # slip is plus minus minus: with positive shear the lower, slower body slides to the left
 
 
@@ -38,7 +40,7 @@ def case(spacing: float, law: dict[str, Any], duration: float = 5.5e-6) -> dict[
         "faults": {"main": {
             "contact": {"kind": "split_node"}, "friction": law,
             "initial_stress": {"normal": SIGMA, "shear": LOAD * FRICTION * SIGMA},
-            "nucleation": {"kind": "friction_drop", "center": LENGTH / 2, "half_width": 0.25e-3, "mu_d": 0.0},
+            "nucleation": {"kind": "friction_drop", "center": LENGTH / 2, "half_width": PATCH, "mu_d": 0.0},
         }},
         "boundaries": [{"kind": "absorbing", "edge": edge} for edge in edges],
     }  # fmt: skip
@@ -71,7 +73,9 @@ def run(fine: bool, comm: Any) -> Outcome:
     _, near, far = pulse(finest, -SLOWER)
     other = [pulse(r, SLOWER)[2] for r in runs["memory"]]
     plain = [pulse(r, SLOWER)[2] for r in runs["Coulomb"]]
-    behind = np.abs(finest.slip_rate[-1, finest.at(LENGTH / 2 + SLOWER * 2e-3)])
+    there = LENGTH / 2 + SLOWER * 2e-3
+    slips = [float(np.interp(there, r.position, np.abs(r.fields["slip"]))) for r in runs["memory"]]
+    behind = np.abs(finest.slip_rate[-1, finest.at(there)])
     checks = [
         Check("pulse to the slower side's slip direction", generalized_rayleigh(finest), speed, 0.03, "m/s",
               "generalized Rayleigh speed", relative=True),
@@ -79,7 +83,8 @@ def run(fine: bool, comm: Any) -> Outcome:
         Check("other direction: peak at 3 mm over that at 1 mm", 1.0, far / near, 0, "1", "decays", "at most"),
         Check("memory: change of the peak with half the spacing", 0.0, abs(other[1] / other[0] - 1), 0.1, "1",
               "Cochard and Rice (2000)"),
-        Check("plain Coulomb: the same", 0.1, abs(plain[1] / plain[0] - 1), 0, "1", "ill-posed", "at least"),
+        Check("memory: change of the slip at 2 mm", 0.0, abs(slips[1] / slips[0] - 1), 0.05, "1", "mesh-independent"),
+        Check("plain Coulomb: change of the peak", 0.1, abs(plain[1] / plain[0] - 1), 0, "1", "ill-posed", "at least"),
         *(result.budget() for pair in runs.values() for result in pair),
     ]  # fmt: skip
     return Outcome(checks, lambda: _draw(runs, spacings))
@@ -100,6 +105,6 @@ def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Any:
             at = result.at(LENGTH / 2 + SLOWER * 3e-3)
             label = f"nodes {spacing * 1e6:.0f} um apart"
             ax.plot(result.time * 1e6, np.abs(result.slip_rate[:, at]), lw=1, label=label)
-        ax.set(xlabel="time [us]", ylabel="slip rate at -3 mm [m/s]", title=name, xlim=(1, 5.5))
+        ax.set(xlabel="time [us]", ylabel="slip rate at -3 mm [m/s]", title=name, xlim=(0, 5.5))
         ax.legend(frameon=False, loc="upper left", fontsize=8)
     return figure
