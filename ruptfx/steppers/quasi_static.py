@@ -111,7 +111,7 @@ class QuasiStaticMotion:
             if dt <= self._smallest:
                 self._warn(state, error)
                 break
-            dt = self._rounded(max(dt * max(0.8 / error, MOST_SHRINKING), self._smallest))
+            dt = self._rounded(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
         moved = self._account(state, solution)
         solution.commit(state)
         self._lose_kinetic(state, moved / dt)
@@ -153,12 +153,12 @@ class QuasiStaticMotion:
         return parallel.largest(self.model.comm, worst)
 
     def _next(self, dt: float, error: float, solution: Solution) -> float:
-        """Size of the next step; three digits, so that it does not depend on the number of ranks."""
+        """Size of the next step [s]."""
         growth = min(0.8 / np.sqrt(max(error, 1e-12)), MOST_GROWTH)
         newton = solution.iterations / solution.outer
         if newton > EASY:
             growth = min(growth, 0.7 if newton > HARD else 1.0)
-        return self._rounded(min(max(dt * growth, self._smallest), self._greatest))
+        return self._rounded(min(max(dt * stepped(growth), self._smallest), self._greatest))
 
     def _account(self, state: State, solution: Solution) -> np.ndarray:
         """Count the work done in the step; the displacement added in it [m].
@@ -190,6 +190,12 @@ class QuasiStaticMotion:
         mass, dot = self.model.mass, self.model.owned_dot
         state.energy["damping"] += 0.5 * (dot(state.velocity, mass * state.velocity) - dot(velocity, mass * velocity))
         state.velocity[:] = velocity
+
+
+def stepped(factor: float) -> float:
+    """A factor rounded down to a quarter of an octave, so that rounding of the error, which depends on the number of
+    ranks, hardly ever shows in the size of a step."""
+    return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
 
 
 def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
