@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from ruptfx.plots.style import GUIDE, RATE_MAP, Array, direction, letter, new_figure, note, scale, styled, wave_speeds
 from ruptfx.record import Record
@@ -85,27 +86,32 @@ def _largest(
     data = record.interface
     slip = data["slip"].values
     first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
-    # Until the front has crossed, and as long again: what follows is ringing.
     threshold = data.attrs.get("rupture_threshold", 1e-3)
-    rate = np.abs(data["slip_rate"].values[first : last + 1])
-    time = data["time"].values[first : last + 1] - data["time"].values[first]
-    reached = np.where((rate > threshold).any(axis=0), (rate > threshold).argmax(axis=0), 0)
+    rate, time = np.abs(data["slip_rate"].values[first : last + 1]), data["time"].values[first : last + 1]
+    # The front crosses in the middle: what comes before is nucleation, what follows is ringing.
+    ahead = rate > max(threshold, 0.02 * rate.max())
+    reached = ahead.argmax(axis=0)[ahead.any(axis=0)]
     began, crossed = time[reached.min()], time[reached.max()]
-    until = int(np.searchsorted(time, crossed + 0.5 * (crossed - began) + 1e-30)) + 1
-    rate, time = rate[:until], time[:until]
+    shown = (time >= 1.5 * began - 0.5 * crossed) & (time <= 1.5 * crossed - 0.5 * began)
+    shown[: max(int(shown.argmax()) - 1, 0)] = False
+    rate, start = rate[shown], time[shown][0]
+    time = time[shown] - start
     size, unit = scale(time, "s")
     mesh = ax.pcolormesh(_edges(position), _edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
     ax.figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", pad=0.03)
-    began_at = f"{data['time'].values[first]:.5g} s"
-    ax.set(xlabel=f"Position ({x_unit})", ylabel=f"Time since {began_at} ({unit})", ylim=(0, time[-1] / size))
-    width, top = np.ptp(position), 0.95 * time[-1] / size
-    for place, name in ((0.05, "$c_s$"), (0.4, "$c_l$")):  # slopes to compare with
+    since = f"Time since {start:.5g} s ({unit})"
+    ax.set(xlabel=f"Position ({x_unit})", ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
+    width, low = np.ptp(position), 0.04 * time[-1] / size
+    halo = [withStroke(linewidth=1.5, foreground="white")]
+    for place, name in ((0.62, "$c_s$"), (0.8, "$c_l$")):  # slopes to compare with
         speed = wave_speeds(record).get(name)
         if speed is not None:
-            x = position[0] + np.array([place, place + 0.2]) * width
-            ax.plot(x, [top - 0.2 * width * x_size / speed / size, top], "--", color=GUIDE, lw=0.8)
-            ax.annotate(name, (x[1], top), (2, 0), textcoords="offset points", color=GUIDE, va="center")
+            x = position[0] + np.array([place, place + 0.14]) * width
+            rise = 0.14 * width * x_size / speed / size
+            ax.plot(x, [low, low + rise], "--", color=GUIDE, lw=0.8, path_effects=halo)
+            ax.annotate(name, (x[1], low + rise), (2, 0), textcoords="offset points", color=GUIDE, va="center",
+                        path_effects=halo)  # fmt: skip
 
 
 def _edges(centres: Array) -> Array:
