@@ -160,8 +160,7 @@ class Equilibrium:
         self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
         self._stiffness = self._assemble(model.bulk)
         self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
-        self._tangent = self._stiffness.duplicate()
-        self._tangent.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self._tangent = self.new_matrix()
         self._ghosted = fem.dolfinx.fem.Function(model.space)
         self._ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array
         self._ghosted.x.scatter_forward()
@@ -330,10 +329,23 @@ class Equilibrium:
             self._built = (factors, blocks)
             self._solver.use_symmetric(self.fill(tangent, *factors, blocks))
 
-    def fill(self, tangent: Any, c_M: float, c_C: float, blocks: dict[str, np.ndarray]) -> bool:
-        """tangent = K + J' W blocks J + c_M M + c_C (C + eta K_v), the identity where driven; whether it is symmetric.
+    def new_matrix(self) -> Any:
+        """With the pattern of the tangent, for `fill`."""
+        matrix = self._stiffness.duplicate()
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return matrix
 
-        Collective; `blocks` are dT / d[u] by fault.
+    def fill(
+        self, tangent: Any, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float | None = None
+    ) -> bool:
+        """tangent = K + J' W blocks J + c_M M + c_C (C + eta K_v); whether it is symmetric; collective.
+
+        Parameters
+        ----------
+        blocks : dict of str to ndarray, shape (n, local, local)
+            dT / d[u] by fault.
+        driven : float, optional
+            What driven rows have on the diagonal; nothing else is in them.
         """
         self._stiffness.copy(tangent, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if self.model.viscosity is not None and c_C:
@@ -348,7 +360,7 @@ class Equilibrium:
         c = self.model.components
         here = self._driven[self._driven < self._owned]
         rows = self.model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
-        tangent.zeroRowsColumns(rows.astype(PETSc.IntType), diag=self._unit)
+        tangent.zeroRowsColumns(rows.astype(PETSc.IntType), diag=self._unit if driven is None else driven)
         coupled = any(np.any(block[:, 1:, 0]) for block in blocks.values())
         return not self.model.comm.allreduce(int(coupled))
 

@@ -42,6 +42,10 @@ CASES = {
     }),
     "slip_weakening": slip_weakening({"duration": 5e-6, "mesh.height": 4e-3}),
     "lecture_I": impact(6e6, 2.0, changes={"mesh.height": 4e-3, "mesh.length": 20e-3, "duration": 12e-6}),
+    "implicit": impact(6e6, 2.0, changes={
+        "order": 2, "mesh.height": 4e-3, "mesh.length": 20e-3, "duration": 12e-6,
+        "stepper": {"kind": "generalized_alpha", "courant": 2.0},
+    }),
     "antiplane": plates({
         "plane": "antiplane", "duration": 4e-6, "faults.main.contact": {"kind": "split_node"},
         "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6},

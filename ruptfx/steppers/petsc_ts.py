@@ -1,0 +1,283 @@
+"""Steps of PETSc's TS, so that schemes are chosen with PETSc options."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ruptfx.contact import require
+from ruptfx.loading import ramp
+from ruptfx.projection import ProjectionError
+from ruptfx.schema import CaseError
+from ruptfx.steppers import Stepper
+from ruptfx.steppers._options import PetscOptions
+from ruptfx.units import Duration, Positive
+
+if TYPE_CHECKING:
+    from ruptfx.equilibrium import Solution
+    from ruptfx.model import Model, State
+
+
+class PetscTs(Stepper):
+    """The equation of motion as PETSc's TS sees it: TSALPHA2 (implicit), TSBASICSYMPLECTIC or TSRK (explicit).
+
+    Faults enter with the traction they answer at the time of a stage, their state advanced there from the beginning of
+    the step by backward Euler, and are committed when a step is accepted; a rejected step leaves no trace. Friction is
+    therefore of first order in time. `petsc_options` reach TS, its SNES and KSP: ``{ ts_rk_type = "5dp",
+    ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only where an adaptor is asked for.
+    TS makes one step at a time and monitors run after each, so that recorder, checkpoints and signals are those of
+    all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart `alpha2` finds its
+    acceleration anew, so that it goes on to the order of the scheme, not to the same bits.
+    """
+
+    scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
+    time_step: Duration | None = None
+    courant: Positive | None = None
+    """Time step over the stable explicit one, where it is not given: 10 for `alpha2`, else 0.5."""
+    petsc_options: PetscOptions = {}
+
+    def bind(self, model: Model) -> PetscTsMotion:
+        from ruptfx.model import three_digits
+
+        require(model.faults, "implicit")
+        for fault in model.faults:
+            if fault.contact.multiplier_tolerance() is not None:
+                raise CaseError(
+                    f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': TS has no outer iterations; use "
+                    "'compliant', or stepper 'generalized_alpha'"
+                )
+        damped = np.any(model.loads.dashpot != 0) or model.case.damping.mass > 0 or model.viscosity is not None
+        if self.scheme == "basicsymplectic" and model.comm.allreduce(int(damped)):
+            raise CaseError(
+                "stepper.scheme = 'basicsymplectic': forces must not depend on velocity; use 'rk' or 'alpha2'"
+            )
+        kind = str(self.petsc_options.get("ts_basicsymplectic_type", "2"))
+        if self.scheme == "basicsymplectic" and kind not in ("1", "2"):
+            raise CaseError(
+                f"stepper.petsc_options.ts_basicsymplectic_type = '{kind}': its stages go back in time, friction "
+                "cannot; use '1', '2', or scheme = 'rk'"
+            )
+        courant = self.courant or (10.0 if self.scheme == "alpha2" else 0.5)
+        return PetscTsMotion(model, self, self.time_step or three_digits(courant * model.stable_time_step()))
+
+
+class PetscTsMotion:
+    """TS bound to a model; the size of the next step is `state.numbers["dt"]`."""
+
+    collective = True
+
+    def __init__(self, model: Model, stepper: PetscTs, dt: float) -> None:
+        from ruptfx import fem
+        from ruptfx.equilibrium import Equilibrium
+        from ruptfx.solvers import CaseOptions
+
+        self.model, self.dt, self._scheme = model, dt, stepper.scheme
+        self._equilibrium = Equilibrium(model)
+        self._owned = model.owned_nodes * model.components
+        self._ghosted = fem.dolfinx.fem.Function(model.space)
+        self._driven = np.zeros(len(model.mass), dtype=bool)
+        for dofs, _ in model.loads.driven:
+            self._driven[dofs] = True
+        self._state: State
+        self._error: ProjectionError | None = None
+        self._built: Any = None  # what the Jacobian was filled with
+        self._ready = False
+        defaults: PetscOptions = {"ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50}
+        self._options = CaseOptions(stepper.petsc_options, defaults)
+        PETSc: Any = fem.PETSc
+        self._ts = PETSc.TS().create(model.comm)
+        self._ts.setOptionsPrefix(self._options.prefix)
+        self._ts.setType(stepper.scheme)
+        self._ts.setExactFinalTime(PETSc.TS.ExactFinalTime.STEPOVER)
+        self._ts.setMaxTime(1e300)
+        self._ts.setMaxSteps(2**31 - 2)
+        self._ts.setErrorIfStepFails(False)
+        if stepper.scheme == "alpha2":
+            self._set_up_second_order()
+        else:
+            self._set_up_first_order(PETSc)
+
+    def _set_up_second_order(self) -> None:
+        """F(t, u, v, a) = 0 and its Jacobian."""
+        from ruptfx.solvers import TOLERANCE, choose
+
+        self._tangent = self._equilibrium.new_matrix()
+        self._unit = self._mean_mass()  # driven rows say a = a_D, in the size of the others
+        self._u, self._v = self._tangent.createVecRight(), self._tangent.createVecRight()
+        self._ts.setI2Function(self._residual, self._tangent.createVecLeft())
+        self._ts.setI2Jacobian(self._jacobian, self._tangent, self._tangent)
+        self._ts.setSolution2(self._u, self._v)
+        self._ts.setMaxSNESFailures(-1)
+        snes = self._ts.getSNES()
+        snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
+        choose(snes.getKSP(), self.model, self._tangent)
+
+    def _mean_mass(self) -> float:
+        from ruptfx import parallel
+
+        total = parallel.total(self.model.comm, self.model.mass[: self._owned].sum())
+        return float(total) / (self.model.total_nodes * self.model.components)
+
+    def _set_up_first_order(self, PETSc: Any) -> None:
+        """d(u, v)/dt = (v, a(t, u, v)), whole or in the two parts that symplectic schemes split."""
+        n, comm = self._owned, self.model.comm
+        self._both = PETSc.Vec().createMPI((2 * n, None), comm=comm)
+        self._u, self._v = None, None
+        if self._scheme == "rk":
+            self._ts.setRHSFunction(self._rates, self._both.duplicate())
+        else:
+            first = self._both.getOwnershipRange()[0]
+            for name, offset, function in (("position", 0, self._velocity), ("momentum", n, self._acceleration)):
+                part = PETSc.IS().createStride(n, first=first + offset, step=1, comm=comm)
+                self._ts.setRHSSplitIS(name, part)
+                self._ts.setRHSSplitRHSFunction(name, function, PETSc.Vec().createMPI((n, None), comm=comm))
+        self._ts.setSolution(self._both)
+
+    # -- what TS asks for --------------------------------------------------------------------------------------------
+
+    def _spread(self, owned: np.ndarray) -> np.ndarray:
+        """Local values, ghosts included, a copy; collective."""
+        self._ghosted.x.array[: self._owned] = owned
+        self._ghosted.x.scatter_forward()
+        return self._ghosted.x.array.copy()
+
+    def _answer(self, time: float, u: np.ndarray) -> Solution | None:
+        """What faults and bodies answer at a stage; None where a law fails, which is kept; collective."""
+        try:
+            return self._equilibrium.answer(self._state, time - self._state.time, u)
+        except ProjectionError as error:
+            self._error = error
+            return None
+
+    def _balance(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Internal and damping forces less the load [N]; not a number where a law fails."""
+        if time - self._state.time < 1e-9 * self.dt:
+            internal = self._equilibrium.internal(self._state)
+        else:
+            solution = self._answer(time, u)
+            internal = np.full_like(u, np.nan) if solution is None else solution.internal
+        return internal + self._equilibrium.damping_force(v) - self._equilibrium.load(time)
+
+    def _accelerated(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """a(t, u, v) [m/s2]."""
+        a = -self._balance(time, u, v) / self.model.mass
+        self._driven_acceleration(time, a)
+        return a
+
+    def _driven_acceleration(self, time: float, out: np.ndarray) -> None:
+        for dofs, drive in self.model.loads.driven:
+            out[dofs] = drive.velocity / drive.ramp if time < drive.ramp else 0.0
+
+    def _residual(self, _: Any, time: float, u: Any, v: Any, a: Any, out: Any) -> None:
+        u, v, a = (self._spread(vector.array_r) for vector in (u, v, a))
+        force = self.model.mass * a + self._balance(time, u, v)
+        wanted = np.zeros_like(a)
+        self._driven_acceleration(time, wanted)
+        force[self._driven] = self._unit * (a - wanted)[self._driven]
+        out.array[:] = force[: self._owned]
+
+    def _jacobian(
+        self, _: Any, time: float, u: Any, v: Any, a: Any, c_C: float, c_M: float, tangent: Any, __: Any
+    ) -> None:
+        solution = self._answer(time, self._spread(u.array_r))
+        if solution is None:
+            return  # the residual is not a number either, and SNES gives up
+        factors, blocks = (c_M, c_C), solution.tangents
+        same = self._built is not None and self._built[0] == factors
+        same = same and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
+        if self.model.comm.allreduce(int(not same)):
+            self._built = (factors, blocks)
+            self._equilibrium.fill(tangent, c_M, c_C, blocks, driven=c_M * self._unit)
+
+    def _velocity(self, _: Any, __: float, v: Any, out: Any) -> None:
+        out.array[:] = v.array_r
+
+    def _acceleration(self, ts: Any, _: float, u: Any, out: Any) -> None:
+        # TS hands out the time of the step, not that of the stage: positions are those of its beginning or of its end.
+        displacement = self._spread(u.array_r)
+        moved = not np.array_equal(displacement, self._state.displacement)
+        ends = self.model.comm.allreduce(int(moved)) > 0
+        time = self._state.time + (self._ts.getTimeStep() if ends else 0.0)
+        out.array[:] = self._accelerated(time, displacement, np.zeros_like(displacement))[: self._owned]
+
+    def _rates(self, ts: Any, time: float, both: Any, out: Any) -> None:
+        u, v = self._spread(both.array_r[: self._owned]), self._spread(both.array_r[self._owned :])
+        a = self._accelerated(time, u, v)
+        out.array[:] = np.concatenate([v[: self._owned], a[: self._owned]])
+
+    # -- steps -------------------------------------------------------------------------------------------------------
+
+    def step(self, state: State) -> None:
+        """One step of TS, as long as its adaptor and solver allow; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: TS gave up; the state is that of the last good step.
+        """
+        from ruptfx.equilibrium import ConvergenceError
+
+        self._state, ts = state, self._ts
+        equilibrium = self._equilibrium
+        carried = equilibrium.internal(state) + equilibrium.damping_force(state.velocity) - equilibrium.load(state.time)
+        self._put(state)
+        ts.setTime(state.time)
+        ts.setTimeStep(state.numbers.get("dt", self.dt))
+        self._error = None
+        with nullcontext() if self._ready else self._options:
+            if not self._ready:
+                ts.setFromOptions()
+                ts.setUp()
+            elif self._scheme == "rk":
+                ts.restartStep()  # driven edges were put where they belong: no stage of the last step can be used again
+            ts.step()
+        if not self._ready and self._options.unread:
+            raise CaseError(
+                f"{self._options.unread}: TS of type {ts.getType()} has no such option; correct or remove it"
+            )
+        self._ready = True
+        dt = ts.getTime() - state.time
+        solution = (
+            self._answer(ts.getTime(), self._taken(state, dt)) if dt > 0 and ts.getConvergedReason() >= 0 else None
+        )
+        if solution is None or not np.isfinite(solution.scale):
+            raise ConvergenceError(
+                f"TS ({ts.getType()}) found no step from time {state.time:.6g} s: reason {ts.getConvergedReason()}"
+                + (f"; {self._error}" if self._error else "; reduce stepper.time_step")
+            )
+        velocity = self._new_velocity(ts.getTime())
+        equilibrium.count_work(state, solution, velocity, carried)
+        state.velocity[:] = velocity
+        solution.commit(state)
+        state.numbers["dt"] = ts.getTimeStep()
+        ts.monitor(state.step, state.time, self._both if self._scheme != "alpha2" else self._u)
+
+    def energies(self, state: State) -> dict[str, float]:
+        """At the end of the last step."""
+        return self.model.energies(state, 0.0)
+
+    def _put(self, state: State) -> None:
+        """The state into TS, with the velocity that driven edges have."""
+        velocity = state.velocity.copy()
+        for dofs, drive in self.model.loads.driven:
+            velocity[dofs] = drive.velocity * ramp(state.time, drive.ramp)
+        n = self._owned
+        if self._scheme == "alpha2":
+            self._u.array[:], self._v.array[:] = state.displacement[:n], velocity[:n]
+        else:
+            self._both.array[:] = np.concatenate([state.displacement[:n], velocity[:n]])
+
+    def _taken(self, state: State, dt: float) -> np.ndarray:
+        """The displacement TS came to, with driven edges where they are."""
+        u = self._spread(self._u.array_r if self._scheme == "alpha2" else self._both.array_r[: self._owned])
+        for dofs, drive in self.model.loads.driven:
+            u[dofs] = state.displacement[dofs] + drive.travelled(state.time + dt) - drive.travelled(state.time)
+        return u
+
+    def _new_velocity(self, time: float) -> np.ndarray:
+        v = self._spread(self._v.array_r if self._scheme == "alpha2" else self._both.array_r[self._owned :])
+        for dofs, drive in self.model.loads.driven:
+            v[dofs] = drive.velocity * ramp(time, drive.ramp)
+        return v

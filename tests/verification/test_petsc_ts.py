@@ -1,0 +1,102 @@
+"""PETSc's TS and the native leapfrog solve the same equation: both go to the same limit, each at its order."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import case, impact, march
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.schema import CaseError
+
+pytestmark = pytest.mark.fem
+
+DRIVEN = [
+    {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0, "ramp": 4e-6},
+    {"kind": "traction", "edge": "upper.top", "traction": [1e6, 2e6], "ramp": 3e-6},
+]
+DURATION = 2e-6
+
+
+def displacement(stepper: dict[str, Any], steps: int) -> np.ndarray:
+    """At the end of a smooth motion of stuck plates."""
+    smooth = case({
+        "order": 2, "duration": DURATION, "boundaries": DRIVEN, "stepper": {**stepper, "time_step": DURATION / steps},
+    })  # fmt: skip
+    return march(smooth)[2].displacement
+
+
+@pytest.fixture(scope="module")
+def limit() -> np.ndarray:
+    return displacement({"kind": "leapfrog"}, 2000)
+
+
+@pytest.mark.parametrize("scheme, lowest, highest", [
+    ("alpha2", 3.5, 4.5), ("basicsymplectic", 3.5, 4.5),
+    ("rk", 6.5, 9.0),  # third order
+])  # fmt: skip
+def test_goes_to_the_limit_of_leapfrog_at_its_order(scheme: str, lowest: float, highest: float, limit: Any) -> None:
+    errors = [
+        np.linalg.norm(displacement({"kind": "petsc_ts", "scheme": scheme}, steps) - limit) / np.linalg.norm(limit)
+        for steps in (30, 60, 120)[scheme == "rk" :]  # with 30 steps explicit Runge-Kutta is not stable
+    ]
+    assert all(lowest < coarse / fine < highest for coarse, fine in pairwise(errors)), errors
+    assert errors[-1] < 1e-3
+
+
+def test_verlet_is_leapfrog() -> None:
+    """The same positions to rounding."""
+    ours, theirs = displacement({"kind": "petsc_ts", "scheme": "basicsymplectic"}, 80), displacement(
+        {"kind": "leapfrog"}, 80
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("scheme", ["alpha2", "rk"])
+def test_slides_like_leapfrog(scheme: str) -> None:
+    """Slip of the shear impact within 2 % at steps of leapfrog's size."""
+    changes = {"order": 2, "duration": 10e-6, "mesh.length": 16e-3, "mesh.height": 6e-3}
+    stable = Model(parse_case(impact(6e6, 2.0, changes=changes))).stable_time_step()
+
+    def slip(stepper: dict[str, Any]) -> np.ndarray:
+        sliding = impact(6e6, 2.0, changes={**changes, "stepper": {**stepper, "time_step": 10e-6 / steps}})
+        fault = march(parse_case(sliding))[2].faults["main"]
+        # Slip of explicit steps belongs to the traction, at the beginning of the step.
+        late = 10e-6 / steps if stepper["kind"] == "leapfrog" else 0.0
+        return fault["slip"] + late * fault["slip_rate"]
+
+    steps = int(np.ceil(10e-6 / (0.3 * stable)))
+    theirs, ours = slip({"kind": "leapfrog"}), slip({"kind": "petsc_ts", "scheme": scheme})
+    assert theirs.max() > 1e-6
+    assert np.linalg.norm(ours - theirs) < 0.02 * np.linalg.norm(theirs)
+
+
+def test_options_choose_the_scheme_and_unknown_ones_are_refused() -> None:
+    def first_step(options: dict[str, Any]) -> Any:
+        chosen = case({"order": 2, "stepper": {"kind": "petsc_ts", "scheme": "rk", "petsc_options": options}})
+        model = Model(chosen)
+        motion = chosen.stepper.bind(model)
+        motion.step(model.initial_state())
+        return motion
+
+    assert first_step({"ts_rk_type": "5dp"})._ts.getRKType() == "5dp"
+    with pytest.raises(CaseError, match=r"petsc_options\.ts_rk_typo = '5dp': TS of type rk has no such option"):
+        first_step({"ts_rk_typo": "5dp"})
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"faults.main.contact": {"kind": "split_node"}}, "not for implicit steps"),
+    ({"faults.main.contact": {"kind": "augmented_lagrangian"}}, "no outer iterations"),
+    ({"damping": {"mass": 1e4}, "stepper.scheme": "basicsymplectic"}, "must not depend on velocity"),
+    ({"stepper.scheme": "basicsymplectic", "stepper.petsc_options": {"ts_basicsymplectic_type": "3"}}, "back in time"),
+])  # fmt: skip
+def test_what_ts_cannot_do_is_refused(changes: dict[str, Any], message: str) -> None:
+    refused = case({"order": 2, "stepper": {"kind": "petsc_ts"}, **changes})
+    with pytest.raises(CaseError, match=message):
+        refused.stepper.bind(Model(refused))
