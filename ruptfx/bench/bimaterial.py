@@ -4,7 +4,8 @@ Two bodies whose shear speeds differ by 20 %, Coulomb friction, uniform stress j
 a small patch (Andrews and Ben-Zion 1997; Cochard and Rice 2000). Between such bodies plain Coulomb friction has no
 solution (Ranjith and Rice 2001): refining the mesh changes the pulse. A memory of the normal stress over a slip L_p
 that the mesh resolves removes that. The patch ends at corners of elements on every mesh: one that ends inside an
-element is a node wider on one mesh than on another, and the pulse shows it.
+element is a node wider on one mesh than on another, and the pulse shows it. The memory is as long as these meshes
+resolve: with half of it the slip still agrees, the peak grows by 12 % from 40 to 20 um and by 9 % from 20 to 10 um.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def run(fine: bool, comm: Any) -> Outcome:
         Check("other direction: peak at 3 mm over that at 1 mm", 1.0, far / near, 0, "1", "decays", "at most"),
         Check("memory: change of the peak with half the spacing", 0.0, abs(other[1] / other[0] - 1), 0.1, "1",
               "Cochard and Rice (2000)"),
-        Check("memory: change of the slip at 2 mm", 0.0, abs(slips[1] / slips[0] - 1), 0.05, "1", "mesh-independent"),
+        Check("memory: change of the slip at 2 mm", 0.0, abs(slips[1] / slips[0] - 1), 0.02, "1", "mesh-independent"),
         Check("plain Coulomb: change of the peak", 0.1, abs(plain[1] / plain[0] - 1), 0, "1", "ill-posed", "at least"),
         *(result.budget() for pair in runs.values() for result in pair),
     ]  # fmt: skip
