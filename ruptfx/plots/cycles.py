@@ -92,8 +92,8 @@ def _largest(
     ahead = rate > max(threshold, 0.02 * rate.max())
     reached = ahead.argmax(axis=0)[ahead.any(axis=0)]
     began, crossed = time[reached.min()], time[reached.max()]
-    shown = (time >= 1.5 * began - 0.5 * crossed) & (time <= 1.5 * crossed - 0.5 * began)
-    shown[: max(int(shown.argmax()) - 1, 0)] = False
+    around = max(0.5 * (crossed - began), 10 * float(np.diff(time).min()))  # a stiff block slips as one
+    shown = (time >= began - around) & (time <= crossed + around)
     rate, start = rate[shown], time[shown][0]
     time = time[shown] - start
     size, unit = scale(time, "s")
