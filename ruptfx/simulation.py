@@ -121,7 +121,6 @@ def _step(motion: Any, state: State) -> RuptfxError | None:
     except ConvergenceError:  # known to all ranks
         raise
     except RuptfxError as error:
-        state.step += 1
         return error
     return None
 

@@ -85,11 +85,13 @@ class HybridMotion:
         ------
         RuptfxError
         """
-        if state.numbers.get("fast", SLOW) == FAST:
-            self._step_fast(state)
-        else:
-            self._step_slow(state)
-        self.collective = state.numbers["fast"] == SLOW
+        try:
+            if state.numbers.get("fast", SLOW) == FAST:
+                self._step_fast(state)
+            else:
+                self._step_slow(state)
+        finally:
+            self.collective = state.numbers["fast"] == SLOW
 
     def energies(self, state: State) -> dict[str, float]:
         """As the scheme under way has it."""
@@ -110,9 +112,14 @@ class HybridMotion:
             self._switch(state, FAST, f"peak slip rate {fastest:.3g} m/s")
 
     def _step_fast(self, state: State) -> None:
-        self._fast.step(state)
-        if state.step % LOOK_EVERY:
-            return
+        try:
+            self._fast.step(state)
+        finally:  # a rank with an error looks with the others
+            if state.step % LOOK_EVERY == 0:
+                self._look(state)
+
+    def _look(self, state: State) -> None:
+        """Back to slow steps when it has been calm for long enough; collective."""
         fastest = self._peak_slip_rate(state)
         if fastest > self._stepper.slow_below:
             state.numbers["calm_since"] = state.time

@@ -126,8 +126,15 @@ class LeapfrogMotion:
         Raises
         ------
         ProjectionError
-            On the rank that owns the failing interface point.
+            On the rank that owns the failing interface point; the clock goes on, as on the other ranks.
         """
+        try:
+            self._advance(state)
+        finally:
+            state.step += 1
+            state.time += self.dt
+
+    def _advance(self, state: State) -> None:
         self._bulk(state)
         for force, load in self.model.loads.force:
             # Work of the load by the mean velocity is added once the new one is known.
@@ -156,8 +163,6 @@ class LeapfrogMotion:
         state.energy["damping"] += self._work[0] + self._viscous_work(state)
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
-        state.step += 1
-        state.time += self.dt
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""
