@@ -81,5 +81,6 @@ def test_same_numbers_as_here(tmp_path: Path):
 def test_suite_passes_inside(tests: str):
     # The checkout is read-only there: what tests keep goes to /tmp.
     setting = "export HOME=/tmp HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis PYTEST_ADDOPTS='-p no:cacheprovider'"
-    done = image("run", "--volume", f"{ROOT}:/src:ro", "--", "bash", "-c", f"cd /src && {setting} && {tests}")
+    command = ["bash", "-c", f"cd /src && {setting} && {tests}"]
+    done = image("run", "--volume", f"{ROOT}:/src:ro", "--", *command, timeout=1500)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-1000:]
