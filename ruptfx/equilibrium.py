@@ -32,18 +32,17 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, operators, parallel
+from ruptfx import RuptfxError, fem, parallel
 from ruptfx.contact import require
 from ruptfx.fault import Fault, FaultState
 from ruptfx.interface import Interface
 from ruptfx.model import Model, State
-from ruptfx.operators.assembled import stiffness_form
 from ruptfx.projection import ProjectionError
 from ruptfx.response import FaultResponse, Response
 from ruptfx.solvers import NewtonSolver
 from ruptfx.steppers._options import PetscOptions
+from ruptfx.tangent import Tangent
 
-PETSc: Any = fem.PETSc
 MAX_OUTER = 100
 # What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger
 # it is the fewer outer iterations, but the harder is that.
@@ -121,13 +120,7 @@ class Solution:
         state.time += self.dt
         state.step += 1
         for name, answer in self._answers.items():
-            old, new = state.faults[name], self.faults[name]
-            dissipated, impact, worked = answer.exchanged(old, new, self.dt, state.time)
-            state.energy["frictional_dissipation"] += dissipated
-            state.energy["damping"] += impact
-            state.energy["boundary_work"] += worked
-            for key, values in new.items():
-                old[key][:] = values
+            answer.commit(state, self.faults[name], self.dt)
 
 
 class Equilibrium:
@@ -156,21 +149,13 @@ class Equilibrium:
         self._answers = {f.name: FaultResponse(f, threshold, (radiation or {}).get(f.name, 0.0)) for f in model.faults}
         self._multipliers = any(fault.contact.multiplier_tolerance() is not None for fault in model.faults)
         self._owned = model.owned_nodes * model.components
-        self._driven = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(d for d, _ in model.loads.driven)]))
+        self._driven = model.loads.prescribed
         self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
-        self._stiffness = self._assemble(model.bulk)
-        self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
-        self._tangent = self.new_matrix()
+        self.tangent = Tangent(model, self.dashpot)
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self._ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array
-        self._ghosted.x.scatter_forward()
-        self._diagonal = self._ghosted.x.array.copy()
-        total = parallel.total(model.comm, self._diagonal[: self._owned].sum())
-        self._unit = float(total) / (model.total_nodes * model.components)  # what driven rows have on the diagonal
-        self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
         self._task: _Task
         self._solver = NewtonSolver(
-            model, self._tangent, petsc_options or {}, self._function, self._differentiate,
+            model, self.tangent.matrix, petsc_options or {}, self._function, self._differentiate,
             lambda rtol: max(rtol * self._task.scale, self._task.round_off),
         )
 
@@ -204,6 +189,10 @@ class Equilibrium:
             fault.interface.assemble(np.concatenate(change, axis=1), force)
         return force
 
+    def carried(self, state: State) -> np.ndarray:
+        """Internal and damping forces less the load of a state [N]."""
+        return self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
+
     def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
         """Add to the energies of a state, before `commit`, the work of loads and driven edges and what damping takes,
         by the mean forces over the step: exact for average acceleration.
@@ -213,7 +202,7 @@ class Equilibrium:
         velocity : ndarray, shape (nodes * components,)
             At the end of the step [m/s].
         carried : ndarray, shape (nodes * components,)
-            Internal and damping forces less the load at its beginning [N].
+            `carried` at its beginning [N].
         """
         mass, dot = self.model.mass, self.model.owned_dot
         moved = solution.displacement - state.displacement
@@ -222,11 +211,9 @@ class Equilibrium:
         state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
         state.energy["boundary_work"] += 0.5 * dot(before + load, moved)
         # Driven edges do what their reactions do, and what sets their own mass in motion.
-        driven = np.zeros(len(mass))
-        driven[self._driven] = 1.0
         reaction = 0.5 * (carried + solution.internal + damped - load)
         inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
-        state.energy["boundary_work"] += dot(driven, reaction * moved + inertia)
+        state.energy["boundary_work"] += dot(self._driven.astype(float), reaction * moved + inertia)
 
     # -- the solve ---------------------------------------------------------------------------------------------------
 
@@ -296,7 +283,7 @@ class Equilibrium:
             tractions = [_tractions(fault, fields) for fields in (now, before)]
             change = np.abs(tractions[0] - tractions[1]).max(initial=0)
             size = max(np.abs(fault.normal_stress_0).max(initial=0), np.abs(tractions[0]).max(initial=0))
-            change, size = (self.model.comm.allreduce(float(v), op=fem.MPI.MAX) for v in (change, size))
+            change, size = (parallel.largest(self.model.comm, value) for value in (change, size))
             settled = settled and change <= tolerance * size
         return settled
 
@@ -304,7 +291,7 @@ class Equilibrium:
         """Evaluate at the owned unknowns unless that was done last; collective."""
         task = self._task
         new = not np.array_equal(task.displacement[: self._owned], unknown)
-        if self.model.comm.allreduce(int(new)):
+        if parallel.anywhere(self.model.comm, new):
             self._ghosted.x.array[: self._owned] = unknown
             self._ghosted.x.scatter_forward()
             task.evaluate(self._ghosted.x.array)
@@ -314,55 +301,14 @@ class Equilibrium:
         self._visit(x.array_r)
         out.array[:] = self._task.residual[: self._owned]
 
-    def _differentiate(self, _: Any, x: Any, tangent: Any, __: Any) -> None:
+    def _differentiate(self, _: Any, x: Any, __: Any, ___: Any) -> None:
         """SNES asks for dR/du."""
         self._visit(x.array_r)
         task = self._task
-        blocks = task.tangents
         factors = (task.rates.mass, task.rates.damping) if task.rates else (0.0, 0.0)
-        same = (
-            self._built is not None
-            and self._built[0] == factors
-            and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
-        )
-        if self.model.comm.allreduce(int(not same)):
-            self._built = (factors, blocks)
-            self._solver.use_symmetric(self.fill(tangent, *factors, blocks))
-
-    def new_matrix(self) -> Any:
-        """With the pattern of the tangent, for `fill`."""
-        matrix = self._stiffness.duplicate()
-        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        return matrix
-
-    def fill(
-        self, tangent: Any, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float | None = None
-    ) -> bool:
-        """tangent = K + J' W blocks J + c_M M + c_C (C + eta K_v); whether it is symmetric; collective.
-
-        Parameters
-        ----------
-        blocks : dict of str to ndarray, shape (n, local, local)
-            dT / d[u] by fault.
-        driven : float, optional
-            What driven rows have on the diagonal; nothing else is in them.
-        """
-        self._stiffness.copy(tangent, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        if self.model.viscosity is not None and c_C:
-            tangent.axpy(self.model.viscosity.eta * c_C, self._viscous, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        diagonal = tangent.createVecLeft()
-        diagonal.array[:] = (c_M * self.model.mass + c_C * self.dashpot)[: self._owned]
-        tangent.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
-        diagonal.destroy()
-        for fault in self.model.faults:
-            _add_interface(tangent, fault.interface, blocks[fault.name])
-        tangent.assemble()
-        c = self.model.components
-        here = self._driven[self._driven < self._owned]
-        rows = self.model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
-        tangent.zeroRowsColumns(rows.astype(PETSc.IntType), diag=self._unit if driven is None else driven)
-        coupled = any(np.any(block[:, 1:, 0]) for block in blocks.values())
-        return not self.model.comm.allreduce(int(coupled))
+        symmetric = self.tangent.update(*factors, task.tangents, driven=self.tangent.unit)
+        if symmetric is not None:
+            self._solver.use_symmetric(symmetric)
 
     def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
         """What bodies and faults answer after `dt` to any displacement, balanced or not; collective.
@@ -378,15 +324,9 @@ class Equilibrium:
         faults = {name: response.state for name, response in task.responses.items()}
         return Solution(u.copy(), task.internal, faults, dt, 0, 0, [], task.scale, self._answers, task.tangents)
 
-    def _assemble(self, bulk: operators.Bulk) -> Any:
-        """K of some elements as a matrix with room for the tangents of the interfaces."""
-        faces = [fault.interface for fault in self.model.faults if not fault.interface.one_sided]
-        pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
-        return fem.matrix(stiffness_form(bulk), np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]))
-
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
         """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
-        diagonal = self._diagonal + (rates.mass * self.model.mass if rates else 0.0)
+        diagonal = self.tangent.diagonal + (rates.mass * self.model.mass if rates else 0.0)
         nodal = diagonal.reshape(self.model.nodes, -1).max(axis=1)
         return np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight
 
@@ -434,9 +374,7 @@ class _Task:
     ) -> None:
         self._equilibrium, self._state = equilibrium, state
         self.dt, self.time, self.rates, self._load = dt, state.time + dt, rates, load
-        self.driven = state.displacement.copy()
-        for dofs, drive in equilibrium.model.loads.driven:
-            self.driven[dofs] += drive.travelled(self.time) - drive.travelled(state.time)
+        self.driven = equilibrium.model.loads.moved(state.displacement, state.time, self.time)
         self.multipliers: dict[str, FaultState] = dict(state.faults)
         self._body = {
             fault.name: easing * equilibrium.body_stiffness(fault.interface, rates)
@@ -480,9 +418,9 @@ class _Task:
         self.residual = self.internal - self._load + sum(parts[2:], np.zeros_like(u))
         driven = equilibrium._driven
         if self.error is None:
-            self.residual[driven] = equilibrium._unit * (u - self.driven)[driven]
+            self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
         squares = [model.owned_dot(part, part) for part in parts]
-        stiff = equilibrium._diagonal * u
+        stiff = equilibrium.tangent.diagonal * u
         *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.owned_dot(stiff, stiff)])
         self.scale = float(np.sqrt(max(summed)))
         # Not more than that: a body that nothing holds flies far.
@@ -499,14 +437,3 @@ class _Task:
 def _tractions(fault: Fault, fields: FaultState) -> np.ndarray:
     """Normal stress and shear tractions, shape (n, 1 + tangents) [Pa]."""
     return np.column_stack([fields["normal_stress"], fault.components(fields, "shear_traction")])
-
-
-def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:
-    """matrix += J' W tangent J, every point once."""
-    rows = face.rows if face.one_sided else np.concatenate([face.rows, -face.rows], axis=2)
-    # PETSc takes what is contiguous as it lies.
-    blocks = np.ascontiguousarray(np.einsum("i,ika,ikl,ilb->iab", face.weight, rows, tangent, rows, optimize=True))
-    nodes = face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1)
-    nodes = nodes.astype(PETSc.IntType)
-    for i in np.flatnonzero(face.owned):
-        matrix.setValuesBlockedLocal(nodes[i], nodes[i], blocks[i], addv=PETSc.InsertMode.ADD_VALUES)

@@ -162,7 +162,7 @@ def build_interface(
         weight = 0.5 * weight
     owned = plus < space.dofmap.index_map.size_local
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
-    extent = comm.allreduce(float(np.abs(coordinates).max(initial=0)), op=fem.MPI.MAX)
+    extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = np.round(coordinates[plus] / extent, 13) * extent
     position, number, total = _order(comm, points, owned, normal)
     frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))

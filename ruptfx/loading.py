@@ -99,6 +99,10 @@ class Driven(_Edge):
     y_range: Range | None = None
     """Only the part of the edge within these coordinates moves."""
 
+    def speed(self, time: float) -> float:
+        """Velocity of the edge [m/s]."""
+        return self.velocity * ramp(time, self.ramp)
+
     def travelled(self, time: float) -> float:
         """Displacement of the edge since time zero [m]."""
         if time < self.ramp:
@@ -242,11 +246,29 @@ class Loads:
         return nodes * self._model.components + self._model.component(boundary.component)
 
     @property
+    def prescribed(self) -> np.ndarray:
+        """True for every degree of freedom of a driven edge."""
+        prescribed = np.zeros(len(self.dashpot), dtype=bool)
+        for dofs, _ in self.driven:
+            prescribed[dofs] = True
+        return prescribed
+
+    def drive(self, velocity: np.ndarray, time: float) -> None:
+        """Give driven edges the velocity they have at a time [s], in place."""
+        for dofs, drive in self.driven:
+            velocity[dofs] = drive.speed(time)
+
+    def moved(self, displacement: np.ndarray, start: float, end: float) -> np.ndarray:
+        """A displacement at one time [s] with driven edges where they are at another [m]."""
+        moved = displacement.copy()
+        for dofs, drive in self.driven:
+            moved[dofs] = displacement[dofs] + drive.travelled(end) - drive.travelled(start)
+        return moved
+
+    @property
     def acting(self) -> np.ndarray:
         """True for every degree of freedom a boundary acts on."""
-        acting = self.dashpot != 0
-        for dofs, _ in self.driven:
-            acting[dofs] = True
+        acting = (self.dashpot != 0) | self.prescribed
         for force, _ in self.force:
             acting |= force != 0
         return acting

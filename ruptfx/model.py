@@ -167,10 +167,7 @@ class Model:
 
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
-        inverse = 1 / self.mass
-        for dofs, _ in self.loads.driven:
-            inverse[dofs] = 0
-        return inverse
+        return np.where(self.loads.prescribed, 0.0, 1 / self.mass)
 
     def stable_time_step(self) -> float:
         """Largest stable explicit step [s].

@@ -53,6 +53,11 @@ def largest(comm: Any, value: float) -> float:
     return max(comm.allgather(float(value)))
 
 
+def anywhere(comm: Any, flag: bool) -> bool:
+    """Whether it holds on any rank."""
+    return any(comm.allgather(bool(flag)))
+
+
 def gather_rows(comm: Any, rows: np.ndarray) -> np.ndarray | None:
     """Rows of all ranks, one below the other, on rank 0; None elsewhere."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)

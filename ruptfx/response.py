@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx.contact import Point
+from ruptfx.contact import Point, Trial
 from ruptfx.fault import Fault, FaultState, component_names
 from ruptfx.projection import Projected, TracedLaw, project
+
+if TYPE_CHECKING:
+    from ruptfx.model import State
 
 
 @dataclass
@@ -77,18 +81,13 @@ class FaultResponse:
             On the rank of a point without an admissible traction.
         """
         fault = self.fault
-        normal_jump, slip_jump = fault.interface.split(jump)
-        opening = fault.opening(normal_jump)
         slip, initial = fault.components(state, "slip"), fault.driving_shear(time)
-        unknown = np.full(len(opening), np.nan)
-        trial = fault.contact.trial(Point(
-            normal_stress_0=fault.normal_stress_0, shear_traction_0=list(initial.T), opening_jump=opening,
-            slip_jump=list(slip_jump.T), opening_velocity=unknown, slip_velocity=[unknown] * fault.tangents,
-            slip=list(slip.T), dt=dt, normal_impedance=unknown, shear_impedance=unknown,
-            normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
-        ))  # fmt: skip
-        normal, shear = np.broadcast_to(trial.normal_stress, opening.shape), np.stack(trial.shear_traction, axis=1)
-        relief = np.broadcast_to(trial.impedance, opening.shape)  # shear traction per slip rate
+        trial = closed_and_stuck(
+            fault, jump, slip, dt, time, normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T),
+            body_stiffness=body_stiffness,
+        )  # fmt: skip
+        normal, shear = trial.normal_stress, np.stack(trial.shear_traction, axis=1)
+        relief = np.broadcast_to(trial.impedance, normal.shape)  # shear traction per slip rate
         done = project(
             self.law, {name: state[name] for name in self.law.state_names}, normal, shear, relief + self.radiation, dt,
             np.linalg.norm(fault.components(state, "slip_rate"), axis=1),
@@ -135,10 +134,11 @@ class FaultResponse:
             state |= dict(zip(component_names(name, tangents), value.T.copy(), strict=True))
         return state
 
-    def exchanged(self, old: FaultState, new: FaultState, dt: float, time: float) -> tuple[float, float, float]:
-        """Energy lost in friction, lost where gaps close, and put in by the nucleation in a step, points of this
-        rank [J]."""
+    def commit(self, state: State, new: FaultState, dt: float) -> None:
+        """Take over the fields at the end of a step, `state.time`, and count, of the points of this rank, what friction
+        and closing gaps took and nucleation gave."""
         fault, face = self.fault, self.fault.interface
+        old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
         was, rate_old = fault.components(old, "shear_traction"), fault.components(old, "slip_rate")
         now, rate = fault.components(new, "shear_traction"), fault.components(new, "slip_rate")
@@ -151,4 +151,35 @@ class FaultResponse:
         if fault.is_loaded:
             load_old, load = fault.load(max(time - dt, 0.0)), fault.load(time)
             worked = float(area @ fault.contact.dissipated(load_old, load, rate_old[:, 0], rate[:, 0])) * dt
-        return dissipated, impact, worked
+        state.energy["frictional_dissipation"] += dissipated
+        state.energy["damping"] += impact
+        state.energy["boundary_work"] += worked
+        for name, values in new.items():
+            old[name][:] = values
+
+
+def closed_and_stuck(
+    fault: Fault, jump: np.ndarray, slip: np.ndarray, dt: float, time: float, **of_iteration: Any
+) -> Trial:
+    """The trial of a fault from its displacement jump alone, as implicit steps see it.
+
+    Parameters
+    ----------
+    jump : ndarray, shape (n, local)
+        [m]
+    slip : ndarray, shape (n, tangents)
+        Before [m].
+    dt, time : float
+        Length of the step and the time of the traction [s].
+    **of_iteration
+        Multipliers and body stiffness of `contact.Point`.
+    """
+    normal_jump, slip_jump = fault.interface.split(jump)
+    unknown = np.full(len(jump), np.nan)
+    trial = fault.contact.trial(Point(
+        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
+        opening_jump=fault.opening(normal_jump), slip_jump=list(slip_jump.T), opening_velocity=unknown,
+        slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), dt=dt, normal_impedance=unknown,
+        shear_impedance=unknown, **of_iteration,
+    ))  # fmt: skip
+    return replace(trial, normal_stress=np.broadcast_to(trial.normal_stress, unknown.shape))

@@ -15,7 +15,6 @@ import numpy as np
 from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.case import Case
 from ruptfx.checkpoint import Checkpoint, Checkpoints
-from ruptfx.equilibrium import ConvergenceError
 from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
@@ -118,8 +117,6 @@ def _step(motion: Any, state: State) -> RuptfxError | None:
     """One step; an error of this rank is handed back, to be raised by all together."""
     try:
         motion.step(state)
-    except ConvergenceError:  # known to all ranks
-        raise
     except RuptfxError as error:
         return error
     return None

@@ -22,6 +22,7 @@ from ruptfx.plots.style import (
     Array,
     default_times,
     direction,
+    edges,
     end_time,
     letter,
     nearest,
@@ -57,8 +58,8 @@ def space_time(record: Record) -> Figure:
         size, unit = scale(high, "m/s")
         norm = LogNorm(low / size, high / size) if logarithmic else Normalize(0, high / size)
         shown = np.ma.masked_less(rate, low) / size
-        edges = _edges(position) / x_size, _edges(time) / t_size
-        mesh = ax.pcolormesh(*edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
+        grid = edges(position) / x_size, edges(time) / t_size
+        mesh = ax.pcolormesh(*grid, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
         bar = figure.colorbar(mesh, ax=ax, label=f"Slip rate ({unit})", extend="max", pad=0.03)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("")
@@ -244,10 +245,5 @@ def _empty(text: str) -> Figure:
     axes[0, 0].set(xlabel="Position along the interface (m)", ylabel="Time (s)")
     note(axes[0, 0], text)
     return figure
-
-
-def _edges(centres: Array) -> Array:
-    """Cell edges half-way between the centres; the outer cells end at the outer centres."""
-    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])
 
 

@@ -8,7 +8,19 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ruptfx.plots.style import GUIDE, RATE_MAP, Array, direction, letter, new_figure, note, scale, styled, wave_speeds
+from ruptfx.plots.style import (
+    GUIDE,
+    RATE_MAP,
+    Array,
+    direction,
+    edges,
+    letter,
+    new_figure,
+    note,
+    scale,
+    styled,
+    wave_speeds,
+)
 from ruptfx.record import Record
 
 UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
@@ -58,9 +70,9 @@ def cycles(record: Record) -> Figure:
             note(ax, "no sliding")
         return figure
     norm, found = LogNorm(max(SLOWEST, 1e-10 * high), high), ruptures(record)
-    edges = np.arange(len(time) + 1) - 0.5
+    numbers = np.arange(len(time) + 1) - 0.5
     shown = np.maximum(rate, norm.vmin or SLOWEST)
-    mesh = axes[1, 0].pcolormesh(_edges(position) / x_size, edges, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
+    mesh = axes[1, 0].pcolormesh(edges(position) / x_size, numbers, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
     axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel="Record (number)")
     _mark_times(axes[1, 0], time, found, t_size, t_unit)
     figure.colorbar(mesh, ax=axes[1, 0], label="Slip rate (m/s)", pad=0.04)
@@ -97,7 +109,7 @@ def _largest(
     rate, start = rate[shown], time[shown][0]
     time = time[shown] - start
     size, unit = scale(time, "s")
-    mesh = ax.pcolormesh(_edges(position), _edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
+    mesh = ax.pcolormesh(edges(position), edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
     ax.figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", pad=0.03)
     since = f"Time since {start:.5g} s ({unit})"
@@ -112,7 +124,3 @@ def _largest(
             ax.plot(x, [low, low + rise], "--", color=GUIDE, lw=0.8, path_effects=halo)
             ax.annotate(name, (x[1], low + rise), (2, 0), textcoords="offset points", color=GUIDE, va="center",
                         path_effects=halo)  # fmt: skip
-
-
-def _edges(centres: Array) -> Array:
-    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])

@@ -125,3 +125,8 @@ def default_times(record: Record, saved: Array, count: int) -> Array:
 def nearest(saved: Array, wanted: Array) -> Array:
     """Index of the saved time nearest to each wanted time."""
     return np.abs(np.asarray(saved)[None, :] - np.atleast_1d(wanted)[:, None]).argmin(axis=1)
+
+
+def edges(centres: Array) -> Array:
+    """Cell edges half-way between the centres; the outer cells end at the outer centres."""
+    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])

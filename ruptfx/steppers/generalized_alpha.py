@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ruptfx.loading import ramp
 from ruptfx.steppers import Stepper
 from ruptfx.steppers._options import PetscOptions
 from ruptfx.units import Duration, Positive
@@ -95,7 +94,7 @@ class GeneralizedAlphaMotion:
         self.model, self.dt = model, dt
         self._weights, self._halvings = stepper.weights(), stepper.halvings
         self._equilibrium = Equilibrium(model, stepper.petsc_options)
-        self._driven = [dofs for dofs, _ in model.loads.driven]
+        self._driven = model.loads.prescribed
 
     def step(self, state: State) -> None:
         """One step, as long as can be found an equilibrium for; collective.
@@ -107,10 +106,9 @@ class GeneralizedAlphaMotion:
         """
         from ruptfx.equilibrium import ConvergenceError
 
-        carried = self._equilibrium.internal(state) + self._equilibrium.damping_force(state.velocity)
-        carried -= self._equilibrium.load(state.time)
+        carried = self._equilibrium.carried(state)
         if "acceleration" not in state.fields:
-            state.fields["acceleration"] = self._at_rest_on_driven(-carried / self.model.mass)
+            state.fields["acceleration"] = np.where(self._driven, 0.0, -carried / self.model.mass)
         dt = state.numbers.get("dt", self.dt)
         smallest = self.dt * 0.5**self._halvings
         while True:
@@ -131,11 +129,6 @@ class GeneralizedAlphaMotion:
         """At the end of the last step."""
         return self.model.energies(state, 0.0)
 
-    def _at_rest_on_driven(self, acceleration: np.ndarray) -> np.ndarray:
-        for dofs in self._driven:
-            acceleration[dofs] = 0
-        return acceleration
-
     def _advance(self, state: State, dt: float, carried: np.ndarray) -> None:
         """One step of size `dt` from `carried`, the forces at its beginning."""
         from ruptfx.equilibrium import Rates
@@ -146,16 +139,15 @@ class GeneralizedAlphaMotion:
         predictor = state.displacement + dt * state.velocity + (0.5 - beta) * dt**2 * acceleration
         velocity = state.velocity + (1 - gamma) * dt * acceleration
         c_M, c_C = 1 / (beta * dt**2), gamma / (beta * dt)
-        for dofs, drive in self.model.loads.driven:
-            # Velocities of driven edges are given: whatever u is there, v comes out as prescribed.
-            now = drive.velocity * ramp(state.time + dt, drive.ramp)
-            moved = state.displacement[dofs] + drive.travelled(state.time + dt) - drive.travelled(state.time)
-            velocity[dofs] = now - c_C * (moved - predictor[dofs])
+        # Velocities of driven edges are given: whatever u is there, v comes out as prescribed.
+        loads, end = self.model.loads, state.time + dt
+        loads.drive(velocity, end)
+        velocity -= np.where(self._driven, c_C * (loads.moved(state.displacement, state.time, end) - predictor), 0.0)
         # Divided by 1 - alpha_f, so that the forces at the end of the step stand alone.
         rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
         added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
         solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)
         self._equilibrium.count_work(state, solution, rates.velocity_of(solution.displacement), carried)
         state.velocity[:] = rates.velocity_of(solution.displacement)
-        acceleration[:] = self._at_rest_on_driven(c_M * (solution.displacement - predictor))
+        acceleration[:] = np.where(self._driven, 0.0, c_M * (solution.displacement - predictor))
         solution.commit(state)

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx import parallel
-from ruptfx.contact import Point
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.units import Duration, Speed
@@ -154,6 +153,7 @@ class HybridMotion:
     def _take_faults_back(self, state: State) -> None:
         """Explicit tractions are a step behind the displacement, and so is the slip they depend on."""
         from ruptfx.fault import component_names
+        from ruptfx.response import closed_and_stuck
 
         dt = self._fast.dt
         earlier, time = state.displacement - dt * state.velocity, max(state.time - dt, 0.0)
@@ -161,15 +161,8 @@ class HybridMotion:
             fields, face = state.faults[fault.name], fault.interface
             rate, shear = fault.components(fields, "slip_rate"), fault.components(fields, "shear_traction")
             slip = fault.components(fields, "slip") - dt * rate
-            opening, slip_jump = face.split(face.jump(earlier))
-            unknown = np.full(len(opening), np.nan)
-            trial = fault.contact.trial(Point(
-                normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
-                opening_jump=opening, slip_jump=list(slip_jump.T), opening_velocity=unknown,
-                slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), dt=dt, normal_impedance=unknown,
-                shear_impedance=unknown,
-            ))  # fmt: skip
-            normal = np.maximum(np.broadcast_to(trial.normal_stress, opening.shape), 0.0)
+            trial = closed_and_stuck(fault, face.jump(earlier), slip, dt, time)
+            normal = np.maximum(trial.normal_stress, 0.0)
             stuck = np.stack(trial.shear_traction, axis=1) * (normal > 0)[:, None]
             power = fault.contact.dissipated(stuck, shear, rate, rate).sum(axis=1)
             state.energy["frictional_dissipation"] -= float(np.sum(face.owned * face.weight * power)) * dt
@@ -195,12 +188,7 @@ class HybridMotion:
             except ProjectionError as caught:
                 error = caught
                 continue
-            dissipated, impact, worked = answer.exchanged(fields, new, dt, state.time)
-            state.energy["frictional_dissipation"] += dissipated
-            state.energy["damping"] += impact
-            state.energy["boundary_work"] += worked
-            for name, values in new.items():
-                fields[name][:] = values
+            answer.commit(state, new, dt)
         parallel.raise_on_all(self.model.comm, error)
 
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import native
+from ruptfx import native, parallel
 from ruptfx.contact import require
-from ruptfx.loading import ramp
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Fraction
@@ -58,7 +57,7 @@ def what_limits(model: Model, stable: float) -> str:
         )
         local = float(np.max(face.weight * mobility, initial=0) * max(normal, shear))
         worst, name = max((worst, name), (local, fault.name))
-    worst = max(model.comm.allgather(worst))
+    worst = parallel.largest(model.comm, worst)
     # omega^2 of the interface alone against that of the whole.
     return (
         f"set by the contact stiffness of faults.{name}" if worst > 0.5 * (2 / stable) ** 2 else "set by the elements"
@@ -79,9 +78,7 @@ class LeapfrogMotion:
         loads = model.loads
         decay = 0.5 * dt * (loads.dashpot + model.case.damping.mass * mass)
         effective = 1 / (mass + decay)
-        prescribed = np.zeros(len(mass), dtype=bool)
-        for dofs, _ in loads.driven:
-            prescribed[dofs] = True
+        prescribed = loads.prescribed
         held = np.repeat(model.shared_nodes, c) | loads.acting
         for fault in model.faults:
             for side in (fault.interface.plus, fault.interface.minus):
@@ -146,8 +143,7 @@ class LeapfrogMotion:
             n, pointer(self._dofs), pointer(self._keep), pointer(self._push), pointer(state.force),
             pointer(state.velocity), pointer(self._velocity_old),
         )  # fmt: skip
-        for dofs, drive in self.model.loads.driven:
-            state.velocity[dofs] = drive.velocity * ramp(state.time + 0.5 * self.dt, drive.ramp)
+        self.model.loads.drive(state.velocity, state.time + 0.5 * self.dt)
         for (name, fault_step), rate_old in zip(self._faults, moving, strict=True):
             state.energy["frictional_dissipation"] += fault_step(
                 state.faults[name], state.displacement, state.velocity, state.force, state.time

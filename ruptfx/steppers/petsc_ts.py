@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ruptfx import parallel
 from ruptfx.contact import require
-from ruptfx.loading import ramp
 from ruptfx.projection import ProjectionError
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
@@ -48,8 +48,8 @@ class PetscTs(Stepper):
                     f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': TS has no outer iterations; use "
                     "'compliant', or stepper 'generalized_alpha'"
                 )
-        damped = np.any(model.loads.dashpot != 0) or model.case.damping.mass > 0 or model.viscosity is not None
-        if self.scheme == "basicsymplectic" and model.comm.allreduce(int(damped)):
+        damped = bool(np.any(model.loads.dashpot)) or model.case.damping.mass > 0 or model.viscosity is not None
+        if self.scheme == "basicsymplectic" and parallel.anywhere(model.comm, damped):
             raise CaseError(
                 "stepper.scheme = 'basicsymplectic': forces must not depend on velocity; use 'rk' or 'alpha2'"
             )
@@ -77,12 +77,9 @@ class PetscTsMotion:
         self._equilibrium = Equilibrium(model)
         self._owned = model.owned_nodes * model.components
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self._driven = np.zeros(len(model.mass), dtype=bool)
-        for dofs, _ in model.loads.driven:
-            self._driven[dofs] = True
+        self._driven = model.loads.prescribed
         self._state: State
         self._error: ProjectionError | None = None
-        self._built: Any = None  # what the Jacobian was filled with
         self._ready = False
         defaults: PetscOptions = {"ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50}
         self._options = CaseOptions(stepper.petsc_options, defaults)
@@ -103,20 +100,18 @@ class PetscTsMotion:
         """F(t, u, v, a) = 0 and its Jacobian."""
         from ruptfx.solvers import TOLERANCE, choose
 
-        self._tangent = self._equilibrium.new_matrix()
+        matrix = self._equilibrium.tangent.matrix
         self._unit = self._mean_mass()  # driven rows say a = a_D, in the size of the others
-        self._u, self._v = self._tangent.createVecRight(), self._tangent.createVecRight()
-        self._ts.setI2Function(self._residual, self._tangent.createVecLeft())
-        self._ts.setI2Jacobian(self._jacobian, self._tangent, self._tangent)
+        self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
+        self._ts.setI2Function(self._residual, matrix.createVecLeft())
+        self._ts.setI2Jacobian(self._jacobian, matrix, matrix)
         self._ts.setSolution2(self._u, self._v)
         self._ts.setMaxSNESFailures(-1)
         snes = self._ts.getSNES()
         snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
-        choose(snes.getKSP(), self.model, self._tangent)
+        choose(snes.getKSP(), self.model, matrix)
 
     def _mean_mass(self) -> float:
-        from ruptfx import parallel
-
         total = parallel.total(self.model.comm, self.model.mass[: self._owned].sum())
         return float(total) / (self.model.total_nodes * self.model.components)
 
@@ -179,17 +174,12 @@ class PetscTsMotion:
         out.array[:] = force[: self._owned]
 
     def _jacobian(
-        self, _: Any, time: float, u: Any, v: Any, a: Any, c_C: float, c_M: float, tangent: Any, __: Any
+        self, _: Any, time: float, u: Any, v: Any, a: Any, c_C: float, c_M: float, __: Any, ___: Any
     ) -> None:
         solution = self._answer(time, self._spread(u.array_r))
         if solution is None:
             return  # the residual is not a number either, and SNES gives up
-        factors, blocks = (c_M, c_C), solution.tangents
-        same = self._built is not None and self._built[0] == factors
-        same = same and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
-        if self.model.comm.allreduce(int(not same)):
-            self._built = (factors, blocks)
-            self._equilibrium.fill(tangent, c_M, c_C, blocks, driven=c_M * self._unit)
+        self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit)
 
     def _velocity(self, _: Any, __: float, v: Any, out: Any) -> None:
         out.array[:] = v.array_r
@@ -197,8 +187,7 @@ class PetscTsMotion:
     def _acceleration(self, ts: Any, _: float, u: Any, out: Any) -> None:
         # TS hands out the time of the step, not that of the stage: positions are those of its beginning or of its end.
         displacement = self._spread(u.array_r)
-        moved = not np.array_equal(displacement, self._state.displacement)
-        ends = self.model.comm.allreduce(int(moved)) > 0
+        ends = parallel.anywhere(self.model.comm, not np.array_equal(displacement, self._state.displacement))
         time = self._state.time + (self._ts.getTimeStep() if ends else 0.0)
         out.array[:] = self._accelerated(time, displacement, np.zeros_like(displacement))[: self._owned]
 
@@ -221,7 +210,7 @@ class PetscTsMotion:
 
         self._state, ts = state, self._ts
         equilibrium = self._equilibrium
-        carried = equilibrium.internal(state) + equilibrium.damping_force(state.velocity) - equilibrium.load(state.time)
+        carried = equilibrium.carried(state)
         self._put(state)
         ts.setTime(state.time)
         ts.setTimeStep(state.numbers.get("dt", self.dt))
@@ -261,8 +250,7 @@ class PetscTsMotion:
     def _put(self, state: State) -> None:
         """The state into TS, with the velocity that driven edges have."""
         velocity = state.velocity.copy()
-        for dofs, drive in self.model.loads.driven:
-            velocity[dofs] = drive.velocity * ramp(state.time, drive.ramp)
+        self.model.loads.drive(velocity, state.time)
         n = self._owned
         if self._scheme == "alpha2":
             self._u.array[:], self._v.array[:] = state.displacement[:n], velocity[:n]
@@ -272,12 +260,9 @@ class PetscTsMotion:
     def _taken(self, state: State, dt: float) -> np.ndarray:
         """The displacement TS came to, with driven edges where they are."""
         u = self._spread(self._u.array_r if self._scheme == "alpha2" else self._both.array_r[: self._owned])
-        for dofs, drive in self.model.loads.driven:
-            u[dofs] = state.displacement[dofs] + drive.travelled(state.time + dt) - drive.travelled(state.time)
-        return u
+        return np.where(self._driven, self.model.loads.moved(state.displacement, state.time, state.time + dt), u)
 
     def _new_velocity(self, time: float) -> np.ndarray:
         v = self._spread(self._v.array_r if self._scheme == "alpha2" else self._both.array_r[self._owned :])
-        for dofs, drive in self.model.loads.driven:
-            v[dofs] = drive.velocity * ramp(time, drive.ramp)
+        self.model.loads.drive(v, time)
         return v

@@ -76,9 +76,7 @@ class QuasiStaticMotion:
         self._greatest = stepper.largest_step or model.case.duration / 100
         self.dt = three_digits(min(stepper.first_step or self._first_step(), self._greatest))
         self._warned = False
-        self._driven = np.zeros(len(model.mass))
-        for dofs, _ in model.loads.driven:
-            self._driven[dofs] = 1.0
+        self._driven = model.loads.prescribed.astype(float)
 
     def _chosen_tolerance(self) -> float:
         return min((slip_to_resolve(self.model, fault) for fault in self.model.faults), default=np.inf)

@@ -97,10 +97,10 @@ def test_the_matrix_is_the_operator() -> None:
     """K u of the matrix that is factorised is that of the operator, to round-off."""
     model = Model(case())
     equilibrium, u = Equilibrium(model), smooth_field(model)
-    product = equilibrium._stiffness.createVecLeft()
-    vector = equilibrium._stiffness.createVecRight()
+    product = equilibrium.tangent._stiffness.createVecLeft()
+    vector = equilibrium.tangent._stiffness.createVecRight()
     vector.array[:] = u[: len(vector.array)]
-    equilibrium._stiffness.mult(vector, product)
+    equilibrium.tangent._stiffness.mult(vector, product)
     expected = -model.internal_force(u, u)[: len(product.array)]
     assert np.abs(product.array - expected).max() < 1e-13 * np.abs(expected).max()
 

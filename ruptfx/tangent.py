@@ -1,0 +1,100 @@
+"""The matrix of an implicit step: bodies, inertia and damping, and the tangents of the interfaces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem, operators, parallel
+from ruptfx.interface import Interface
+from ruptfx.model import Model
+from ruptfx.operators.assembled import stiffness_form
+
+PETSc: Any = fem.PETSc
+
+
+class Tangent:
+    """K + J' W (dT / d[u]) J + c_M M + c_C (C + eta K_v), filled again only when something in it has changed.
+
+    Parameters
+    ----------
+    model : Model
+    dashpot : ndarray, shape (nodes * components,)
+        The diagonal C [N s/m].
+
+    Attributes
+    ----------
+    matrix : PETSc.Mat
+    diagonal : ndarray, shape (nodes * components,)
+        Of K [N/m], at ghosts, too.
+    unit : float
+        Its mean [N/m].
+    """
+
+    def __init__(self, model: Model, dashpot: np.ndarray) -> None:
+        self._model, self._dashpot = model, dashpot
+        self._owned = model.owned_nodes * model.components
+        self._stiffness = self._assemble(model.bulk)
+        self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
+        self.matrix = self._stiffness.duplicate()
+        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        ghosted = fem.dolfinx.fem.Function(model.space)
+        ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array
+        ghosted.x.scatter_forward()
+        self.diagonal = ghosted.x.array.copy()
+        total = parallel.total(model.comm, self.diagonal[: self._owned].sum())
+        self.unit = float(total) / (model.total_nodes * model.components)
+        here, c = np.flatnonzero(model.loads.prescribed[: self._owned]), model.components
+        rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
+        self._driven_rows = rows.astype(PETSc.IntType)
+        self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
+
+    def _assemble(self, bulk: operators.Bulk) -> Any:
+        """K of some elements as a matrix with room for the tangents of the interfaces."""
+        faces = [fault.interface for fault in self._model.faults if not fault.interface.one_sided]
+        pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
+        return fem.matrix(stiffness_form(bulk), np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]))
+
+    def update(self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float) -> bool | None:
+        """Fill the matrix; whether it is symmetric, or None where it stays as it was; collective.
+
+        Parameters
+        ----------
+        blocks : dict of str to ndarray, shape (n, local, local)
+            dT / d[u] by fault [Pa/m].
+        driven : float
+            What driven rows have on the diagonal; nothing else is in them.
+        """
+        model, matrix = self._model, self.matrix
+        same = (
+            self._built is not None
+            and self._built[0] == (c_M, c_C)
+            and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
+        )
+        if not parallel.anywhere(model.comm, not same):
+            return None
+        self._built = ((c_M, c_C), blocks)
+        self._stiffness.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        if model.viscosity is not None and c_C:
+            matrix.axpy(model.viscosity.eta * c_C, self._viscous, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        diagonal = matrix.createVecLeft()
+        diagonal.array[:] = (c_M * model.mass + c_C * self._dashpot)[: self._owned]
+        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+        diagonal.destroy()
+        for fault in model.faults:
+            _add_interface(matrix, fault.interface, blocks[fault.name])
+        matrix.assemble()
+        matrix.zeroRowsColumns(self._driven_rows, diag=driven)
+        return not parallel.anywhere(model.comm, any(np.any(block[:, 1:, 0]) for block in blocks.values()))
+
+
+def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:
+    """matrix += J' W tangent J, every point once."""
+    rows = face.rows if face.one_sided else np.concatenate([face.rows, -face.rows], axis=2)
+    # PETSc takes what is contiguous as it lies.
+    blocks = np.ascontiguousarray(np.einsum("i,ika,ikl,ilb->iab", face.weight, rows, tangent, rows, optimize=True))
+    nodes = face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1)
+    nodes = nodes.astype(PETSc.IntType)
+    for i in np.flatnonzero(face.owned):
+        matrix.setValuesBlockedLocal(nodes[i], nodes[i], blocks[i], addv=PETSc.InsertMode.ADD_VALUES)
