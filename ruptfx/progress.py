@@ -56,10 +56,11 @@ class Progress:
         if not self._show:
             return
         text = self._text(time, step, peak)
+        done = min(time / self._duration, 1.0)  # the last step may pass the end
         if self._bar:
-            self._bar.update(self._task, completed=time, description=text)
-        elif int(10 * time / self._duration) > self._tenth:
-            self._tenth = int(10 * time / self._duration)
+            self._bar.update(self._task, completed=done * self._duration, description=text)
+        elif int(10 * done) > self._tenth:
+            self._tenth = int(10 * done)
             self._console.print(f"{10 * self._tenth:3d} %  {text}", highlight=False)
 
     def __exit__(self, *_: Any) -> None:

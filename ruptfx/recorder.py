@@ -10,7 +10,6 @@ import csv
 import json
 import logging
 import os
-import shutil
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -25,7 +24,6 @@ from ruptfx.fault import Fault, component_names
 from ruptfx.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
-    from ruptfx.case import Case
     from ruptfx.checkpoint import Checkpoint
     from ruptfx.model import Model, State
     from ruptfx.steppers import Motion
@@ -35,39 +33,6 @@ ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", 
 
 class DiskError(RuptfxError):
     """The disk is full or gone; HDF5 may then be unable to close its files."""
-
-
-def prepare_directory(comm: fem.MPI.Comm, out: Path, again: Case | None = None) -> None:
-    """Make the run directory, on all ranks or none.
-
-    Parameters
-    ----------
-    comm : MPI communicator
-    out : Path
-    again : Case, optional
-        Begin this case again where it was stopped early: what it left in `out` goes.
-
-    Raises
-    ------
-    RuptfxError
-        The directory holds something else already, or cannot be written.
-    """
-
-    def make() -> None:
-        try:
-            left = out / "case.toml"
-            if again is not None and left.is_file() and left.read_text() == again.to_toml():
-                shutil.rmtree(out)
-            if out.exists() and (not out.is_dir() or any(out.iterdir())):
-                raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
-            out.mkdir(parents=True, exist_ok=True)
-            probe = out / ".writable"
-            probe.write_text("")
-            probe.unlink()
-        except OSError as error:
-            raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
-
-    parallel.on_root(comm, make)
 
 
 class Recorder:

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, parallel
+from ruptfx import RuptfxError, fem, launch, parallel, run_directory
 from ruptfx.case import Case
 from ruptfx.checkpoint import Checkpoint, Checkpoints
 from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
-from ruptfx.recorder import Recorder, prepare_directory, versions, write_summary
+from ruptfx.recorder import Recorder, versions, write_summary
 from ruptfx.stopping import StopRules
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
@@ -44,7 +44,7 @@ def simulate(
         Show a progress bar on rank 0.
     resume : bool
         Go on from the newest checkpoint in `out`, on any number of ranks; from the beginning if it was stopped
-        before the first; not at all if it is complete.
+        before the first; not at all if it is complete. It must be a run of the same case.
 
     Returns
     -------
@@ -61,11 +61,18 @@ def simulate(
         from ruptfx.lumped import simulate as simulate_lumped
 
         return simulate_lumped(case, out)
-    if resume and (out / "summary.json").exists():
+    if resume and run_directory.is_finished(comm, out, case):
         return Record(out)
-    checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
-    if checkpoint is None:
-        prepare_directory(comm, out, again=case if resume else None)
+    with run_directory.reserved(comm, out):
+        checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
+        if checkpoint is None:
+            run_directory.prepare(comm, out, again=case if resume else None)
+        _run(case, out, comm, progress, checkpoint)
+    return Record(out)
+
+
+def _run(case: Case, out: Path, comm: Any, progress: bool, checkpoint: Checkpoint | None) -> None:
+    """The time loop, in a directory that is ready."""
     began = time.perf_counter()
     model = Model(case, comm)
     motion = case.stepper.bind(model)
@@ -110,7 +117,6 @@ def simulate(
         "nodes": model.total_nodes, "ended_by": ended or "duration",
         "node_updates_per_second": model.total_nodes * (state.step - first) / stepping, "ranks": comm.size,
     })  # fmt: skip
-    return Record(out)
 
 
 def _step(motion: Any, state: State) -> RuptfxError | None:

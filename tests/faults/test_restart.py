@@ -21,7 +21,8 @@ from small_cases import impact
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import __version__, checkpoint
+from ruptfx import __version__, checkpoint, run_directory
+from ruptfx.case import read_case
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
 
@@ -203,7 +204,7 @@ def test_damaged_checkpoints_are_refused(killed, case_file):
 def test_checkpoint_of_another_case_is_refused(killed, case_file):
     done = run(case_file, killed, 1, "--resume", "--set", "duration=19e-6")
     assert done.returncode == 1
-    assert "belongs to case" in done.stderr
+    assert "holds a run of case" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -261,6 +262,36 @@ def test_complete_run_is_not_run_again(case_file, reference):
     before = (reference[1] / "summary.json").stat().st_mtime_ns
     assert run(case_file, reference[1], 1, "--resume").returncode == 0
     assert (reference[1] / "summary.json").stat().st_mtime_ns == before
+
+
+@pytest.mark.faults
+def test_complete_run_of_another_case_is_not_handed_out(case_file, reference):
+    done = run(case_file, reference[1], 1, "--resume", "--set", "duration=19e-6")
+    assert done.returncode == 1
+    asked = read_case(case_file, ["duration=19e-6"]).hash
+    assert f"holds a run of case {Record(reference[1]).summary['case_hash']}, this is case {asked}" in done.stderr
+    assert "--out" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_second_resume_at_the_same_time_is_refused(ranks, case_file, reference, tmp_path):
+    out = tmp_path / "run"
+    first = subprocess.Popen(command(case_file, out, 1), stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + LIMIT
+    while not list((out / "checkpoints").glob("step_*")) and time.monotonic() < deadline:
+        time.sleep(0.005)
+    first.send_signal(signal.SIGSTOP)  # so that it is not over before the second has looked
+    try:
+        second = run(case_file, out, ranks, "--resume")
+    finally:
+        first.send_signal(signal.SIGCONT)
+    assert second.returncode == 1
+    assert f"in use by process {first.pid} on " in second.stderr and "Traceback" not in second.stderr
+    _, said = first.communicate(timeout=LIMIT)
+    assert first.returncode == 0, said
+    assert max(largest_difference(reference[1], out).values()) == 0
+    assert not (out / run_directory.LOCK).exists()
 
 
 @pytest.mark.faults
