@@ -1,6 +1,9 @@
 """Snapshots of the bodies for ParaView and for `Record`: `bulk.h5` with its descriptor `bulk.xdmf`.
 
 Every element is written as linear cells between its own nodes, so that any viewer shows all the nodes there are.
+Stresses are total: those of the displacement plus the uniform initial stress of the bodies. That is the tensor of the
+case, or, where the case knows only the tractions of interfaces, the one that `carried` assumes; the attribute
+`initial_stress` of the file says which.
 """
 
 from __future__ import annotations
@@ -13,12 +16,19 @@ import h5py
 import numpy as np
 
 from ruptfx import fem, parallel
+from ruptfx.analysis.photoelasticity import principal_difference
+from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
 
 if TYPE_CHECKING:
+    from ruptfx.fault import Fault
     from ruptfx.model import Model, State
 
 _UNITS = {"velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
+_TEXTS = {
+    "velocity": "particle velocity", "displacement": "displacement from the initial state",
+    "stress": "total stress, tension positive", "fringe": "sigma_1 - sigma_2 in the plane of x and y",
+}  # fmt: skip
 
 _FILE = Template("""\
 <?xml version="1.0"?>
@@ -51,10 +61,19 @@ _ATTRIBUTE = Template("""\
 
 
 class BulkFields:
-    """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies."""
+    """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies; made on all ranks.
+
+    Attributes
+    ----------
+    initial_stress : ndarray, shape (stress components,)
+        Uniform initial stress of the bodies [Pa], in the order of the file.
+    initial_stress_from : str
+        ``given``, ``none``, or what is assumed.
+    """
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.initial_stress, self.initial_stress_from = self._initial_stress()
         self._file: h5py.File | None = None
         self._stress_forms: list[Any] | None = None
 
@@ -113,6 +132,7 @@ class BulkFields:
             file.create_dataset(name, data=values).attrs["units"] = unit
         file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
         file.attrs["bodies"] = self.model.bodies.names
+        file.attrs["initial_stress"] = self.initial_stress_from
         file.flush()
 
     def gather(self, state: State) -> dict[str, np.ndarray]:
@@ -134,7 +154,8 @@ class BulkFields:
             if name not in self._file:
                 shape = values.shape
                 data = self._file.create_dataset(name, (0, *shape), float, maxshape=(None, *shape), chunks=(1, *shape))
-                data.attrs["units"] = _UNITS[name]
+                text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else _TEXTS[name]
+                data.attrs.update(units=_UNITS[name], long_name=text)
             self._file[name].resize(count + 1, axis=0)
             self._file[name][count] = values
         self._file["time"].resize(count + 1, axis=0)
@@ -167,7 +188,6 @@ class BulkFields:
             self._volume = fem.assemble_summed(
                 space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
             )
-            self._initial = self._initial_stress(len(entries))
         self._displacement.x.array[:] = displacement
         columns = []
         for form, used in self._stress_forms:
@@ -175,25 +195,38 @@ class BulkFields:
             fem.dolfinx.fem.assemble_vector(vector, form)
             model.sum_shared(vector)
             columns.append((vector / self._volume).reshape(-1, c)[:, :used])
-        return np.concatenate(columns, axis=1) + self._initial
+        return np.concatenate(columns, axis=1) + self.initial_stress
 
-    def _initial_stress(self, entries: int) -> np.ndarray:
-        """The uniform stress the first fault's initial traction stands for (its mean when it varies)."""
-        initial = np.zeros(entries)
-        if self.model.faults and self.model.components == 2:
-            fault = self.model.faults[0]
-            face = fault.interface
-            weight = face.owned * face.weight
-            normal = (face.frame[:, 0].T * weight).sum(axis=1)
-            sums = parallel.total(self.model.comm, [
-                *normal, weight.sum(), weight @ fault.normal_stress_0, weight @ fault.shear_traction_0[:, 0]
-            ])  # fmt: skip
-            n = sums[:2] / np.linalg.norm(sums[:2])
-            t = np.array([n[1], -n[0]])
-            sigma, tau = sums[3:] / sums[2]
-            tensor = -sigma * np.outer(n, n) + tau * (np.outer(n, t) + np.outer(t, n))
-            initial[:] = tensor[0, 0], tensor[1, 1], tensor[0, 1]
-        return initial
+    def _initial_stress(self) -> tuple[np.ndarray, str]:
+        """The uniform initial stress and where it comes from; collective."""
+        model, entries = self.model, _entries(self.model.components)
+        given = model.case.initial_tensor
+        if given is not None:
+            return np.array([given[entry] for entry in entries]), "given"
+        if not model.faults:
+            return np.zeros(len(entries)), "none"
+        fault = model.faults[0]
+        stress = self._carried_by(fault)
+        text = (
+            f"assumed: the uniform stress that carries the mean initial tractions of interface '{fault.name}', all "
+            "other components zero"
+        )
+        return np.array([stress[entry] for entry in entries]), text
+
+    def _carried_by(self, fault: Fault) -> np.ndarray:
+        """As `carried`, from the mean normal and tractions of an interface; collective."""
+        model, face = self.model, fault.interface
+        # The normal that leaves the plus body points into the minus one.
+        outward = fem.ufl.FacetNormal(model.mesh)
+        measure = model.edge_measure(model.bodies.tags[f"{fault.name}.plus"])
+        area = [-fem.dolfinx.fem.assemble_scalar(fem.dolfinx.fem.form(n * measure)) for n in outward]
+        weight = face.owned * face.weight
+        sums = parallel.total(
+            model.comm, [*area, weight.sum(), weight @ fault.normal_stress_0, *(weight @ fault.shear_traction_0)]
+        )
+        dim = model.mesh.geometry.dim
+        normal, (total, pressure, *shear) = sums[:dim], sums[dim:]
+        return carried(normal / np.linalg.norm(normal), pressure / total, np.array(shear) / total, model.components)
 
     def _write_descriptor(self) -> None:
         """The XDMF text, whole at any time: written aside and renamed."""
@@ -240,9 +273,38 @@ def _labels(field: str, count: int) -> list[str]:
     return ["z"] if count == 1 else ["x", "y", "z"][:count]
 
 
+def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: int) -> np.ndarray:
+    """The stress that has given tractions on planes of a normal and no other component in their frame.
+
+    With the tangents t_k it is -pressure n n' + sum_k shear_k (n t_k' + t_k n'); stresses along the plane, which no
+    traction tells, are zero.
+
+    Parameters
+    ----------
+    normal : ndarray, shape (dim,)
+        Unit normal n.
+    pressure : float
+        Positive in compression [Pa].
+    shear : ndarray, shape (tangents,)
+        Along the tangents of `local_frame`, in antiplane along z [Pa].
+    components : int
+        Of the displacement.
+
+    Returns
+    -------
+    ndarray, shape (dim, dim), in antiplane (2,) with the components xz and yz
+        Tension positive [Pa].
+    """
+    if components == 1:
+        return shear[0] * normal
+    frame = local_frame(normal[None])[0]
+    local = np.diag([-pressure] + [0.0] * (len(frame) - 1))
+    local[0, 1:] = local[1:, 0] = shear
+    return frame.T @ local @ frame
+
+
 def fringe(stress: np.ndarray) -> np.ndarray:
-    """sigma_1 - sigma_2 in the plane [Pa]; in antiplane twice the shear stress."""
+    """sigma_1 - sigma_2 in the plane of x and y [Pa]; in antiplane twice the shear stress."""
     if stress.shape[1] == 2:
         return 2 * np.hypot(stress[:, 0], stress[:, 1])
-    shear = stress[:, 2] if stress.shape[1] == 3 else stress[:, 3]
-    return np.hypot(stress[:, 0] - stress[:, 1], 2 * shear)
+    return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])

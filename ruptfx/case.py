@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import tomli_w
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -124,7 +125,22 @@ class Case(Part):
             traction = getattr(boundary, "traction", None)
             if traction is not None and len(traction) != len(allowed):
                 raise ValueError(f"boundaries.{number}.traction: {len(allowed)} components are needed ({allowed})")
+        tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
+        first = next(iter(tensors), "")
+        for name, tensor in tensors.items():
+            if tensor != tensors[first]:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor = {tensor}: faults.{first} has {tensors[first]}, and the "
+                    "bodies have one uniform initial stress; give normal and shear where an interface carries another"
+                )
         return self
+
+    @property
+    def initial_tensor(self) -> np.ndarray | None:
+        """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None where only tractions are given."""
+        dim = 3 if self.plane == "solid" else 2
+        given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
+        return next((tensor for tensor in given if tensor is not None), None)
 
     @property
     def hash(self) -> str:

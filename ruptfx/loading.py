@@ -23,7 +23,12 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 
 class InitialStress(Part):
-    """Stress an interface carries before anything happens: its tractions, or the stress tensor of the bodies."""
+    """Stress an interface carries before anything happens: its tractions, or the stress tensor of the bodies.
+
+    The bodies' own stress does not act on the motion, but snapshots and fringes show it. Tractions do not tell all of
+    it: without a tensor it is taken to be the uniform stress that carries the mean tractions of the first interface,
+    with no stress along that interface. Give the tensor where the bodies are also loaded sideways.
+    """
 
     normal: VaryingPressure | None = None
     """Normal stress, positive in compression."""
@@ -31,7 +36,8 @@ class InitialStress(Part):
     """Shear traction along the (first) tangent; without it, what a rate-and-state law carries whose slip rate and
     state are both given, else zero."""
     tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
-    """Uniform stress of the bodies instead, tension positive: xx, yy, xy, in 3D xx, yy, zz, xy, yz, xz."""
+    """Uniform stress of the bodies instead, the same for all interfaces that give it, tension positive: xx, yy, xy, in
+    3D xx, yy, zz, xy, yz, xz."""
 
     @model_validator(mode="after")
     def _one_way(self) -> InitialStress:

@@ -254,7 +254,8 @@ class Model:
             self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag)
         )
 
-    def _edge_measure(self, tag: int) -> fem.ufl.Measure:
+    def edge_measure(self, tag: int) -> fem.ufl.Measure:
+        """Of a named edge, or of one side of an interface."""
         return fem.ufl.Measure(
             "ds",
             domain=self.mesh,
@@ -269,7 +270,7 @@ class Model:
         """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
         test = self._loaded_cells(tag, limits) * fem.ufl.TestFunction(self.space)
         density = traction[0] * test if self.components == 1 else fem.ufl.inner(fem.ufl.as_vector(traction), test)
-        return fem.assemble_summed(self.space, density * self._edge_measure(tag))
+        return fem.assemble_summed(self.space, density * self.edge_measure(tag))
 
     def _loaded_cells(self, tag: int, limits: Sequence[Sequence[float] | None]) -> fem.ufl.core.expr.Expr:
         """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
@@ -304,7 +305,7 @@ class Model:
         else:
             # The diagonal of z_p n n' + z_s (1 - n n'), exact where the edge is along an axis.
             density = sum((z_p * n[i] ** 2 + z_s * (1 - n[i] ** 2)) * test[i] for i in range(self.components))
-        return fem.assemble_summed(self.space, density * self._edge_measure(tag))
+        return fem.assemble_summed(self.space, density * self.edge_measure(tag))
 
     def sum_shared(self, vector: np.ndarray) -> None:
         """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""

@@ -22,10 +22,10 @@ from xarray.core import indexing
 
 from ruptfx import RuptfxError
 
-# Labels of the last axis of a bulk quantity, by its length: in plane or antiplane.
+# Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
 _LABELS = {
     "component": {1: ["z"], 2: ["x", "y"], 3: ["x", "y", "z"]},
-    "stress_component": {2: ["xz", "yz"], 3: ["xx", "yy", "xy"]},
+    "stress_component": {2: ["xz", "yz"], 3: ["xx", "yy", "xy"], 6: ["xx", "yy", "zz", "xy", "yz", "xz"]},
 }
 _MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "time": ("time",)}
 _AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"

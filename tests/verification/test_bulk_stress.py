@@ -1,0 +1,99 @@
+"""Snapshots show the stress of the bodies: the tensor that was given, or the one that interface tractions stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import case, tilted, two_boxes
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.bulk_fields import BulkFields
+from ruptfx.model import Model
+from ruptfx.record import Record
+from ruptfx.schema import CaseError
+from ruptfx.simulation import simulate
+
+pytestmark = pytest.mark.fem
+
+
+def at_rest(changes: dict[str, Any], mesh: Any = None) -> tuple[dict[str, np.ndarray], BulkFields]:
+    """All fields before anything happens, and what made them."""
+    resting = case({"order": 2, **changes})
+    model = Model(resting if mesh is None else resting.model_copy(update={"mesh": mesh}))
+    bulk = BulkFields(model)
+    return bulk.gather(model.initial_state()), bulk
+
+
+def check(fields: dict[str, np.ndarray], stress: list[float], fringe: float) -> None:
+    if fields:  # on rank 0
+        np.testing.assert_allclose(fields["stress"], np.tile(stress, (len(fields["stress"]), 1)), atol=1e-6, rtol=1e-9)
+        np.testing.assert_allclose(fields["fringe"], fringe, rtol=1e-9)
+
+
+def test_far_field_of_a_tilted_interface_is_the_tensor(tmp_path: Path) -> None:
+    initial = {"tensor": [-5e6, -10e6, 0.0]}
+    fields, bulk = at_rest({"mesh": tilted(tmp_path), "faults.main.initial_stress": initial})
+    check(fields, [-5e6, -10e6, 0.0], 5e6)
+    assert bulk.initial_stress_from == "given"
+
+
+def test_tractions_of_a_tilted_interface_and_nothing_along_it(tmp_path: Path) -> None:
+    initial = {"normal": 6e6, "shear": 2e6}
+    fields, bulk = at_rest({"mesh": tilted(tmp_path, angle=np.pi / 6), "faults.main.initial_stress": initial})
+    # n = (-1/2, sqrt(3)/2), t = (sqrt(3)/2, 1/2): -6 n n' + 2 (n t' + t n') MPa with n n' = (1/4, 3/4, -sqrt(3)/4) and
+    # n t' + t n' = (-sqrt(3)/2, sqrt(3)/2, 1/2); sigma_1 - sigma_2 = sqrt(6^2 + 4 2^2) in any frame.
+    root = np.sqrt(3)
+    check(fields, [1e6 * (-1.5 - root), 1e6 * (-4.5 + root), 1e6 * (1.5 * root + 1)], 1e6 * np.sqrt(52))
+    assert bulk.initial_stress_from.startswith("assumed") and "'main'" in bulk.initial_stress_from
+
+
+def test_antiplane_shear(tmp_path: Path) -> None:
+    initial = {"normal": 6e6, "shear": 2e6}
+    fields, _ = at_rest({"plane": "antiplane", "faults.main.initial_stress": initial})
+    check(fields, [0.0, 2e6], 4e6)
+    mesh = tilted(tmp_path, angle=np.pi / 6)
+    fields, _ = at_rest({"plane": "antiplane", "mesh": mesh, "faults.main.initial_stress": initial})
+    check(fields, [-1e6, np.sqrt(3) * 1e6], 4e6)
+
+
+@pytest.mark.parametrize(
+    ("initial", "stress", "fringe"),
+    [
+        ({"tensor": [-1e6, -2e6, -3e6, 4e6, 5e6, 6e6]}, [-1e6, -2e6, -3e6, 4e6, 5e6, 6e6], 1e6 * np.sqrt(65)),
+        # n = +z, first tangent +x: zz and xz.
+        ({"normal": 3e6, "shear": 2e6}, [0.0, 0.0, -3e6, 0.0, 0.0, 2e6], 0.0),
+    ],
+)
+def test_three_dimensions(initial: dict[str, Any], stress: list[float], fringe: float) -> None:
+    fields, _ = at_rest({"plane": "solid", "faults.main.initial_stress": initial}, two_boxes())
+    check(fields, stress, fringe)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_strain_adds_to_the_initial_stress_with_its_sign(side: float) -> None:
+    # u_x = gamma y, gamma = 1e-3: xy grows by G gamma, G = 5.3 / 2.7 GPa, with or against the initial 2 MPa.
+    model = Model(case({"faults.main.initial_stress": {"normal": 6e6, "shear": side * 2e6}}))
+    state, bulk = model.initial_state(), BulkFields(model)
+    state.displacement.reshape(-1, 2)[:, 0] = 1e-3 * model.coordinates[:, 1]
+    shear = side * 2e6 + 1e-3 * 5.3e9 / 2.7
+    check(bulk.gather(state), [0.0, -6e6, shear], np.hypot(6e6, 2 * shear))
+
+
+def test_interfaces_share_the_stress_of_the_bodies() -> None:
+    fault = case().faults["main"].model_dump()
+    with pytest.raises(CaseError, match=r"faults\.b\.initial_stress\.tensor .* faults\.a has"):
+        case({"faults": {
+            "a": fault | {"initial_stress": {"tensor": [0.0, -6e6, 1e6]}},
+            "b": fault | {"initial_stress": {"tensor": [0.0, -6e6, 2e6]}},
+        }})  # fmt: skip
+
+
+def test_the_file_says_what_is_assumed(tmp_path: Path) -> None:
+    simulate(case({"order": 1, "duration": 1e-6}), tmp_path / "run")
+    with Record(tmp_path / "run") as record:
+        assert record.bulk.attrs["initial_stress"].startswith("assumed: the uniform stress that carries")
+        assert record.bulk["stress"].attrs["long_name"] == "total stress, tension positive"
