@@ -50,10 +50,11 @@ class CaseError(RuptfxError):
             elif item["type"] in ("unknown_key", "unknown_kind"):
                 lines.append(f"{key}: {item['msg']}")
             else:
-                value = repr(item["input"])
+                # A table is known by its key.
+                value = "" if isinstance(item["input"], Mapping | BaseModel) else f" = {item['input']!r}"
                 shown = value if len(value) < 80 else value[:77] + "..."
                 reason = item["msg"].removeprefix("Value error, ")
-                lines.append(f"{key} = {shown}: {reason[0].lower()}{reason[1:]}")
+                lines.append(f"{key}{shown}: {reason[0].lower()}{reason[1:]}")
         return cls("\n".join(dict.fromkeys(lines)))
 
 

@@ -8,15 +8,28 @@ solvers need and the C code of the explicit path, so a new law is fast and consi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import model_validator
 
+from ruptfx import RuptfxError
 from ruptfx.schema import Alternative, alternative
 
 LawState = dict[str, Any]
 Array = Any  # ndarray of shape (n,), a float, or a traced expression
+
+_TANGENTIAL = ("slip", "slip_rate", "shear_traction", "displacement_jump")
+RESERVED = frozenset(
+    [name + end for name in _TANGENTIAL for end in ("", "_1", "_2")]
+    + ["normal_stress", "opening", "peak_slip_rate", "rupture_time", "weight", "gap"]
+    + ["time", "position", "x", "y", "z"]
+)
+"""What a fault and its files call their own: a state variable of that name would overwrite it."""
+COMMON = frozenset(["clock", "coefficient_at_start"])
+"""State variables that are the same whichever law keeps them, so that a law may hold one that has them too: the time
+since the start [s], and the friction coefficient of the innermost law before the first slip."""
 
 
 class FrictionLaw(Alternative):
@@ -28,6 +41,32 @@ class FrictionLaw(Alternative):
     """The law in one line, for `ruptfx describe friction`."""
     source: ClassVar[str] = ""
     """Where the formula comes from."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        super().__pydantic_init_subclass__(**options)
+        for name in sorted(RESERVED.intersection(cls.state_fields)):
+            raise RuptfxError(
+                f"friction law {cls.kind()}: the state variable '{name}' would overwrite what the fault calls so; "
+                f"give it another name in state_fields of {cls.__name__}, for example '{name}_of_law'"
+            )
+
+    @model_validator(mode="after")
+    def _keeps_its_state(self) -> Self:
+        for held in self._held():
+            for name in sorted(held.state_fields.keys() & self.state_fields.keys() - COMMON):
+                raise ValueError(
+                    f"{self.kind()} holds {held.kind()}, and both call a state variable '{name}': one would "
+                    f"overwrite the other; hold a law without '{name}'"
+                )
+        return self
+
+    def _held(self) -> Iterator[FrictionLaw]:
+        """The law that a wrapper holds, the one which that holds ..."""
+        law = getattr(self, "law", None)
+        while law is not None:
+            yield law
+            law = getattr(law, "law", None)
 
     def all_state_fields(self) -> dict[str, str]:
         """State fields of this law and of the law it holds, if it is a wrapper."""

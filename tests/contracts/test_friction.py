@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
-from examples import friction, friction_laws
+from examples import friction, friction_laws, holds
 from pydantic import TypeAdapter
+from small_cases import case, two_boxes
 
-from ruptfx.friction import AnyFriction, FrictionLaw
+from ruptfx import RuptfxError
+from ruptfx.friction import COMMON, RESERVED, AnyFriction, FrictionLaw
+from ruptfx.friction.coulomb import Coulomb
 from ruptfx.projection import TracedLaw, project
-from ruptfx.schema import alternatives
+from ruptfx.schema import CaseError, alternatives
 
 LAWS = friction_laws()
 SEEDS = (0, 1, 2)
@@ -40,6 +44,65 @@ def test_a_law_says_what_it_is(kind: str) -> None:
     assert cls.formula and cls.source and cls.summary()
     assert all(unit for unit in cls.state_fields.values())
     assert set(cls.state_fields).isdisjoint(cls.model_fields)
+
+
+@pytest.mark.parametrize("name", sorted(RESERVED))
+def test_a_law_that_would_overwrite_a_field_of_the_fault_is_refused(name: str) -> None:
+    fields = {"state_fields": {name: "1"}, "__annotations__": {}, "__module__": "ruptfx.friction.some_law"}
+    with pytest.raises(RuptfxError, match=f"some_law: the state variable '{name}' .* another name in state_fields"):
+        type(Coulomb)("SomeLaw", (Coulomb,), fields)
+
+
+@pytest.mark.fem
+def test_what_a_fault_and_its_file_call_their_own_is_reserved(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+    from ruptfx.simulation import simulate
+
+    flat = case({"duration": 1e-7})  # Coulomb friction has no state
+    with simulate(flat, out=tmp_path / "run", progress=False) as record:
+        assert set(record.interface.variables) <= RESERVED
+    solid = case({"plane": "solid", "order": 1}).model_copy(update={"mesh": two_boxes()})
+    assert set(Model(solid).initial_state().faults["main"]) <= RESERVED
+
+
+WRAPPERS = [kind for kind, cls in alternatives("ruptfx.friction").items() if holds(cls)]
+
+
+@pytest.mark.parametrize("outer", WRAPPERS)
+@pytest.mark.parametrize("inner", WRAPPERS)
+def test_laws_that_hold_each_other_share_no_state(outer: str, inner: str) -> None:
+    plain = [kind for kind, held in LAWS if held is None]
+    tables = [friction(kind, plain[0]).model_dump(mode="json") for kind in (outer, inner)]
+    nested = {**tables[0], "law": tables[1]}
+    laws = alternatives("ruptfx.friction")
+    shared = laws[outer].state_fields.keys() & laws[inner].state_fields.keys() - COMMON
+    # Also where a third law is between them.
+    between = next(kind for kind in WRAPPERS if laws[kind].state_fields.keys().isdisjoint(
+        laws[outer].state_fields.keys() | laws[inner].state_fields.keys()))
+    third = friction(between, plain[0]).model_dump(mode="json")
+    for law in (nested, {**tables[0], "law": {**third, "law": tables[1]}}):
+        if not shared:
+            TypeAdapter(AnyFriction).validate_python(law)
+            continue
+        with pytest.raises(CaseError) as caught:
+            case({"faults.main.friction": law})
+        said = f"faults.main.friction: {outer} holds {inner}, and both call a state variable '{min(shared)}'"
+        assert str(caught.value).startswith(said)
+
+
+@every_law
+@every_example
+def test_common_state_means_the_same_in_every_law(kind: str, held: str | None, seed: int) -> None:
+    law = friction(kind, held, seed)
+    sigma, rate = np.array([1e6, 0.0, 3e6]), np.ones(3)
+    state = law.initial_state(sigma, 0.4 * sigma, 0 * rate)
+    later = law.advance(state, rate, sigma, 0.25)
+    if "clock" in state:
+        np.testing.assert_array_equal(state["clock"], 0)
+        np.testing.assert_array_equal(later["clock"], 0.25)
+    if "coefficient_at_start" in state:
+        np.testing.assert_array_equal(later["coefficient_at_start"], state["coefficient_at_start"])
 
 
 @every_law
