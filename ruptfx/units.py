@@ -19,6 +19,7 @@ Length = Annotated[float, Field(gt=0), Unit("m")]
 Coordinate = Annotated[float, Unit("m")]
 Duration = Annotated[float, Field(gt=0), Unit("s")]
 Time = Annotated[float, Field(ge=0), Unit("s")]
+Instant = Annotated[float, Unit("s")]
 Speed = Annotated[float, Field(gt=0), Unit("m/s")]
 Velocity = Annotated[float, Unit("m/s")]
 Stress = Annotated[float, Unit("Pa")]
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     VaryingVelocity = Any
     VaryingTime = Any
     VaryingDelay = Any
+    VaryingInstant = Any
 else:
     VaryingStress = Annotated[varying(float), Unit("Pa")]
     VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
@@ -54,3 +56,4 @@ else:
     VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
     VaryingTime = Annotated[varying(Positive), Unit("s")]
     VaryingDelay = Annotated[varying(NonNegative), Unit("s")]
+    VaryingInstant = Annotated[varying(float), Unit("s")]

@@ -6,37 +6,59 @@ import numpy as np
 
 from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
 from ruptfx.friction.time_weakening import weakened_fraction
-from ruptfx.units import VaryingCoefficient, VaryingDelay
+from ruptfx.units import VaryingCoefficient, VaryingDelay, VaryingInstant
+
+NEVER = 1e30  # s
 
 
 class ForcedWeakening(FrictionLaw):
-    """Forced weakening: from a given time on the held law's strength is lowered, within t_w, to at most mu_d sigma.
+    """Forced weakening: from `arrival` to `end` the held law is not stronger than a coefficient that falls to mu_d.
 
-    It never strengthens the interface, so that the held law goes on unaware and rules wherever it is weaker.
+    It falls from what the law starts with, f_0, within t_w: the weaker of time weakening and the held law rules, and
+    the held law goes on unaware. For linear slip weakening f_0 is mu_s, so that the coefficient is
+    mu_s - (mu_s - mu_d) max(w, min(slip / D_c, 1)).
     """
 
-    state_fields = {"clock": "s"}
-    formula = "strength = (1 - w) law + w min(law, mu_d sigma), w = min(max((t - arrival) / t_w, 0), 1)"
+    state_fields = {"clock": "s", "coefficient_at_start": "1"}
+    formula = (
+        "strength = min(law, [f_0 - (f_0 - mu_d) w] sigma) while arrival < t < end, else law; "
+        "w = min((t - arrival) / t_w, 1)"
+    )
     source = "Andrews (1985); forced rupture of the SCEC/USGS benchmarks, Harris et al. (2018)"
 
     law: AnyFriction
     mu_d: VaryingCoefficient
-    arrival: VaryingDelay
+    arrival: VaryingInstant
+    """Time [s] at which weakening begins; before the start of the run where negative."""
     t_w: VaryingDelay = 0.0
+    end: VaryingInstant = NEVER
+    """Time [s] from which the held law is alone again."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        return {**self.law.initial_state(normal_stress, shear_stress, slip_rate), "clock": np.zeros_like(normal_stress)}
+        held = self.law.initial_state(normal_stress, shear_stress, slip_rate)
+        # An open point has no coefficient of its own: that of the law under 1 Pa.
+        pressure = np.where(normal_stress > 0, normal_stress, 1.0)
+        fresh = self.law.initial_state(pressure, shear_stress, slip_rate)
+        at_rest = self.law.strength(0.0 * pressure, pressure, fresh)
+        # A law that creeps carries nothing at rest: it starts with its initial traction.
+        start = np.where(at_rest > 0, at_rest, np.abs(shear_stress)) / pressure
+        return {"clock": np.zeros_like(normal_stress), "coefficient_at_start": start, **held}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        held = self.law.strength(slip_rate, normal_stress, state)
+        held, start = self.law.strength(slip_rate, normal_stress, state), state["coefficient_at_start"]
         weakened = weakened_fraction(state["clock"], self.arrival, self.t_w)
-        return (1 - weakened) * held + weakened * np.minimum(held, self.mu_d * normal_stress)
+        forced = ((1 - weakened) * start + weakened * self.mu_d) * normal_stress
+        acts = np.where(state["clock"] < self.end, weakened, 0.0) > 0
+        return np.where(acts, np.minimum(held, forced), held)
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        return {**self.law.advance(state, slip_rate, normal_stress, dt), "clock": state["clock"] + dt}
+        held = self.law.advance(state, slip_rate, normal_stress, dt)
+        own = {"clock": state["clock"] + dt, "coefficient_at_start": state["coefficient_at_start"]}
+        return {**held, **own}
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.law.carried_slip_rate(shear_stress, normal_stress, state)
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        return np.minimum(self.law.steady_strength(slip_rate, normal_stress), self.mu_d * normal_stress)
+        steady = self.law.steady_strength(slip_rate, normal_stress)
+        return np.where(self.end < NEVER, steady, np.minimum(steady, self.mu_d * normal_stress))

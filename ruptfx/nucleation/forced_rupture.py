@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import FrictionLaw
-from ruptfx.friction.forced_weakening import ForcedWeakening
+from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.units import Coordinate, Length, Speed, Time, VaryingCoefficient
-
-NEVER = 1e30  # s
+from ruptfx.units import Coordinate, Instant, Length, Speed, Time, VaryingCoefficient
 
 
 class ForcedRupture(Nucleation):
@@ -23,12 +21,14 @@ class ForcedRupture(Nucleation):
     speed: Speed
     mu_d: VaryingCoefficient
     t_w: Time = 0.0
+    start: Instant = 0.0
+    """Time [s] at which the front leaves the center; negative: at t = 0 it is already on its way."""
+    end: Instant = NEVER
+    """Time [s] from which nothing is forced any more."""
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         distance = np.abs(position - self.center)
-        arrival = np.where(distance <= self.radius * (1 + 1e-9), distance / self.speed, NEVER)
-        return ForcedWeakening.model_construct(law=law, mu_d=_at(self.mu_d, position), arrival=arrival, t_w=self.t_w)
-
-
-def _at(value: VaryingCoefficient, position: np.ndarray) -> VaryingCoefficient:
-    return value(position) if callable(value) else value
+        arrival = self.start + distance / self.speed
+        arrival = np.where(distance <= self.radius * (1 + 1e-9), arrival, NEVER)
+        mu_d = self.mu_d(position) if callable(self.mu_d) else self.mu_d
+        return ForcedWeakening.model_construct(law=law, mu_d=mu_d, arrival=arrival, t_w=self.t_w, end=self.end)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import FrictionLaw
-from ruptfx.friction.forced_weakening import ForcedWeakening
+from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.nucleation.forced_rupture import NEVER
-from ruptfx.units import Coordinate, Length, NonNegative, Time
+from ruptfx.units import Coordinate, Instant, Length, NonNegative, Time
 
 
 class FrictionDrop(Nucleation):
@@ -17,10 +16,13 @@ class FrictionDrop(Nucleation):
     center: Coordinate
     half_width: Length
     mu_d: NonNegative = 0.0
-    time: Time = 0.0
+    time: Instant = 0.0
+    """Begin of the drop [s]; negative: it is under way, or over, at t = 0."""
     t_w: Time = 0.0
+    end: Instant = NEVER
+    """Time [s] from which nothing is forced any more."""
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
         arrival = np.where(near, self.time, NEVER)
-        return ForcedWeakening.model_construct(law=law, mu_d=self.mu_d, arrival=arrival, t_w=self.t_w)
+        return ForcedWeakening.model_construct(law=law, mu_d=self.mu_d, arrival=arrival, t_w=self.t_w, end=self.end)

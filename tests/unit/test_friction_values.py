@@ -5,15 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ruptfx.friction import FrictionLaw
 from ruptfx.friction.cohesion import Cohesion
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.exponential_slip_weakening import ExponentialSlipWeakening
 from ruptfx.friction.forced_weakening import ForcedWeakening
+from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
 from ruptfx.friction.memory_constant_time import MemoryConstantTime
 from ruptfx.friction.prakash_clifton import PrakashClifton
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
 from ruptfx.friction.time_weakening import TimeWeakening
+from ruptfx.nucleation.forced_rupture import ForcedRupture
+from ruptfx.nucleation.friction_drop import FrictionDrop
 from ruptfx.profiles import Cone
 
 ONE = np.ones(1)
@@ -81,6 +85,53 @@ def test_forced_weakening_never_strengthens() -> None:
     assert law.strength(ONE, ONE, law.advance(fresh, 0 * ONE, ONE, 0.5))[0] == 0.6
     assert law.strength(ONE, ONE, law.advance(fresh, 0 * ONE, ONE, 1.5))[0] == 0.3
     assert law.strength(ONE, ONE, law.advance(fresh, ONE, ONE, 1.5))[0] == pytest.approx(0.1, rel=1e-12)
+
+
+def at(law: FrictionLaw, time: float, slip: float = 0.0) -> float:
+    """Strength under 1 Pa after a slip, within a time."""
+    state = law.advance(law.initial_state(ONE, 0 * ONE, 0 * ONE), slip / time * ONE, ONE, time)
+    return float(law.strength(ONE, ONE, state)[0])
+
+
+def test_the_weaker_of_slip_and_time_weakening_rules() -> None:
+    inner = LinearSlipWeakening(mu_s=0.6, mu_d=0.2, D_c=1e-3)
+    law = ForcedWeakening(law=inner, mu_d=0.2, arrival=1.0, t_w=0.5, end=2.0)
+    # mu_s - (mu_s - mu_d) max(w, slip / D_c) = 0.6 - 0.4 max(0.5, 0.25) and 0.6 - 0.4 max(0.5, 0.75).
+    assert at(law, 1.25, 0.25e-3) == pytest.approx(0.4, rel=1e-14)
+    assert at(law, 1.25, 0.75e-3) == pytest.approx(0.3, rel=1e-14)
+    # All forced; from the end on the held law alone: 0.6 - 0.4 / 4.
+    assert at(law, 1.75, 0.25e-3) == pytest.approx(0.2, rel=1e-14)
+    assert at(law, 2.0, 0.25e-3) == at(law, 0.9, 0.25e-3) == pytest.approx(0.5, rel=1e-14)
+
+
+def test_forced_weakening_of_a_law_that_creeps_begins_at_its_initial_traction() -> None:
+    law = RateAndStateAgeing(a=0.01, b=0.015, D_c=1e-2, f_0=0.6, V_0=1e-6)
+    forced = ForcedWeakening(law=law, mu_d=0.1, arrival=1.0, t_w=0.5)
+    state = forced.initial_state(ONE, 0.5 * ONE, 0 * ONE)
+    assert state["coefficient_at_start"][0] == 0.5
+    # Half-way from 0.5 to 0.1; where the interface is open nothing is carried.
+    assert forced.strength(ONE, ONE, state | {"clock": 1.25 * ONE})[0] == pytest.approx(0.3, rel=1e-14)
+    assert forced.strength(ONE, 0 * ONE, state | {"clock": 1.25 * ONE})[0] == 0
+
+
+def test_a_forced_rupture_may_be_under_way_at_the_start() -> None:
+    position = np.array([0.0, 400.0, 600.0, 1200.0])
+    law = LinearSlipWeakening(mu_s=0.6, mu_d=0.2, D_c=1e-3)
+    nucleation = ForcedRupture(center=0.0, radius=1000.0, speed=1000.0, mu_d=0.2, t_w=0.2, start=-0.5, end=3.0)
+    forced = nucleation.weaken(law, position)
+    one = np.ones(4)
+    state = forced.initial_state(one, 0 * one, 0 * one)
+    # The front left 0.5 s ago and is at 500 m: w = 1 at the center, (0.5 - 0.4) / 0.2 = 0.5 at 400 m, none beyond.
+    np.testing.assert_allclose(forced.strength(0 * one, one, state), [0.2, 0.4, 0.6, 0.6], rtol=1e-14)
+    # 0.2 s later it is 100 m beyond 600 m; 1200 m is outside.
+    later = forced.advance(state, 0 * one, one, 0.2)
+    np.testing.assert_allclose(forced.strength(0 * one, one, later), [0.2, 0.2, 0.4, 0.6], rtol=1e-14)
+    np.testing.assert_allclose(forced.strength(0 * one, one, forced.advance(state, 0 * one, one, 3.0)), 0.6)
+    drop = FrictionDrop(center=0.0, half_width=500.0, mu_d=0.1, time=-0.1, t_w=0.2, end=3.0)
+    both = drop.weaken(forced, position)
+    # The drop is half-way from 0.6, the coefficient without the rupture, to 0.1.
+    start = both.initial_state(one, 0 * one, 0 * one)
+    np.testing.assert_allclose(both.strength(0 * one, one, start), [0.2, 0.35, 0.6, 0.6], rtol=1e-14)
 
 
 def test_memories_of_the_normal_stress() -> None:
