@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from examples import friction, friction_laws, table
-from small_cases import case, memory_friction, smooth_field
+from small_cases import HOMALITE, case, memory_friction, smooth_field
 from test_contact import POINTS, an_interface
 
 pytest.importorskip("dolfinx")
@@ -65,6 +65,32 @@ def test_tangent_is_the_derivative(method: str, components: int, kind: str, held
     assert sliding.mean() > 0.05
     if components > 1:
         assert 0.01 < np.mean(here.state["normal_stress"] == 0) < 0.9
+
+
+@every_method
+def test_a_gap_closes_before_it_carries(method: str) -> None:
+    """A column 4 mm high, 10 um above its rigid base, pushed down by 15 um."""
+    gap, height = 10e-6, 4e-3
+    sides = [{"kind": "driven", "edge": f"upper.{side}", "component": "x", "velocity": 0.0} for side in
+             ("left", "right")]  # fmt: skip
+    pushed = case({
+        "plane": "strain", "faults.main.contact": contact(method), "faults.main.initial_stress.normal": 0.0,
+        "faults.main.gap": gap, "boundaries": [
+            *sides, {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -3e-3},
+        ],
+        "mesh": {"kind": "block_on_rigid", "length": 1e-3, "height": height, "element_size": 1e-3},
+    })  # fmt: skip
+    model = Model(pushed)
+    state = model.initial_state()
+    np.testing.assert_array_equal(state.faults["main"]["opening"], gap)
+    Equilibrium(model).solve(state, 5e-3).commit(state)
+    # No lateral strain: p = M (d - gap) / (H + M / C_n), M = rho c_p^2.
+    modulus = HOMALITE["density"] * model.wave_speeds().c_p ** 2
+    stiffness = model.faults[0].contact.stiffness()[0]
+    soft = modulus / stiffness if stiffness else 0.0
+    expected = modulus * (15e-6 - gap) / (height + soft)
+    # Multipliers are iterated until the sides overlap by little: 2e-5 of the pressure was found.
+    np.testing.assert_allclose(state.faults["main"]["normal_stress"], expected, rtol=1e-4)
 
 
 @every_method

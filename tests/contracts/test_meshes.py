@@ -16,7 +16,9 @@ from ruptfx import RuptfxError, fem
 from ruptfx.bodies import FACETS, distribute
 from ruptfx.interface import Interface, build_interface
 from ruptfx.meshes import RawMesh
+from ruptfx.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.meshes.gmsh_file import GmshFile
+from ruptfx.meshes.half_plate import HalfPlate
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
 from ruptfx.schema import kinds
@@ -133,6 +135,31 @@ def test_exact_transpose(mesh: str, tmp_path: Path) -> None:
     pushed = u.copy()
     face.add_force(pushed, t, scale=np.full_like(u, 2.0))
     np.testing.assert_allclose(pushed, u - 2 * force, rtol=1e-13, atol=1e-13)
+
+
+PLATE = {"length": 12e-3, "height": 4e-3, "element_size": 1e-3}
+ONE_SIDED = {
+    "rigid": (BlockOnRigid(**PLATE), [1, 1], 1.0),
+    "antisymmetric": (HalfPlate(**PLATE, symmetry="antisymmetric"), [0, 2], 0.5),
+    "symmetric": (HalfPlate(**PLATE, symmetry="symmetric"), [2, 0], 0.5),
+}  # mesh, jump over displacement of the plus side (normal, tangential), area that counts over the whole
+
+
+@pytest.mark.parametrize("side", ONE_SIDED)
+def test_exact_transpose_of_one_side(side: str) -> None:
+    """<W t, J u> = <J' W t, u>; J turns (right, up) = (2, 3) into a normal part of 3 and a tangential one of 2."""
+    mesh, factors, share = ONE_SIDED[side]
+    model = Model(case({"mesh": {"kind": type(mesh).kind(), **mesh.model_dump()}}))
+    face, random = model.faults[0].interface, np.random.default_rng(2)
+    assert face.other_side == side
+    u, t = random.normal(size=model.nodes * 2), random.normal(size=(face.total, 2))
+    force = np.zeros_like(u)
+    face.assemble(t, force)
+    left = np.sum(face.weight[:, None] * t * face.jump(u))
+    assert abs(left - force @ u) < 1e-13 * np.sum(np.abs(force * u))
+    moved = np.tile([2.0, 3.0], model.nodes)
+    np.testing.assert_allclose(face.jump(moved), np.tile(np.array([3.0, 2.0]) * factors, (face.total, 1)), rtol=1e-14)
+    np.testing.assert_allclose(face.weight.sum(), share * 12e-3, rtol=1e-12)
 
 
 @every_mesh

@@ -47,6 +47,15 @@ def test_self_similar_factors() -> None:
     assert fracture.self_similar_factor_III(1e-9, 1.0) == pytest.approx(1.0, abs=1e-12)
 
 
+def test_static_process_zone() -> None:
+    # Rock of the slip-weakening demo: G = 80.1 / 2.5 = 32.04, G* = G / 0.75 = 42.72 GPa, D_c = 0.4 m, drop 18.24 MPa:
+    # 9 pi / 32 x 42.72e9 x 0.4 / 18.24e6 = 827.8 m.
+    rock = IsotropicElastic(young_modulus=80.1e9, poisson_ratio=0.25, density=2670.0)
+    c_p, c_s, _ = rock.wave_speeds("strain")
+    modulus = fracture.effective_modulus(rock.shear_modulus, c_p, c_s)
+    assert fracture.static_process_zone(modulus, 0.4, 18.24e6) == pytest.approx(827.8, abs=0.1)
+
+
 def test_generalized_rayleigh_speed() -> None:
     top = IsotropicElastic(young_modulus=5.3e9, poisson_ratio=0.25, density=1246.0)
     bottom = IsotropicElastic(young_modulus=3.392e9, poisson_ratio=0.25, density=1246.0)

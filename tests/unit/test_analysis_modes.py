@@ -52,6 +52,33 @@ def test_sparse_spikes_change_nothing():
     assert found.mode == "train" and found.tip_speed.value == pytest.approx(2100, rel=5e-3)
 
 
+@pytest.mark.parametrize(
+    ("zones", "mode"),
+    [
+        ([(0.05, 1.0)], "crack"), ([(0.0, 0.5), (0.53, 1.0)], "crack"),  # f = 0.95 and 0.97
+        ([(0.15, 1.0)], "mixed"),  # f = 0.85 < 0.9
+        ([(0.0, 0.33), (0.35, 0.65), (0.67, 1.0)], "mixed"),  # r = 3 > 2
+        ([(0.65, 1.0)], "pulse"), ([(0.4, 0.5), (0.65, 0.75), (0.9, 1.0)], "pulse"),  # f = 0.35 and 0.3, r up to 3
+        ([(0.5, 1.0)], "mixed"),  # f = 0.5 > 0.4
+        ([(0.1, 0.3), (0.4, 0.6), (0.8, 1.0)], "mixed"),  # f = 0.6, r = 3 < 4
+        ([(0.1, 0.25), (0.35, 0.5), (0.6, 0.75), (0.85, 1.0)], "train"),  # r = 4
+    ],
+)  # fmt: skip
+def test_limits_between_the_modes(zones, mode):
+    """Zones at fixed parts of the tip's way: f and r are the same at all times, on either side of each limit."""
+    part = POSITION / np.maximum(2100.0 * (TIME[:, None] - 5e-6), 1e-9)
+    found = classify(2.0 * np.any([(part > start) & (part < stop) for start, stop in zones], axis=0))
+    assert found.mode == mode and found.zones == len(zones)
+    # At most a spacing is missed at each end of a zone, of a way of 59 mm and more.
+    assert found.sliding_fraction == pytest.approx(sum(b - a for a, b in zones), abs=len(zones) * SPACING / 0.059)
+
+
+def test_tip_speed_leaves_out_the_start_and_the_end():
+    # Fitted from 20 to 98 % of the way of 100 mm.
+    speed = classify(synthetic.crack(TIME, POSITION)).tip_speed
+    assert speed.start == pytest.approx(0.02, abs=SPACING) and speed.stop == pytest.approx(0.098, abs=SPACING)
+
+
 def test_crack_slides_everywhere_behind_the_tip():
     found = classify(synthetic.crack(TIME, POSITION))
     # The crack slides from the loaded end to where its 1 mm ramp passes the threshold: f = 1, r = 1.

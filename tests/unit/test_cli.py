@@ -213,6 +213,18 @@ def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: No
     assert any("main: S " in line and "0.8 " in line for line in text.split("│ faults."))
 
 
+@pytest.mark.fem
+def test_check_counts_points_in_the_process_zone(needs_fem: None) -> None:
+    from ruptfx.case import parse_case
+    from ruptfx.preflight import preflight
+
+    rows = {row.quantity: row.value for row in preflight(parse_case(slip_weakening()))}
+    # G = 5.3 / 2.7 = 1.963 GPa; plane stress: G* = 1.35 G = 2.65 GPa; D_c = 5 um, drop (0.6 - 0.3) x 6 = 1.8 MPa:
+    # 9 pi / 32 x 2.65e9 x 5e-6 / 1.8e6 = 6.504 mm. Widest spacing of order 4: sqrt(3/7) / 2 x 2 mm = 0.6547 mm.
+    assert rows["faults.main: static process zone"] == pytest.approx(6.504e-3, rel=1e-3)
+    assert rows["faults.main: points in it"] == pytest.approx(6.504 / 0.6547, rel=1e-3)
+
+
 def test_version_and_help() -> None:
     assert ruptfx("--version").output.strip() == __version__
     for command in ("run", "check", "plot", "describe", "bench", "study"):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from small_cases import HOMALITE, SPLIT, advance, case, memory_friction
 from test_waves import guided
 
@@ -14,6 +15,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.prakash_clifton import PrakashClifton
 from ruptfx.model import Model
+from ruptfx.nucleation.smooth_patch import SmoothPatch
 
 pytestmark = pytest.mark.fem
 
@@ -61,6 +63,26 @@ def test_plane_s_wave_on_coulomb_friction(contact: dict[str, Any], lower: dict[s
     np.testing.assert_allclose(fault["shear_traction"], min(stuck, f * sigma), rtol=1e-3)
     np.testing.assert_allclose(mean_rate, slip_rate, rtol=1e-3)
     np.testing.assert_allclose(fault["normal_stress"], sigma, rtol=1e-9)
+
+
+def test_rupture_time_of_an_exact_slip_rate() -> None:
+    """Shear traction added to an interface at its strength makes V = 2 load(t) / Z: exact times of passing."""
+    sigma, f, extra, rise = 6e6, 0.5, 1e6, 3e-6
+    impedance = np.sqrt(HOMALITE["young_modulus"] / 2 / (1 + HOMALITE["poisson_ratio"]) * HOMALITE["density"])
+    patch = {"extra": extra, "center": 0.0, "radius": 1e3, "rise": rise}
+    late = []
+    for threshold in np.linspace(0.05, 0.6, 8):
+        _, motion, state = strip(SPLIT, "y", [], **{
+            "faults.main.friction": {"kind": "coulomb", "mu_d": f}, "output.rupture_threshold": threshold,
+            "faults.main.initial_stress": {"normal": sigma, "shear": f * sigma},
+            "faults.main.nucleation": [{"kind": "smooth_patch", **patch}],
+        })  # fmt: skip
+        advance(motion, state, rise)
+        grown = SmoothPatch(**patch).growth
+        exact = brentq(lambda t: 2 * extra * grown(t) / impedance - threshold, 0.1 * rise, rise)  # noqa: B023
+        late.append((state.faults["main"]["rupture_time"] - exact) / motion.dt)
+    # A time is known to the step in which the threshold is passed; over thresholds that spread over a step it is right.
+    assert np.abs(late).max() <= 1.1 and abs(np.mean(late)) < 0.75
 
 
 @METHODS
