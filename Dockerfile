@@ -12,7 +12,7 @@ RUN apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-ins
     && rm -rf /var/lib/apt/lists/*
 
 # Open MPI: may run as root, on more ranks than cores, without binding two jobs to the same core; shared memory only,
-# by copying (a container may forbid to read another process's memory).  The caches are anyone's, for --user.
+# by copying (a container may forbid to read another process's memory).  Anyone may make a cache there, for --user.
 ENV OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl=self,sm OMPI_MCA_smsc=^cma \
     PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe PRTE_MCA_hwloc_default_binding_policy=none \
     OMP_NUM_THREADS=1 MPLBACKEND=Agg LC_ALL=C.UTF-8 PYTHONDONTWRITEBYTECODE=1 \
@@ -27,8 +27,8 @@ COPY demos demos
 RUN pip install --quiet --break-system-packages --root-user-action=ignore --no-build-isolation --no-index . \
     && rm -rf build ruptfx ruptfx.egg-info
 
-# Proves the image on two ranks, and compiles what the demo needs.
+# Proves the image on two ranks.  What it compiled is root's, and would not be loaded by another user.
 RUN ruptfx run demos/impact.toml --ranks 2 --out /tmp/proof --set mesh.element_size=4e-3 --set duration=5e-6 \
-    && rm -rf /tmp/proof && chmod -R a+rwX "$XDG_CACHE_HOME"
+    && rm -rf /tmp/proof "$XDG_CACHE_HOME/ruptfx" && chmod -R a+rwX "$XDG_CACHE_HOME"
 
 CMD ["ruptfx", "run", "demos/impact.toml", "--ranks", "2", "--out", "/out/impact"]

@@ -11,6 +11,7 @@ import os
 import platform
 import shlex
 import shutil
+import stat
 import subprocess
 import sysconfig
 import tempfile
@@ -59,6 +60,9 @@ def load(name: str, source: str, defines: Mapping[str, object] | None = None) ->
         file = cache_directory() / f"{key}.so"
         if not file.exists():
             _compile(compiler, text, file)
+        elif danger := _danger(file):
+            warnings.warn(f"{danger}: it is not loaded but compiled again", stacklevel=2)
+            _compile(compiler, text, file)
         _loaded[key] = ctypes.CDLL(str(file))
     return _loaded[key]
 
@@ -101,15 +105,41 @@ def _processor() -> str:
 
 @cache
 def cache_directory() -> Path:
-    """$XDG_CACHE_HOME/ruptfx or ~/.cache/ruptfx, or a temporary directory where that cannot be written."""
+    """$XDG_CACHE_HOME/ruptfx or ~/.cache/ruptfx, made for this user alone.
+
+    What lies there is loaded into this process, so that others could run what they like where they may write. A
+    directory that is not this user's own, or that others may write to, is left alone with a warning that names the
+    remedy. There, and where nothing can be written, a private temporary directory does until the process ends: what
+    is compiled is then compiled again by every run.
+    """
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     try:
         directory = Path(base).expanduser() / "ruptfx"
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            return directory
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        danger = _danger(directory)
+        if not danger:
+            with tempfile.TemporaryFile(dir=directory):
+                return directory
+        remedy = "remove it, or point XDG_CACHE_HOME to a directory of your own"
+        warnings.warn(f"{danger}: compiled code in it is not loaded; {remedy}", stacklevel=2)
     except (OSError, RuntimeError):
-        return Path(tempfile.mkdtemp(prefix="ruptfx-"))
+        pass
+    return Path(_private().name)
+
+
+@cache
+def _private() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="ruptfx-", ignore_cleanup_errors=True)
+
+
+def _danger(path: Path) -> str:
+    """Why others may have changed what is there: owner and mode in words; empty where only this user can."""
+    found, user = path.stat(), os.geteuid()
+    if found.st_uid != user:
+        return f"{path} belongs to user {found.st_uid}, not to {user}"
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"{path} may be written to by others (mode {stat.S_IMODE(found.st_mode):o})"
+    return ""
 
 
 def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
@@ -134,6 +164,7 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
                 f"{compiler[0]} refuses -march=native ({reason}); using a portable build, which is slower",
                 stacklevel=4,
             )
+        built.chmod(0o700)  # whatever the umask allows others
         kept = file.with_suffix(".c")
         os.replace(source, kept)
         os.replace(built, file)

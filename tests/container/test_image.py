@@ -47,6 +47,7 @@ def test_runs_as_any_user(tmp_path: Path, user: str):
     done = image("run", "--user", user, "--volume", f"{tmp_path}:/out", "--", *command)
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "run" / "summary.json").stat().st_uid == int(user.split(":")[0])
+    assert "not loaded" not in done.stderr  # the cache is this user's own
 
 
 def test_says_so_when_out_belongs_to_another_user(tmp_path: Path):
