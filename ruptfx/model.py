@@ -169,13 +169,13 @@ class Model:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
         return np.where(self.loads.prescribed, 0.0, 1 / self.mass)
 
-    def stable_time_step(self) -> float:
-        """Largest stable explicit step [s].
+    def stable_time_step(self, compliant: Sequence[Fault] | None = None) -> float:
+        """Largest stable explicit step [s], with the contact stiffness of all faults or of those given.
 
         2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
         eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
         """
-        stable = 2 / self.highest_frequency(self.free_inverse_mass())
+        stable = 2 / self.highest_frequency(self.free_inverse_mass(), compliant)
         if self.viscosity is None:
             return stable
         eta = self.viscosity.eta
@@ -422,16 +422,19 @@ class Model:
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
 
-    def highest_frequency(self, free: np.ndarray) -> float:
+    def highest_frequency(self, free: np.ndarray, compliant: Sequence[Fault] | None = None) -> float:
         """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
 
         Parameters
         ----------
         free : ndarray, shape (nodes * components,)
             Inverse lumped mass [1/kg], zero where the motion is prescribed.
+        compliant : sequence of Fault, optional
+            The interfaces whose contact stiffness counts; all when left out.
         """
         root = np.sqrt(free)
-        stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in self.faults]
+        counted = self.faults if compliant is None else compliant
+        stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
 
         def apply(vector: np.ndarray) -> np.ndarray:
             u = root * vector

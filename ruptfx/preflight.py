@@ -5,17 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ruptfx import fem
 from ruptfx.analysis import fracture
-from ruptfx.case import Case
+from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
+from ruptfx.friction import FrictionLaw
 from ruptfx.model import Model
+from ruptfx.nucleation import Nucleation
+from ruptfx.profiles import Constant
 from ruptfx.projection import TracedLaw
+from ruptfx.schema import Part, unit_of
 from ruptfx.steppers import leapfrog
+from ruptfx.stopping import StopRules
+
+SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,7 @@ def preflight(case: Case) -> Iterator[Row]:
         Whatever a run would refuse.
     """
     model = Model(case, fem.MPI.COMM_WORLD)
+    StopRules(model)
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         speeds = material.wave_speeds(case.plane)
@@ -59,7 +67,11 @@ def preflight(case: Case) -> Iterator[Row]:
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
     for fault in model.faults:
-        yield from _fault_rows(model, fault)
+        if len(fault.interface.plus):
+            yield from _fault_rows(model, fault)
+            yield from _without_effect(model, fault)
+            if steps is not None:
+                yield from _shortest_time(model, fault, motion.dt)
     yield from _cost(model, motion, steps)
 
 
@@ -96,8 +108,6 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     """Strength, S ratio, process zone and nucleation length of one fault, at its middle point or, where that slips at
     once, at the nearest point that does not."""
     face, label = fault.interface, f"faults.{fault.name}"
-    if len(face.plus) == 0:
-        return
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
@@ -114,10 +124,7 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     modulus = slowest.density * speeds.c_s**2
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
-    # Inside whatever wrapper the law has.
-    law = fault.friction
-    while hasattr(law, "law"):
-        law = law.law
+    law = _chain(fault.friction)[-1]  # inside whatever wrapper it has
     numbers = {
         name: float(np.broadcast_to(value, face.position.shape)[middle])
         for name, value in law
@@ -134,6 +141,127 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     if {"mu_d", "D_c"} <= numbers.keys():
         exponential = law.kind() == "exponential_slip_weakening"
         yield from _slip_weakening_rows(label, numbers, exponential, (peak, tau, sigma), modulus, spacing, model)
+        if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
+            yield Row(
+                f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
+                "damping.kelvin_voigt = { fraction = 0.2 } takes most of it away (Day et al. 2005)", "warning",
+            )  # fmt: skip
+
+
+def _chain(law: FrictionLaw) -> list[FrictionLaw]:
+    """A law and those it holds, from the outermost in."""
+    chain = [law]
+    while hasattr(chain[-1], "law"):
+        chain.append(chain[-1].law)
+    return chain
+
+
+def _without_effect(model: Model, fault: Fault) -> Iterator[Row]:
+    """Nucleations that change nothing, such as a patch off the interface, and profiles that vary nowhere on it."""
+    given: FaultCase = model.case.faults[fault.name]
+    position, label = fault.interface.position, f"faults.{fault.name}"
+    along = f"positions {position.min():.6g} to {position.max():.6g} m"
+    law = given.friction.at(position)
+    for number, nucleation in enumerate(given.nucleation):
+        held, law = law, nucleation.weaken(law, position)
+        if not _acts(nucleation, held, law, fault, model.case.duration):
+            yield Row(
+                f"{label}.nucleation.{number}", "no effect", "", f"{nucleation.kind()} with {_shown(nucleation)}: it "
+                f"changes nothing within {model.case.duration:.6g} s at {along}; move it onto the interface", "error",
+            )  # fmt: skip
+    for key, profile in _profiles(given, label):
+        values = profile(position)
+        if np.ptp(values) == 0:
+            yield Row(key, values[0], "", f"at all {along}: {_shown(profile)} varies nowhere there", "warning")
+
+
+def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, fault: Fault, duration: float) -> bool:
+    """Whether a nucleation loads a point, or weakens the law of one that does not slip, within the duration."""
+    position = fault.interface.position
+    normal = np.where(fault.normal_stress_0 > 0, fault.normal_stress_0, 1.0)
+    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
+
+    def strengths(law: FrictionLaw, time: float) -> np.ndarray:
+        state = law.advance(law.initial_state(normal, shear, 0 * normal), 0 * normal, normal, time)
+        # Laws with a direct effect carry nothing at rest.
+        return np.array([law.strength(rate + 0 * normal, normal, state) for rate in (0.0, 1e-9, 1.0)])
+
+    times = np.linspace(0, duration, 21)
+    if any(np.any(nucleation.shear_traction(position, time)) for time in times):
+        return True
+    return weakened is not held and any(np.any(strengths(held, t) != strengths(weakened, t)) for t in times)
+
+
+def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:
+    """Every profile of a part and the parts it holds in tables, with its key; not those of nucleations."""
+    for name, value in part:
+        if callable(value):
+            if not isinstance(value, Constant):
+                yield f"{key}.{name}", value
+        elif isinstance(value, Part):
+            yield from _profiles(value, f"{key}.{name}")
+
+
+def _shown(part: Part) -> str:
+    """The numbers of a part as they are given."""
+    numbers = {name: value for name, value in part if isinstance(value, float | int)}
+    inner = [f"{name} = {{ {_shown(value)} }}" for name, value in part if isinstance(value, Part)]
+    return ", ".join([*(f"{name} = {value:.6g}" for name, value in numbers.items()), *inner])
+
+
+def _shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
+    """The shortest time in which the law changes, against the time step: a length of the law over the expected slip
+    rate, or the time in which a state relaxes by itself."""
+    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed)
+    times = {}
+    if rate > 0:
+        for law in _chain(fault.friction):
+            for name in type(law).model_fields:
+                if unit_of(type(law), name) == "m":
+                    times[f"{name} / V"] = float(np.min(getattr(law, name))) / rate
+    times |= {f"relaxation of {name}": value for name, value in _relaxation_times(fault, dt).items()}
+    if not times:
+        return
+    name, shortest = min(times.items(), key=lambda item: item[1])
+    note = f"{name} at V = {rate:.3g} m/s" if name.endswith("V") else name
+    long = shortest >= dt
+    yield Row(
+        f"faults.{fault.name}: shortest time", shortest, "s",
+        note if long else f"{note}: shorter than the time step of {dt:.3g} s, which jumps over it; reduce "
+        "mesh.element_size or stepper.time_step",
+        "ok" if long else "warning",
+    )  # fmt: skip
+
+
+def _expected_slip_rate(model: Model, fault: Fault) -> float:
+    """Stress drop over impedance [m/s], largest of all points: the slip rate behind a front that radiates S waves into
+    both bodies, V = (tau_0 - tau_r) (1 / (rho c_s)+ + 1 / (rho c_s)-), with the residual strength after 1 km of slip
+    at 1 m/s."""
+    face = fault.interface
+    impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
+    mobility = 1 / impedance[model.node_body[face.plus]]
+    if face.other_side == "meshed":
+        mobility = mobility + 1 / impedance[model.node_body[face.minus]]
+    elif face.other_side != "rigid":
+        mobility = 2 * mobility
+    normal, law, fast = fault.normal_stress_0, fault.friction, np.ones(len(face.plus))
+    state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
+    residual = law.strength(fast, normal, law.advance(state, fast, normal, 1e3))
+    loaded = [np.linalg.norm(fault.driving_shear(time), axis=1) for time in (0.0, model.case.duration)]
+    return float(np.max((np.maximum(*loaded) - residual) * mobility))
+
+
+def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
+    """Time [s] in which each state of the law forgets a disturbance at rest; those that do not are left out."""
+    law, normal, rest = fault.friction, fault.normal_stress_0, np.zeros(len(fault.normal_stress_0))
+    state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
+    later, found = law.advance(state, rest, normal, dt), {}
+    for name, value in state.items():
+        step = 1e-6 * np.maximum(np.abs(value), 1e-3)
+        left = np.min((law.advance({**state, name: value + step}, rest, normal, dt)[name] - later[name]) / step)
+        if left < 1 - 1e-4:
+            found[name] = float(-dt / np.log(max(left, 1e-12)))
+    return found
 
 
 def _slip_weakening_rows(
@@ -156,8 +284,11 @@ def _slip_weakening_rows(
         plane = model.case.plane
         verdict = "antiplane: never supershear"
         if plane != "antiplane":
-            verdict = "may go supershear" if ratio < 1.77 else "stays sub-Rayleigh"
-            verdict += " (limit 1.77, Burridge 1973; Andrews 1976)"
+            limit, source = SUPERSHEAR_LIMIT_3D, "about, in 3D: Dunham 2007"
+            if plane != "solid":
+                limit, source = fracture.supershear_limit(*model.wave_speeds()), "Burridge 1973; Andrews 1985"
+            verdict = "may go supershear" if ratio < limit else "stays sub-Rayleigh"
+            verdict += f" (limit {limit:.4g}, {source})"
         yield Row(f"{label}: S", ratio, "", verdict)
         critical = fracture.critical_half_length(energy, 2 * modulus, tau - residual)
         yield Row(f"{label}: critical half-length", critical, "m", "Griffith, under the stress drop (Andrews 1976)")

@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 from ruptfx.model import Model
 from ruptfx.schema import CaseError, alternatives
-from ruptfx.steppers.leapfrog import LeapfrogMotion
+from ruptfx.steppers.leapfrog import LeapfrogMotion, what_limits
 
 pytestmark = pytest.mark.fem
 
@@ -129,7 +129,8 @@ def test_antiplane_energy_and_split(stepper: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    "C_n, limit", [(300e9, "set by the elements"), (3e16, "set by the contact stiffness of faults.main")]
+    "C_n, limit",
+    [(300e9, "set by the elements"), (3e16, r"set by the contact stiffness of faults.main \(.* s without it\)")],
 )
 def test_unstable_step_is_refused(C_n: float, limit: str) -> None:
     contact = {"kind": "compliant", "C_n": C_n, "C_s": 100e9}
@@ -137,6 +138,21 @@ def test_unstable_step_is_refused(C_n: float, limit: str) -> None:
     message = rf"stepper\.time_step = 1e-06 s: unstable, the limit is .* s, {limit}; reduce it"
     with pytest.raises(CaseError, match=message):
         stiff.stepper.bind(Model(stiff))
+
+
+@pytest.mark.parametrize("damping", [{}, {"kelvin_voigt": {"fraction": 0.5}}], ids=["undamped", "kelvin_voigt"])
+@pytest.mark.parametrize("mesh", ["two_plates", "half_plate"])
+def test_what_limits_is_measured(mesh: str, damping: dict[str, Any]) -> None:
+    """A stiffness that shortens the step by a third sets it, whatever is damped and however much of it is meshed."""
+    found = {}
+    for C in (300e9, 30e12):
+        contact = {"kind": "compliant", "C_n": C, "C_s": C}
+        model = Model(case({"mesh.kind": mesh, "faults.main.contact": contact, "damping": damping}))
+        stable = model.stable_time_step()
+        found[C] = stable, what_limits(model, stable)
+    assert found[30e12][0] < 0.69 * found[300e9][0]
+    assert found[300e9][1] == "set by the elements"
+    assert found[30e12][1].startswith("set by the contact stiffness of faults.main")
 
 
 @pytest.mark.parametrize("C_n", [300e9, 1e14])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ruptfx.analysis import fracture
+from ruptfx.materials import Plane
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
 # PMMA, plane strain (Svetlizky, Bayart, Fineberg 2019, review): values at these fractions of c_R.
@@ -54,6 +55,17 @@ def test_static_process_zone() -> None:
     c_p, c_s, _ = rock.wave_speeds("strain")
     modulus = fracture.effective_modulus(rock.shear_modulus, c_p, c_s)
     assert fracture.static_process_zone(modulus, 0.4, 18.24e6) == pytest.approx(827.8, abs=0.1)
+
+
+# Burridge's limit at Poisson's ratios; in plane stress 0.25 acts as 0.25 / 1.25 = 0.20.
+@pytest.mark.parametrize(
+    "plane, ratio, limit",
+    [("strain", 0.20, 1.592), ("strain", 0.25, 1.775), ("strain", 0.30, 1.977), ("strain", 0.35, 2.199),
+     ("stress", 0.25, 1.592)],
+)  # fmt: skip
+def test_supershear_limit(plane: Plane, ratio: float, limit: float) -> None:
+    speeds = IsotropicElastic(young_modulus=80e9, poisson_ratio=ratio, density=2700.0).wave_speeds(plane)
+    assert fracture.supershear_limit(*speeds) == pytest.approx(limit, abs=6e-4)
 
 
 def test_generalized_rayleigh_speed() -> None:

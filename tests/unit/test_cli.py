@@ -106,7 +106,7 @@ def test_output_directory_that_cannot_be_written(tmp_path: Path, needs_fem: None
     [
         ({"stepper": {"kind": "leapfrog", "time_step": 1e-6}}, "stepper.time_step = 1e-06 s: unstable, the limit is"),
         ({"stepper": {"kind": "leapfrog", "time_step": 5e-8}, "faults.main.contact.C_n": 1e15},
-         "s, set by the contact stiffness of faults.main; reduce it"),
+         "s, set by the contact stiffness of faults.main ("),
         ({"boundaries": [{"kind": "absorbing", "edge": "uper.left"}]},
          "boundaries.0.edge = 'uper.left': no such edge, did you mean 'upper.left'?"),
         ({"faults": {}}, "faults: the mesh has the interface 'main', which needs [faults.main]"),
@@ -182,7 +182,7 @@ def test_a_motion_that_explodes(tmp_path: Path, needs_fem: None, monkeypatch: py
     from ruptfx.record import Record
 
     real = Model.highest_frequency
-    monkeypatch.setattr(Model, "highest_frequency", lambda self, free: 0.5 * real(self, free))
+    monkeypatch.setattr(Model, "highest_frequency", lambda self, *given: 0.5 * real(self, *given))
     moving = impact(6e6, 2.0, changes={
         "duration": 300e-6, "mesh.length": 12e-3, "mesh.height": 4e-3, "output.interface_interval": 2e-6,
     })  # fmt: skip

@@ -1,0 +1,114 @@
+"""What `ruptfx check` says before a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from small_cases import COMPLIANT, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.case import parse_case
+from ruptfx.preflight import Row, preflight
+from ruptfx.schema import CaseError
+
+pytestmark = pytest.mark.fem
+
+
+def rows(table: dict[str, Any]) -> dict[str, Row]:
+    return {row.quantity.removeprefix("faults.main"): row for row in preflight(parse_case(table))}
+
+
+def weakening(**changes: Any) -> dict[str, Row]:
+    return rows(slip_weakening({f"faults.main.{key.replace('__', '.')}": value for key, value in changes.items()}))
+
+
+# Poisson's ratio 0.35 in plane stress acts as 0.35 / 1.35 = 0.259, where the limit of S is 1.81: more than at 0.25.
+@pytest.mark.parametrize("ratio, says", [(1.79, "may go supershear"), (1.83, "stays sub-Rayleigh")])
+def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> None:
+    # Strength 3.6 MPa, residual 1.8 MPa.
+    found = weakening(initial_stress__shear=1.8e6 + 1.8e6 / (1 + ratio))[": S"]
+    assert found.value == pytest.approx(ratio, rel=1e-6)
+    assert found.note.startswith(f"{says} (limit 1.81")
+
+
+@pytest.mark.parametrize("ratio, says", [(1.1, "may go supershear"), (1.3, "stays sub-Rayleigh")])
+def test_supershear_limit_in_3d(ratio: float, says: str) -> None:
+    friction = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
+    stress = {"normal": 6e6, "shear": 1.8e6 + 1.8e6 / (1 + ratio)}
+    changes = {"plane": "solid", "order": 1, "faults.main.friction": friction, "faults.main.initial_stress": stress}
+    boxes = case(changes).model_copy(update={"mesh": two_boxes()})
+    notes = {row.quantity: row.note for row in preflight(boxes)}
+    assert notes["faults.main: S"].startswith(f"{says} (limit 1.19, about")
+
+
+NUCLEATION = {
+    "friction_drop": {"half_width": 1e-3},
+    "forced_rupture": {"radius": 1e-3, "speed": 1000.0, "mu_d": 0.1},
+    "smooth_patch": {"extra": 1e6, "radius": 1e-3, "rise": 1e-6},
+}
+
+
+@pytest.mark.parametrize("kind", NUCLEATION)
+def test_nucleation_off_the_fault_is_an_error(kind: str) -> None:
+    def row(center: float) -> Row | None:
+        patch = {"kind": kind, "center": center, **NUCLEATION[kind]}
+        return weakening(nucleation=[patch]).get(".nucleation.0")
+
+    assert row(16e-3) is None
+    found = row(34e-3)  # 2 mm beyond the end
+    assert found is not None and found.verdict == "error"
+    assert f"{kind} with" in found.note and "center = 0.034" in found.note and "positions 0 to 0.032 m" in found.note
+
+
+def test_profile_that_varies_nowhere_on_the_fault_is_named() -> None:
+    away = {"kind": "boxcar", "inside": 3.7e6, "outside": 2.8e6, "center": 1.0, "half_width": 3e-3}
+    found = weakening(initial_stress__shear=away)[".initial_stress.shear"]
+    assert (found.value, found.verdict) == (2.8e6, "warning")
+    assert "center = 1" in found.note and "positions 0 to 0.032 m" in found.note
+    assert ".initial_stress.shear" not in weakening()
+
+
+def test_what_a_run_refuses_is_refused() -> None:
+    with pytest.raises(CaseError, match=r"stop_when\.tip_beyond = 1: no interface reaches"):
+        rows(slip_weakening({"stop_when": {"tip_beyond": 1.0}}))
+
+
+@pytest.mark.parametrize("length, verdict", [(5e-6, "ok"), (5e-8, "warning")])
+def test_weakening_slip_over_the_expected_slip_rate(length: float, verdict: str) -> None:
+    """Stress drop 3.7 - 1.8 MPa over rho c_s / 2 = 0.782 MPa s/m: 2.43 m/s, so that 5 um take 2.058 us of steps of
+    some 0.09 us."""
+    found = weakening(friction__D_c=length)[": shortest time"]
+    assert found.value == pytest.approx(length / 2.430, rel=1e-3)
+    assert "D_c / V at V = 2.43 m/s" in found.note
+    assert found.verdict == verdict
+
+
+@pytest.mark.parametrize("time, verdict", [(1e-6, "ok"), (1e-8, "warning")])
+def test_memory_shorter_than_the_step(time: float, verdict: str) -> None:
+    memory = {"kind": "memory_constant_time", "t_c": time, "law": {"kind": "coulomb", "mu_d": 0.3}}
+    found = rows(plates({"faults.main.friction": memory}))[": shortest time"]
+    assert found.value == pytest.approx(time, rel=1e-3)
+    assert "relaxation of theta_p" in found.note and found.verdict == verdict
+
+
+def test_driven_edges_set_the_expected_slip_rate() -> None:
+    """L_0 = 10 um over the impact speed of 5 m/s; the stress drop is nothing, and L_p is longer."""
+    driven = [{"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 5.0}]
+    found = rows(plates({"faults.main.friction": memory_friction("P1"), "boundaries": driven}))[": shortest time"]
+    assert found.value == pytest.approx(2e-6, rel=1e-12) and found.note == "L_0 / V at V = 5 m/s"
+
+
+@pytest.mark.parametrize(
+    "contact, damped, proposed", [(SPLIT, False, True), (SPLIT, True, False), (COMPLIANT, False, False)]
+)
+def test_damping_is_proposed_for_split_nodes(contact: dict[str, Any], damped: bool, proposed: bool) -> None:
+    table = slip_weakening({"faults.main.contact": contact})
+    if damped:
+        table["damping"] = {"kelvin_voigt": {"fraction": 0.2}}
+    assert (": damping" in rows(table)) == proposed
+
+
+def test_cases_without_a_word_pass() -> None:
+    assert all(row.verdict == "ok" for row in preflight(case()))
