@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.meshes import MeshSource, RawMesh
@@ -81,18 +82,14 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
         try:
             raw = source.build()
             check_orientation(raw)
+            check_facets(raw)
+            check_pairs(raw)
         except Exception as caught:
             error = caught
     parallel.raise_on_all(comm, error)
     described = None
     if raw is not None:
-        sides = {
-            f"{n}.{side}": f
-            for n, pair in raw.interfaces.items()
-            for side, f in zip(("plus", "minus"), pair, strict=True)
-            if side == "plus" or n not in raw.one_sided
-        }
-        named = raw.edges | sides
+        named = named_facets(raw)
         faces = list(raw.interfaces)
         described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, faces, raw.one_sided, named)
     cell, dim, bodies, cell_body, interfaces, one_sided, named = comm.bcast(described, root=0)
@@ -129,6 +126,60 @@ def check_orientation(raw: RawMesh) -> None:
         raise RuptfxError(f"mesh: {bad.sum()} flat or folded quadrilaterals, the first near ({x[0]:.6g}, {x[1]:.6g}) m")
 
 
+def named_facets(raw: RawMesh) -> dict[str, np.ndarray]:
+    """Facets of the edges and of the meshed sides of the interfaces, ``"main.plus"``."""
+    sides = {
+        f"{n}.{side}": f
+        for n, pair in raw.interfaces.items()
+        for side, f in zip(("plus", "minus"), pair, strict=True)
+        if side == "plus" or n not in raw.one_sided
+    }
+    return raw.edges | sides
+
+
+def check_facets(raw: RawMesh) -> None:
+    """Refuse facets with two names: each would keep only a part of what it names."""
+    named = {name: facets for name, facets in named_facets(raw).items() if len(facets)}
+    if not named:
+        return
+    owner = np.repeat(np.arange(len(named)), [len(facets) for facets in named.values()])
+    everything = np.concatenate(list(named.values()))
+    _, label, count = np.unique(np.sort(everything, axis=1), axis=0, return_inverse=True, return_counts=True)
+    twice = np.flatnonzero(count[label.ravel()] > 1)
+    if len(twice):
+        same = twice[label.ravel()[twice] == label.ravel()[twice[0]]]
+        names = " and ".join(f"'{list(named)[i]}'" for i in owner[same])
+        x = ", ".join(f"{value:.6g}" for value in raw.points[everything[twice[0]]].mean(axis=0))
+        raise RuptfxError(f"mesh: the facet at ({x}) m belongs to {names}; name every facet once")
+
+
+def check_pairs(raw: RawMesh) -> None:
+    """Refuse interfaces that meet where more than two sides do: a node has one partner, or tractions add up wrongly."""
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for name, (plus, minus) in raw.interfaces.items():
+        if name not in raw.one_sided:
+            pairs.append(np.unique(np.stack([plus.ravel(), minus.ravel()], axis=1), axis=0))
+    names = np.repeat([n for n in raw.interfaces if n not in raw.one_sided], [len(pair) for pair in pairs[1:]])
+    sides = np.concatenate(pairs)
+    _, first = np.unique(sides, axis=0, return_index=True)
+    first = first[sides[first, 0] != sides[first, 1]]
+    node, count = np.unique(sides[first], return_counts=True)
+    if not np.any(count > 1):
+        return
+    bad = node[np.argmax(count)]
+    there = first[(sides[first] == bad).any(axis=1)]
+    turned = len({frozenset(pair) for pair in sides[there].tolist()}) == 1
+    together = np.isin(sides, sides[there]).any(axis=1)
+    meeting = " and ".join(f"'{name}'" for name in sorted(set(names[together].tolist())))
+    x = ", ".join(f"{value:.6g}" for value in raw.points[bad])
+    raise RuptfxError(
+        f"mesh: interface {meeting} at ({x}) m: "
+        + ("plus is there what is minus in the other; swap plus and minus of one of them" if turned else
+           "more than two sides meet, and a point of an interface has two; let one interface end before, or leave it "
+           "out, so that the bodies are welded there")
+    )  # fmt: skip
+
+
 def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
     """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
     count = len(raw.cells)
@@ -146,7 +197,12 @@ def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
     ghosts: dict[int, set[int]] = defaultdict(set)
     if pairs:
         together = np.concatenate(pairs)
-        owner[together[:, 1]] = owner[together[:, 0]]
+        # A cell may belong to several pairs: all that hang together follow the plus cell of the first.
+        links = sparse.coo_matrix((np.ones(len(together)), together.T), shape=(len(cells),) * 2)
+        _, group = connected_components(links, directed=False)
+        leader = np.empty(len(cells), dtype=np.int64)
+        leader[group[together[::-1, 0]]] = together[::-1, 0]
+        owner[together] = owner[leader[group[together]]]
         facets = np.concatenate([plus for plus, _ in raw.interfaces.values()])
         _ghost_pairs(cells, owner, glued[facets], together, ghosts)
     lists = [[rank, *sorted(ghosts[cell] - {rank})] if cell in ghosts else [rank] for cell, rank in enumerate(owner)]

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
+from ruptfx.bodies import Bodies
 
 
 @dataclass(frozen=True)
@@ -121,27 +122,19 @@ class Interface:
         return local[:, 0], local[:, 1:]
 
 
-def build_interface(
-    space: fem.dolfinx.fem.FunctionSpace,
-    facets: fem.dolfinx.mesh.MeshTags,
-    plus_tag: int,
-    minus_tag: int,
-    name: str,
-    other_side: str = "meshed",
-) -> Interface:
+def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
+
+    Where interfaces follow each other the point they share belongs to the one that comes first in `bodies.interfaces`,
+    with the area and the normal of both, as if they were one. Where an interface ends inside welded bodies its end has
+    one node, hence no jump, and is not a point of it.
 
     Parameters
     ----------
     space : FunctionSpace
         Blocked displacement space.
-    facets : MeshTags
-        Tags of the facets of both sides.
-    plus_tag, minus_tag : int
+    bodies : Bodies
     name : str
-        For error messages.
-    other_side : str
-        As in `Interface`; unless it is `meshed`, both tags are those of the plus side.
 
     Raises
     ------
@@ -152,10 +145,16 @@ def build_interface(
     comm, dim = mesh.comm, mesh.geometry.dim
     components = space.dofmap.index_map_bs
     coordinates = space.tabulate_dof_coordinates()[:, :dim]
-    sides = [fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, facets.find(tag)) for tag in (plus_tag, minus_tag)]
-    plus, minus, error = _pair(coordinates, sides[0], sides[1], name)
+    other_side = bodies.one_sided.get(name, "meshed")
+
+    def nodes(side: str) -> np.ndarray:
+        return fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, bodies.facets.find(bodies.tags[side]))
+
+    plus, minus, error = _pair(coordinates, nodes(f"{name}.plus"), nodes(f"{name}.minus"), name)
     parallel.raise_on_all(comm, error)
-    normal, weight = _normals_and_weights(space, facets, minus_tag, minus)
+    alike = [other for other in bodies.interfaces if (other in bodies.one_sided) == (name in bodies.one_sided)]
+    tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
+    normal, weight = _normals_and_weights(space, bodies.facets, tags, minus)
     if other_side != "meshed":
         normal = -normal  # that of the plus body points the other way
     if other_side in ("antisymmetric", "symmetric"):
@@ -165,9 +164,14 @@ def build_interface(
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = np.round(coordinates[plus] / extent, 13) * extent
     position, number, total = _order(comm, points, owned, normal)
+    taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
+    for earlier in bodies.interfaces[: bodies.interfaces.index(name)]:
+        taken |= np.isin(plus, nodes(f"{earlier}.plus"))
+    gone = np.sort(parallel.share_rows(comm, number[owned & taken]))
+    number, total = number - np.searchsorted(gone, number), total - len(gone)
     frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))
     # Points in order along the interface, for locality and readable files.
-    order = np.argsort(number)
+    order = np.flatnonzero(~taken)[np.argsort(number[~taken])]
     return Interface(
         points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
         frame[order], weight[order], owned[order], total, other_side,
@@ -201,7 +205,7 @@ def _pair(
 
 
 def _normals_and_weights(
-    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, tag: int, nodes: np.ndarray
+    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, tags: tuple[int, ...], nodes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Unit normal out of the minus body and area of every node, summed over its facets and ranks."""
     mesh, ufl = space.mesh, fem.ufl
@@ -210,7 +214,7 @@ def _normals_and_weights(
         "ds",
         domain=mesh,
         subdomain_data=facets,
-        subdomain_id=tag,
+        subdomain_id=tags,
         metadata=fem.gll_metadata(mesh, space.element.basix_element.degree),
     )
     test, n = ufl.TestFunction(space), ufl.FacetNormal(mesh)

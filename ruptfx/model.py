@@ -218,10 +218,7 @@ class Model:
         if name not in self.bodies.interfaces:
             known = ", ".join(self.bodies.interfaces) or "none"
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
-        tags = self.bodies.tags
-        side = self.bodies.one_sided.get(name, "meshed")
-        plus, minus = tags[f"{name}.plus"], tags[f"{name}.minus"]
-        face = build_interface(self.space, self.bodies.facets, plus, minus, name, side)
+        face = build_interface(self.space, self.bodies, name)
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):
@@ -318,10 +315,14 @@ class Model:
 
     @cached_property
     def node_body(self) -> np.ndarray:
-        """Index of the body of every local node."""
-        dofs = self.space.dofmap.list
+        """Index of the body of every local node, the first where welded bodies share it; collective."""
+        dofs, c = self.space.dofmap.list, self.components
         body = np.zeros(self.nodes, dtype=np.int64)
-        body[dofs] = self.bodies.cell_body[: len(dofs), None]
+        for number in reversed(range(len(self.bodies.names))):
+            here = np.zeros(self.nodes * c)
+            here.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
+            self.sum_shared(here)
+            body[here[::c] > 0] = number
         return body
 
     @cached_property

@@ -146,6 +146,64 @@ def tilted(folder: Any, angle: float = 0.6, n: int = 2) -> dict[str, Any]:
     return {"kind": "gmsh_file", "file": str(path), "interfaces": {"main": {"plus": "upper", "minus": "lower"}}}
 
 
+# Four blocks of 6 x 4 mm around (0, 0), two on two; they share their nodes.
+BLOCKS = """
+d = 1e-3;
+For j In {{0:2}}
+  For i In {{0:2}}
+    Point(1 + i + 3 * j) = {{6 * d * (i - 1), 4 * d * (j - 1), 0}};
+  EndFor
+EndFor
+For j In {{0:2}}
+  Line(10 + j) = {{1 + 3 * j, 2 + 3 * j}}; Line(20 + j) = {{2 + 3 * j, 3 + 3 * j}};
+EndFor
+For i In {{0:2}}
+  Line(30 + i) = {{1 + i, 4 + i}}; Line(40 + i) = {{4 + i, 7 + i}};
+EndFor
+Curve Loop(1) = {{10, 31, -11, -30}}; Curve Loop(2) = {{20, 32, -21, -31}};
+Curve Loop(3) = {{11, 41, -12, -40}}; Curve Loop(4) = {{21, 42, -22, -41}};
+For k In {{1:4}}
+  Plane Surface(k) = {{k}};
+EndFor
+Transfinite Curve{{10:12, 20:22}} = {n} + 1; Transfinite Curve{{30:32, 40:42}} = {n} + 1;
+Transfinite Surface{{1:4}}; Recombine Surface{{1:4}};
+Physical Curve("top") = {{12, 22}}; Physical Curve("bottom") = {{10, 20}};
+{groups}
+"""
+
+
+def blocks(folder: Any, bodies: dict[str, str], lines: dict[str, str], sides: dict[str, Any], n: int = 3) -> dict:
+    """Mesh table of four blocks: 1 and 2 below, 3 and 4 above; lines 11 and 21 between them, 31 and 41 across."""
+    groups = [f'Physical Surface("{name}") = {{{which}}};' for name, which in bodies.items()]
+    groups += [f'Physical Curve("{name}") = {{{which}}};' for name, which in lines.items()]
+    path = folder / f"blocks_{'_'.join([*bodies, *lines])}.geo"
+    path.write_text(BLOCKS.format(groups="\n".join(groups), n=n))
+    return {"kind": "gmsh_file", "file": str(path), "interfaces": sides}
+
+
+# Two blocks of 4 x 1 mm with their own nodes; on the right half both sides of their common line are edges.
+CREEPING = """
+d = 1e-3;
+Point(1) = {0, -d, 0}; Point(2) = {4 * d, -d, 0}; Point(3) = {4 * d, 0, 0}; Point(4) = {2 * d, 0, 0};
+Point(5) = {0, 0, 0}; Point(6) = {0, 0, 0}; Point(7) = {2 * d, 0, 0}; Point(8) = {4 * d, 0, 0};
+Point(9) = {4 * d, d, 0}; Point(10) = {0, d, 0};
+For k In {1:4}
+  Line(k) = {k, k + 1};
+EndFor
+Line(5) = {5, 1}; Line(10) = {10, 6};
+For k In {6:9}
+  Line(k) = {k, k + 1};
+EndFor
+Curve Loop(1) = {1:5}; Curve Loop(2) = {6:10};
+Plane Surface(1) = {1}; Plane Surface(2) = {2};
+Transfinite Curve{3, 4, 6, 7} = 5; Transfinite Curve{1, 9} = 9; Transfinite Curve{2, 5, 8, 10} = 3;
+Transfinite Surface{1} = {1, 2, 3, 5}; Transfinite Surface{2} = {6, 8, 9, 10}; Recombine Surface{1, 2};
+Physical Surface("lower") = {1}; Physical Surface("upper") = {2};
+Physical Curve("main") = {4, 6}; Physical Curve("lower.creep") = {3}; Physical Curve("upper.creep") = {7};
+Physical Curve("lower.left") = {5}; Physical Curve("upper.left") = {10};
+"""
+
+
 class Given:
     """A mesh source that hands out a mesh made by a test."""
 

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes._cut import Facets, places
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
 
@@ -22,20 +23,23 @@ _CELLS = [
     ("quad", "quadrilateral", [0, 1, 3, 2], "line"),
     ("triangle", "triangle", [0, 1, 2], "line"),
 ]
+_DIMENSION = {"hexahedron": 3, "tetra": 3, "quad": 2, "triangle": 2, "line": 1}
 
 
 class Sides(Part):
-    """Which bodies an interface separates; its normal points from minus to plus."""
+    """Which bodies an interface separates, one or several on a side; its normal points from minus to plus."""
 
-    plus: str
-    minus: str
+    plus: str | list[str]
+    minus: str | list[str]
 
 
 class GmshFile(MeshSource):
     """A mesh file whose physical groups name the bodies, the interfaces and the edges.
 
-    The two bodies of an interface may share its nodes (they are split here) or have their own at the same places.
-    Other named lines become edges, under the name they have in the file.
+    Bodies that share nodes are welded, except along the interfaces: there they are cut apart, and where an interface
+    ends inside they stay together. The two sides of an interface may also have their own nodes at the same places.
+    Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
+    interfaces follow each other, the point they share belongs to the one that is listed first.
     """
 
     file: CasePath
@@ -44,52 +48,102 @@ class GmshFile(MeshSource):
     """Metres per length unit of the file."""
 
     def build(self) -> RawMesh:
-        points, cell, cells, facets, names, cell_group, facet_group = _read(Path(self.file))
-        dim = 3 if cell in ("hexahedron", "tetrahedron") else 2
-        points = points[:, :dim] * self.scale
-        bodies = sorted({names[g] for g in np.unique(cell_group) if g in names})
-        body_of = {g: bodies.index(name) for g, name in names.items() if name in bodies}
-        loose = [g for g in np.unique(cell_group) if g not in body_of]
-        if loose:
-            raise RuptfxError(f"{self.file}: {np.isin(cell_group, loose).sum()} cells belong to no named body")
-        cell_body = np.array([body_of[g] for g in cell_group])
-        named = {names[g]: facets[facet_group == g] for g in np.unique(facet_group) if g in names}
-        raw = RawMesh(cell, points, cells, bodies, cell_body, {}, {})
+        from ruptfx.bodies import FACETS  # not at the top: cases are read also where there is no DOLFINx
+
+        points, cell, cells, bodies, cell_body, named = _read(Path(self.file))
+        points = points[:, : 3 if cell in ("hexahedron", "tetrahedron") else 2] * self.scale
         for name, sides in self.interfaces.items():
-            _check_names(str(self.file), name, sides, named, bodies)
-            raw.interfaces[name] = self._split(
-                raw, name, named.pop(name), bodies.index(sides.plus), bodies.index(sides.minus)
-            )
-        raw.edges = {name: _on_body(raw, found) for name, found in named.items()}
+            _check_names(self.file, name, sides, named, bodies)
+        known = Facets(cells, FACETS[cell])
+        numbers = {name: known.find(facets) for name, facets in named.items()}
+        found = {name: known.cells[number] for name, number in numbers.items()}  # [-1] where there is none
+        for name, number in numbers.items():
+            found[name][number < 0] = -1
+        cuts = [numbers[name][found[name][:, 1] >= 0] for name in self.interfaces]
+        cut_cells, origin = known.cut(np.concatenate(cuts))
+        raw = RawMesh(cell, np.concatenate([points, points[origin]]), cut_cells, bodies, cell_body)
+
+        def on(facets: np.ndarray, cell: np.ndarray) -> np.ndarray:
+            """Facets by the vertices that their cells have now."""
+            return np.take_along_axis(cut_cells[cell], places(cells[cell], facets), axis=1)
+
+        for name, sides in self.interfaces.items():
+            raw.interfaces[name] = self._interface(raw, name, sides, named.pop(name), found[name], on)
+        for name, facets in named.items():
+            if self._is_edge(raw, name, found[name], facets):
+                raw.edges[name] = on(facets, found[name][:, 0])
         return raw
 
-    def _split(
-        self, raw: RawMesh, name: str, facets: np.ndarray, plus: int, minus: int
+    def _interface(
+        self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give the minus body its own nodes along the interface; facets of both sides, vertex by vertex."""
-        on_plus = np.isin(facets, raw.cells[raw.cell_body == plus]).all(axis=1)
-        on_minus = np.isin(facets, raw.cells[raw.cell_body == minus]).all(axis=1)
-        if np.any(~on_plus & ~on_minus):
-            raise RuptfxError(f"{self.file}: interface '{name}' has facets on neither of its bodies")
-        if on_plus.all() and on_minus.all():
-            shared = np.unique(facets)
-            copy = np.arange(len(raw.points) + len(shared))
-            copy[shared] = np.arange(len(raw.points), len(raw.points) + len(shared))
-            raw.points = np.concatenate([raw.points, raw.points[shared]])
-            own = raw.cell_body == minus
-            raw.cells[own] = copy[raw.cells[own]]
-            return facets, copy[facets]
-        plus_facets, minus_facets = facets[on_plus & ~on_minus], facets[on_minus & ~on_plus]
-        return plus_facets, _partners(str(self.file), name, raw.points, plus_facets, minus_facets)
+        """Facets of both sides, vertex by vertex at the same place."""
+        side_of = np.zeros(len(raw.bodies) + 1, dtype=int)  # the last: no body
+        side_of[[raw.bodies.index(body) for body in _listed(sides.plus)]] = 1
+        side_of[[raw.bodies.index(body) for body in _listed(sides.minus)]] = -1
+        body = np.where(cells >= 0, raw.cell_body[cells], -1)
+        side = side_of[body]
+        between = side[:, 0] * side[:, 1] == -1
+        alone = (side[:, 0] != 0) & (cells[:, 1] < 0)
+        if not np.all(between | alone):
+            bad = int(np.argmin(between | alone))
+            touching = " and ".join(f"'{raw.bodies[b]}'" for b in body[bad] if b >= 0) or "no body"
+            raise RuptfxError(
+                f"{self.file}: interface '{name}' has {np.sum(~between & ~alone)} facets that are not between plus "
+                f"({', '.join(_listed(sides.plus))}) and minus ({', '.join(_listed(sides.minus))}), the first at "
+                f"{_place(raw, facets[bad])} on {touching}; list these bodies, too, or leave the facets out"
+            )
+        first = side[:, 0] == 1
+        plus = on(facets[between], np.where(first, cells[:, 0], cells[:, 1])[between])
+        minus = on(facets[between], np.where(first, cells[:, 1], cells[:, 0])[between])
+        if np.any(np.all(plus == minus, axis=1)):
+            bad = int(np.argmax(np.all(plus == minus, axis=1)))
+            raise RuptfxError(
+                f"{self.file}: interface '{name}' is one facet wide at {_place(raw, plus[bad])} and does not open "
+                "there; refine the mesh along it"
+            )
+        own_plus, own_minus = (on(facets[alone & which], cells[alone & which, 0]) for which in (first, ~first))
+        if alone.any() or not len(facets):
+            own_minus = _partners(self.file, name, raw.points, own_plus, own_minus)
+        return np.concatenate([plus, own_plus]), np.concatenate([minus, own_minus])
+
+    def _is_edge(self, raw: RawMesh, name: str, cells: np.ndarray, facets: np.ndarray) -> bool:
+        """Whether a name is one of facets on the boundary of a body, and not of something inside."""
+        outside = (cells[:, 0] >= 0) & (cells[:, 1] < 0)
+        claims_to_be = name.partition(".")[0] in raw.bodies
+        if not outside.all() and (outside.any() or claims_to_be):
+            bad = int(np.argmin(outside))
+            touching = " and ".join(f"'{raw.bodies[raw.cell_body[cell]]}'" for cell in cells[bad] if cell >= 0)
+            raise RuptfxError(
+                f"{self.file}: edge '{name}' has {np.sum(~outside)} facets that are not on the boundary of a body, the "
+                f"first at {_place(raw, facets[bad])} "
+                + (f"between {touching}, which share its nodes; " if touching else "on no body; ")
+                + "give every body its own nodes there, or leave these facets out"
+            )
+        return bool(outside.all())
+
+
+def _listed(bodies: str | list[str]) -> list[str]:
+    return [bodies] if isinstance(bodies, str) else bodies
+
+
+def _place(raw: RawMesh, facet: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in raw.points[facet].mean(axis=0)) + ") m"
 
 
 def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray], bodies: list[str]) -> None:
     if name not in named:
         found = ", ".join(sorted(named)) or "none"
         raise RuptfxError(f"{file}: no interface '{name}' among the named facets; it has: {found}")
-    for side in (sides.plus, sides.minus):
+    plus, minus = _listed(sides.plus), _listed(sides.minus)
+    for side in (*plus, *minus):
         if side not in bodies:
             raise RuptfxError(f"{file}: interface '{name}': no body '{side}'; the file has: {', '.join(bodies)}")
+    if not plus or not minus or set(plus) & set(minus):
+        raise RuptfxError(
+            f"{file}: interface '{name}': plus ({', '.join(plus)}) and minus ({', '.join(minus)}) need at least one "
+            "body each, and none can be on both sides"
+        )
 
 
 def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus: np.ndarray) -> np.ndarray:
@@ -112,30 +166,8 @@ def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus:
     return partner[plus]
 
 
-def _on_body(raw: RawMesh, facets: np.ndarray) -> np.ndarray:
-    """Facets by the nodes their cells have now: a corner node may have been replaced by its copy."""
-    copies: dict[tuple[float, ...], list[int]] = {}
-    for vertex in np.unique(raw.cells):
-        copies.setdefault(tuple(np.round(raw.points[vertex], 12)), []).append(int(vertex))
-    pairs = {frozenset(facet) for facet in _all_facets(raw)}
-    found = []
-    for facet in facets:
-        choices: list[list[int]] = [[]]
-        for vertex in facet:
-            same = copies.get(tuple(np.round(raw.points[vertex], 12)), [int(vertex)])
-            choices = [[*chosen, other] for chosen in choices for other in same]
-        found += [next((c for c in choices if frozenset(c) in pairs), [int(v) for v in facet])]
-    return np.array(found, dtype=np.int64)
-
-
-def _all_facets(raw: RawMesh) -> list[tuple[int, ...]]:
-    from ruptfx.bodies import FACETS
-
-    return [tuple(row) for facet in FACETS[raw.cell] for row in raw.cells[:, list(facet)].tolist()]
-
-
 def _read(path: Path) -> tuple[Any, ...]:
-    """Points, cell type, cells and facets with their groups, and the names of the groups."""
+    """Points, cell type, cells, names of the bodies, body of every cell, and the named facets."""
     import meshio
 
     if not path.exists():
@@ -156,19 +188,39 @@ def _read(path: Path) -> tuple[Any, ...]:
     type_, cell, order, facet = known[0]
     if (cell == "quadrilateral" and "triangle" in kinds) or (cell == "hexahedron" and "tetra" in kinds):
         raise RuptfxError(f"{path}: mixes cell types ({', '.join(sorted(kinds))}); mesh it with one")
-    groups = mesh.cell_data_dict.get("gmsh:physical", {})
-    if type_ not in groups:
+    groups = _groups(mesh, type_)
+    if not groups:
         raise RuptfxError(
             f"{path}: no physical groups; name the bodies and the interface (Physical Surface, Physical Curve)"
         )
-    names = {int(number): name for name, (number, dim) in mesh.field_data.items()}
-    facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64)).astype(np.int64)
-    cells = mesh.cells_dict[type_][:, order].astype(np.int64)
-    used, cells = np.unique(cells, return_inverse=True)
+    all_cells, bodies = mesh.cells_dict[type_][:, order].astype(np.int64), sorted(groups)
+    times = np.bincount(np.concatenate(list(groups.values())), minlength=len(all_cells))
+    for wrong, what in ((times == 0, "no named body"), (times > 1, "more than one named body")):
+        if wrong.any():
+            raise RuptfxError(f"{path}: {wrong.sum()} cells belong to {what}; it has: {', '.join(bodies)}")
+    cell_body = np.zeros(len(all_cells), dtype=np.int64)
+    for number, name in enumerate(bodies):
+        cell_body[groups[name]] = number
+    used, cells = np.unique(all_cells, return_inverse=True)
     renumber = np.full(len(mesh.points), -1)
     renumber[used] = np.arange(len(used))
-    facet_group = groups.get(facet, np.zeros(0))
-    return mesh.points[used], cell, cells.reshape(-1, len(order)), renumber[facets], names, groups[type_], facet_group
+    facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64))
+    named = {name: renumber[np.unique(facets[chosen], axis=0)] for name, chosen in _groups(mesh, facet).items()}
+    return mesh.points[used], cell, cells.reshape(-1, len(order)), bodies, cell_body, named
+
+
+def _groups(mesh: Any, type_: str) -> dict[str, np.ndarray]:
+    """Elements of one type by the names of their physical groups: what is in several groups has several names."""
+    names = {name: int(number) for name, (number, dim) in mesh.field_data.items() if dim == _DIMENSION[type_]}
+    first = mesh.cell_data_dict.get("gmsh:physical", {}).get(type_, np.zeros(0))
+    found = {}
+    for name, number in names.items():
+        chosen = np.flatnonzero(first == number)  # formats with one group per element
+        if name in mesh.cell_sets:
+            chosen = mesh.cell_sets_dict[name].get(type_, chosen)
+        if len(chosen):
+            found[name] = np.asarray(chosen, dtype=np.int64)
+    return found
 
 
 def _generate(path: Path, folder: Path) -> Path:

@@ -58,7 +58,7 @@ def interface_of(mesh: str, folder: Path, components: int | None = None) -> tupl
     make, order, _ = MESHES[mesh]
     bodies = distribute(fem.MPI.COMM_WORLD, make(folder))
     space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
-    face = build_interface(space, bodies.facets, bodies.tags["main.plus"], bodies.tags["main.minus"], "main")
+    face = build_interface(space, bodies, "main")
     return space, face
 
 
@@ -270,7 +270,7 @@ def test_nodes_that_do_not_match() -> None:
     bodies = distribute(fem.MPI.COMM_WORLD, Given(raw))
     space = fem.lagrange(bodies.mesh, 2, 2)
     with pytest.raises(RuptfxError, match=r"interface 'main': the nodes of the two sides do not match .*nearest"):
-        build_interface(space, bodies.facets, bodies.tags["main.plus"], bodies.tags["main.minus"], "main")
+        build_interface(space, bodies, "main")
 
 
 def test_folded_elements() -> None:

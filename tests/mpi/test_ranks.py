@@ -56,7 +56,7 @@ def built(request: pytest.FixtureRequest, shared_tmp_path: Path) -> Any:
     mesh, order = source(request.param, shared_tmp_path)
     bodies = distribute(COMM, mesh)
     space = fem.lagrange(bodies.mesh, order, bodies.mesh.geometry.dim)
-    face = build_interface(space, bodies.facets, bodies.tags["main.plus"], bodies.tags["main.minus"], "main")
+    face = build_interface(space, bodies, "main")
     return bodies, space, face
 
 

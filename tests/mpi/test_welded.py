@@ -1,0 +1,173 @@
+"""Bodies welded to each other and faults in several parts: the same as whole ones, on any number of ranks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, CREEPING, HOMALITE, SPLIT, blocks, merged, plates
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+from ruptfx import RuptfxError, fem, parallel
+from ruptfx.bodies import distribute
+from ruptfx.case import parse_case
+from ruptfx.interface import build_interface
+from ruptfx.meshes.gmsh_file import GmshFile
+from ruptfx.model import Model
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+COMM = fem.MPI.COMM_WORLD
+TWO, FOUR = {"lower": "1, 2", "upper": "3, 4"}, {"a": "1", "b": "2", "c": "3", "d": "4"}
+HALVES = {"west": "11", "east": "21"}
+
+
+def on_root(make: Any) -> Any:
+    return parallel.on_root(COMM, make)
+
+
+def table(folder: Path, bodies: dict[str, str], faults: dict[str, str], plus: Any, minus: Any) -> dict[str, Any]:
+    """A rupture that begins at x = -2 mm on the line y = 0 and crosses x = 0."""
+    sides = {name: {"plus": plus, "minus": minus} for name in faults}
+    whole = plates({
+        "order": 3, "mesh": on_root(lambda: blocks(folder, bodies, faults, sides)), "faults": {},
+        "boundaries": [{"kind": "absorbing", "edge": edge} for edge in ("top", "bottom")],
+        "stepper": {"kind": "leapfrog", "time_step": 5e-8},
+    })  # fmt: skip
+    patch = {"kind": "boxcar", "inside": 4e6, "outside": 3.2e6, "center": 4e-3, "half_width": 1.5e-3}
+    for name in faults:
+        whole["faults"][name] = {
+            "contact": SPLIT, "friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-6},
+            "initial_stress": {"normal": 6e6, "shear": 3.2e6 if name == "east" else patch},
+        }  # fmt: skip
+    return whole
+
+
+def run(given: dict[str, Any], changes: dict[str, Any], steps: int) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Fields of all points in the order of x, and the energies, after some steps."""
+    per_fault = {key: value for key, value in changes.items() if key in ("contact", "friction")}
+    given = merged(given, {key: value for key, value in changes.items() if key not in per_fault})
+    for fault in given["faults"].values():
+        fault.update(per_fault)
+    model = Model(parse_case(given))
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    for _ in range(steps):
+        motion.step(state)
+    rows, names = [], ["x", "weight", *state.faults[model.faults[0].name]]
+    for fault in model.faults:
+        face, fields = fault.interface, state.faults[fault.name]
+        assert np.array_equal(
+            np.sort(parallel.share_rows(COMM, face.number[face.owned])), np.arange(face.total)
+        )
+        rows.append(np.column_stack([face.points[:, 0], face.weight, *fields.values()])[face.owned])
+    everything = parallel.share_rows(COMM, np.concatenate(rows))
+    everything = everything[np.argsort(everything[:, 0])]
+    return dict(zip(names, everything.T, strict=True)), motion.energies(state)
+
+
+VARIANTS = {
+    "two materials": (FOUR, {"main": "11, 21"}, ["c", "d"], ["a", "b"]),
+    "two parts": (TWO, HALVES, "upper", "lower"),
+    "two materials and two parts": (FOUR, HALVES, ["c", "d"], ["a", "b"]),
+}
+IMPLICIT = {
+    "contact": COMPLIANT, "friction": {"kind": "coulomb", "mu_d": 0.5},
+    "stepper": {"kind": "quasi_static", "first_step": 1e-7, "slip_tolerance": 1e-6, "radiation_damping": True},
+    "boundaries": [
+        {"kind": "driven", "edge": edge, "component": component, "velocity": 0.0}
+        for edge in ("top", "bottom") for component in "xy"
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "changes, steps", [({}, 120), ({"contact": COMPLIANT}, 120), (IMPLICIT, 6)],
+    ids=["split_node", "compliant", "quasi_static"],
+)  # fmt: skip
+def test_the_same_as_uncut(variant: str, changes: dict[str, Any], steps: int, shared_tmp_path: Path) -> None:
+    whole, energy = run(table(shared_tmp_path, TWO, {"main": "11, 21"}, "upper", "lower"), changes, steps)
+    parts, same = run(table(shared_tmp_path, *VARIANTS[variant]), changes, steps)
+    assert np.abs(whole["slip"][np.abs(whole["x"]) < 1e-9]).max() > 1e-8  # it slips where the parts meet
+    for name, value in whole.items():
+        # Newton's iteration of implicit steps ends at 1e-8.
+        slack = (1e-11 if "stepper" not in changes else 1e-7) * np.nanmax(np.abs(value), initial=1e-300)
+        np.testing.assert_allclose(parts[name], value, rtol=0, atol=slack, err_msg=name)
+    if "stepper" not in changes:
+        size = max(map(abs, energy.values()))
+        assert all(abs(same[name] - energy[name]) < 1e-10 * size for name in energy)
+        assert abs(2 * same["boundary_work"] - sum(same.values())) < 1e-10 * size
+
+
+def test_other_materials_in_the_layers_matter(shared_tmp_path: Path) -> None:
+    """The energy closes where a fault crosses a layer of another material, and the slip is not that of one."""
+    given = table(shared_tmp_path, *VARIANTS["two materials and two parts"])
+    plain, _ = run(given, {}, 120)
+    soft = {**HOMALITE, "young_modulus": 3e9}
+    layered, energy = run(given, {"materials": {"default": HOMALITE, "b": soft, "d": soft}}, 120)
+    lost = 2 * energy["boundary_work"] - sum(energy.values())
+    assert abs(lost) < 1e-10 * energy["frictional_dissipation"]
+    assert np.abs(layered["slip"] - plain["slip"]).max() > 1e-2 * plain["slip"].max()
+
+
+def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:
+    """Welded beyond x = 0: the end has one node and is no point, the weights of the others are those of the whole."""
+    faces = []
+    for lines in ({"main": "11"}, {"main": "11, 21"}):
+        mesh = on_root(lambda: blocks(shared_tmp_path, TWO, lines, {"main": {"plus": "upper", "minus": "lower"}}))  # noqa: B023
+        bodies = distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))
+        face = build_interface(fem.lagrange(bodies.mesh, 2, 2), bodies, "main")
+        rows = np.column_stack([face.number, face.points, face.position, face.weight])[face.owned]
+        rows = parallel.share_rows(COMM, rows)
+        faces.append(rows[np.argsort(rows[:, 0])])
+    half, whole = faces
+    # 3 elements of order 2 on each side of x = 0: nodes 0 to 5, the end would be number 6.
+    assert len(half) == 6 and len(whole) == 13
+    np.testing.assert_allclose(half, whole[:6], rtol=1e-12, atol=1e-15)
+
+
+def test_edges_of_two_bodies_at_the_same_place(shared_tmp_path: Path) -> None:
+    """Both sides of a creeping part are edges of their own body: 4 elements of order 2, 9 nodes each."""
+    file = shared_tmp_path / "creeping.geo"
+    on_root(lambda: file.write_text(CREEPING))
+    table = plates({
+        "order": 2, "mesh": {"kind": "gmsh_file", "file": str(file),
+                             "interfaces": {"main": {"plus": "upper", "minus": "lower"}}},
+    })  # fmt: skip
+    model = Model(parse_case(table))
+    for edge, count in (("upper.creep", 9), ("lower.creep", 9), ("upper.left", 5), ("lower.left", 5)):
+        nodes = model.edge_nodes(model.bodies.tag(edge, "edge"))
+        nodes = nodes[nodes < model.owned_nodes]
+        body = np.full(len(nodes), model.bodies.names.index(edge.partition(".")[0]))
+        np.testing.assert_array_equal(model.node_body[nodes], body)
+        assert parallel.total(COMM, len(nodes)) == count
+
+
+CROSSING = {"main": "11, 21", "across": "41"}
+
+
+@pytest.mark.parametrize(
+    "bodies, lines, sides, message",
+    [
+        (FOUR, CROSSING, {"main": {"plus": ["c", "d"], "minus": ["a", "b"]}, "across": {"plus": "d", "minus": "c"}},
+         r"interface 'across' and 'main' at \(0, 0\) m: more than two sides meet"),
+        (TWO, HALVES, {"west": {"plus": "upper", "minus": "lower"}, "east": {"plus": "lower", "minus": "upper"}},
+         r"'east' and 'west' at \(0, 0\) m: plus is there what is minus in the other; swap"),
+        (FOUR, {"main": "11, 21"}, {"main": {"plus": "c", "minus": ["a", "b"]}},
+         r"interface 'main' has 3 facets that are not between plus \(c\) and minus \(a, b\), .*on '[bd]' and '[bd]'"),
+        (TWO, {"main": "11", "upper.creep": "21"}, {"main": {"plus": "upper", "minus": "lower"}},
+         r"edge 'upper.creep' has 3 facets .* between '(upper|lower)' and '(upper|lower)', which share its nodes"),
+        (TWO, {"main": "11", "outer": "12, 30", "left": "30"}, {"main": {"plus": "upper", "minus": "lower"}},
+         r"the facet at \(.*\) m belongs to 'left' and 'outer'|belongs to '(top|outer)' and '(top|outer)'"),
+        (TWO, {"main": "11"}, {"main": {"plus": ["upper", "lower"], "minus": "lower"}},
+         r"plus \(upper, lower\) and minus \(lower\) need at least one body each, and none can be on both"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(bodies: Any, lines: Any, sides: Any, message: str, shared_tmp_path: Path) -> None:
+    mesh = on_root(lambda: blocks(shared_tmp_path, bodies, lines, sides))
+    with pytest.raises(RuptfxError, match=message):
+        distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))
