@@ -101,7 +101,7 @@ def slip_and_jump(records):
     for ax in axes[2:]:
         ax.set_xlabel("Position along the interface (mm)")
     for ax in axes[::2]:
-        ax.set_ylabel("Slip, jump (µm)")
+        ax.set_ylabel("Slip, jump, in the direction of slip (µm)")
     axes[1].legend(loc="upper right", title="slip; dashed: jump")
     letter(axes)
     return figure
@@ -122,15 +122,17 @@ def fringes(pair):
     figure = Figure(figsize=(7, 3.4), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for ax, (title, record) in zip(axes, pair.items(), strict=True):
-        bulk = record.bulk
+        bulk, case = record.bulk, record.case
+        constant, thickness = case["materials"]["default"]["fringe_constant"], case["output"]["plate_thickness"]
         raster = Raster(bulk["points"].values, bulk["cells"].values)
-        order = fringe_order(bulk["fringe"].sel(time=16e-6, method="nearest").values)
+        order = fringe_order(bulk["fringe"].sel(time=16e-6, method="nearest").values, constant, thickness)
         extent = [value * 1e3 for value in raster.extent]
         shown = ax.imshow(intensity(raster(order)), origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
         ax.axhline(0, color="#d9480f", lw=0.6)
         ax.set(title=title, xlabel="x (mm)", xlim=(0, 60), ylim=(-30, 30))
     axes[0].set_ylabel("y (mm)")
-    figure.colorbar(shown, ax=axes, label="Dark-field intensity; 2.38 MPa per fringe", shrink=0.8)
+    per_fringe = f"{constant / thickness / 1e6:.3g} MPa per fringe"
+    figure.colorbar(shown, ax=axes, label=f"Dark-field intensity; {per_fringe}", shrink=0.8)
     letter(axes)
     return figure
 

@@ -58,6 +58,8 @@ class Output(Part):
     rupture_threshold: Speed = 1e-3
     """Slip rate whose first passing is the rupture time."""
     figures: bool = True
+    plate_thickness: Length | None = None
+    """Of the bodies, as a polariscope looks through them; fringes need it."""
 
 
 class KelvinVoigt(Part):

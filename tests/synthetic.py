@@ -89,7 +89,10 @@ def write_run(
 ) -> Path:
     """Write a run directory with this slip rate; everything else follows from it or is simple and known."""
     path.mkdir(parents=True)
-    case = {"title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"}}
+    case = {
+        "title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"},
+        "materials": {"default": {"fringe_constant": 22.6e3}}, "output": {"plate_thickness": 9.5e-3},
+    }  # fmt: skip
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
     (path / "run.log").write_text("synthetic\n", encoding="utf-8")
     _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp)
@@ -150,6 +153,7 @@ def _write_bulk(path: Path, time: Array, plane: str, columns: int = 101, rows: i
     stress = [2e6 * wave, 0 * wave] if plane == "antiplane" else [zero, zero - 6e6, 2e6 * wave]
     velocity = [wave] if plane == "antiplane" else [zero, wave]
     with h5py.File(path, "w") as file:
+        file.attrs["bodies"] = ["lower", "upper"]
         file["points"], file["time"] = both, time
         # Mirrored quadrilaterals are turned, so that all run counter-clockwise.
         file["cells"] = np.vstack([quads, quads[:, ::-1] + len(body)]).astype(np.int32)

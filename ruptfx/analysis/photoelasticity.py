@@ -13,28 +13,21 @@ from ruptfx import RuptfxError
 
 Array = np.ndarray
 
-# Commonly quoted for Homalite-100 in green light and the plates of the shear-impact experiments; not
-# calibrated.
-FRINGE_CONSTANT = 22.6e3  # N/m
-THICKNESS = 9.5e-3  # m
-
 
 def principal_difference(xx: Array, yy: Array, xy: Array) -> Array:
     """sigma_1 - sigma_2 = sqrt((xx - yy)^2 + 4 xy^2) of the stresses in the plane [Pa]."""
     return np.hypot(xx - yy, 2 * xy)
 
 
-def fringe_order(
-    difference: Array, fringe_constant: float = FRINGE_CONSTANT, thickness: float = THICKNESS
-) -> Array:
+def fringe_order(difference: Array, fringe_constant: Array | float, thickness: float) -> Array:
     """Number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
 
     Parameters
     ----------
     difference : ndarray
         sigma_1 - sigma_2 [Pa].
-    fringe_constant : float
-        f_sigma of the material and the light [N/m]; the default is a commonly quoted value for Homalite-100.
+    fringe_constant : ndarray or float
+        f_sigma of the material and the light [N/m].
     thickness : float
         Thickness of the plate [m].
     """

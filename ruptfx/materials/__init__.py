@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from ruptfx.schema import Alternative, alternative
-from ruptfx.units import Density
+from ruptfx.units import Density, FringeConstant
 
 Plane = Literal["stress", "strain", "antiplane", "solid"]
 """What the displacement is: two components in plane stress or strain, the one out of plane, or all three in 3D."""
@@ -24,6 +24,9 @@ class Material(Alternative):
     """The contract of a material."""
 
     density: Density
+    fringe_constant: FringeConstant | None = None
+    """Of the material and the light, f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
+    drawn where it and `output.plate_thickness` are given."""
 
     def energy_density(self, strain: Any, plane: Plane) -> Any:
         """Strain energy per volume [J/m3] as a UFL expression.

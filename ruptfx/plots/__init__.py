@@ -32,8 +32,8 @@ MOST_FRINGES = 60
 def all_figures(record: Record) -> dict[str, Figure]:
     """Every figure the run has the data for, by name: of the interface and the bodies only in two dimensions.
 
-    Fringes are left out of antiplane runs, which have none, and where there are too many to be seen. Runs with slow and
-    fast phases have a figure of their own.
+    Fringes are left out where materials have no fringe constant, and where there are too many to be seen. Runs with
+    slow and fast phases have a figure of their own.
     """
     draw: list[Callable[[Record], Figure]] = []
     if record.interfaces and "slip_rate" in record.interface:

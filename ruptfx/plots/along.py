@@ -24,13 +24,16 @@ from ruptfx.plots.style import (
     direction,
     edges,
     end_time,
+    guides,
     letter,
     nearest,
     new_figure,
     note,
+    remark,
     scale,
     styled,
-    wave_speeds,
+    turned,
+    whose_speeds,
 )
 from ruptfx.record import Record
 
@@ -56,16 +59,18 @@ def space_time(record: Record) -> Figure:
     if peak > 0 and len(time) > 1:
         low, high, logarithmic = _range(record, rate)
         size, unit = scale(high, "m/s")
-        norm = LogNorm(low / size, high / size) if logarithmic else Normalize(0, high / size)
+        norm = (LogNorm if logarithmic else Normalize)(low / size, max(high, 2 * low) / size)
         shown = np.ma.masked_less(rate, low) / size
         grid = edges(position) / x_size, edges(time) / t_size
-        mesh = ax.pcolormesh(*grid, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
-        bar = figure.colorbar(mesh, ax=ax, label=f"Slip rate ({unit})", extend="max", pad=0.03)
+        colours = RATE_MAP.with_extremes(under="white")
+        mesh = ax.pcolormesh(*grid, shown, norm=norm, cmap=colours, rasterized=True)
+        bar = figure.colorbar(mesh, ax=ax, label=f"Magnitude of slip rate ({unit})", extend="both", pad=0.03)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("")
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
     _rays(ax, record, x_size, t_size)
+    remark(figure, whose_speeds(record))
     return figure
 
 
@@ -82,14 +87,14 @@ def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
     (left, right), top = ax.get_xlim(), ax.get_ylim()[1]
     halo = [withStroke(linewidth=1.5, foreground="white")]
-    for name, speed in wave_speeds(record).items():
+    for name, speed, style in guides(record):
         slope = speed * t_size / x_size
         for sign, room in ((1, right - start), (-1, start - left)):
             if room < 0.02 * (right - left):
                 continue
             reach = min(room, slope * (top - begin))
             end = (start + sign * reach, begin + reach / slope)
-            ax.plot([start, end[0]], [begin, end[1]], "--", color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
+            ax.plot([start, end[0]], [begin, end[1]], style, color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
             at_side = reach >= room
             if sign < 0 and right > start:
                 continue  # labels at one side are enough
@@ -106,8 +111,9 @@ def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
 def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
     """Slip rate, shear traction and normal stress along the interface at several times, one row each.
 
-    Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are
-    positive in the direction of the slip. Slip rates have a logarithmic axis where narrow pulses ask for it.
+    Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
+    in the direction of the slip; where that turns their sign the figure says so. Slip rates have a logarithmic axis
+    where narrow pulses ask for it.
 
     Parameters
     ----------
@@ -146,6 +152,7 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
+    remark(figure, turned(record), whose_speeds(record))
     letter(axes.ravel())
     return figure
 
@@ -155,11 +162,11 @@ def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) ->
     left, right = ax.get_xlim()
     labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other
     for sign in (-1, 1):
-        for name in ("$c_s$", "$c_l$"):
-            place = (start + sign * wave_speeds(record).get(name, np.nan) * (time - begin)) / x_size
+        for name, speed, style in guides(record, "c_s", "c_p"):
+            place = (start + sign * speed * (time - begin)) / x_size
             if not (time > begin and left < place < right):
                 continue
-            ax.axvline(place, color=GUIDE, lw=0.5, ls="--", zorder=0)
+            ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
             if named and place > labelled + 0.08 * (right - left):
                 labelled = place
                 ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
@@ -171,7 +178,7 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
     """Total slip and displacement jump along the interface at successive times, coloured by time.
 
     The jump contains the elastic stretch of a compliant interface, the slip does not. Both are positive in
-    the direction of the slip.
+    the direction of the slip; where that turns their sign the figure says so.
 
     Parameters
     ----------
@@ -199,6 +206,7 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
         ax.set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"{names[name]} ({unit})")
         ax.set_xlim(position[0] / x_size, position[-1] / x_size)
     figure.colorbar(colours, ax=axes[0].tolist(), label=f"Time ({t_unit})")
+    remark(figure, turned(record))
     letter(axes[0])
     return figure
 
@@ -207,7 +215,8 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
 def front(record: Record) -> Figure:
     """Arrival of the rupture and its local speed along the interface, with the wave speeds.
 
-    The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface.
+    The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface. A panel
+    without a speed says why.
     """
     data = record.interface
     position, arrival = data["position"].values, data["rupture_time"].values
@@ -216,15 +225,16 @@ def front(record: Record) -> Figure:
     axes[0].plot(position / x_size, arrival / t_size, color="#1a1a1a")
     axes[0].set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture time ({t_unit})")
     axes[0].set_xlim(position[0] / x_size, position[-1] / x_size)
-    speeds = wave_speeds(record)
-    fastest = max(speeds.values(), default=1.0)
+    speeds = guides(record)
+    fastest = max((guide.speed for guide in speeds), default=1.0)
     size, unit = (1e3, "km/s") if fastest > 900 else scale(fastest, "m/s")
     local = np.abs(local_speed(position, arrival, 0.05 * np.ptp(position)))
-    local[local > 3 * fastest] = np.nan  # points that start together
+    together = local > 3 * fastest
+    local[together] = np.nan
     shown = np.append(local[np.isfinite(local)], 0.0)
-    axes[1].plot(position / x_size, local / size, color="#1a1a1a")
-    for name, speed in speeds.items():
-        axes[1].axhline(speed / size, ls="--", color=GUIDE, lw=0.8)
+    axes[1].plot(position / x_size, local / size, ".-", ms=2, color="#1a1a1a")  # a point may stand alone
+    for name, speed, style in speeds:
+        axes[1].axhline(speed / size, ls=style, color=GUIDE, lw=0.8)
         axes[1].annotate(
             name, (1, speed / size), (3, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
             color=GUIDE, va={"$c_s$": "bottom", "$c_R$": "top"}.get(name, "center"), annotation_clip=False,
@@ -236,6 +246,9 @@ def front(record: Record) -> Figure:
     if not np.isfinite(arrival).any():
         for ax in axes:
             note(ax, "no sliding")
+    elif len(shown) == 1:
+        note(axes[1], "no front: the points\nslide at once" if together.any() else "too few points slid\nfor a speed")
+    remark(figure, whose_speeds(record))
     letter(axes)
     return figure
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ruptfx.analysis.photoelasticity import FRINGE_CONSTANT, THICKNESS, fringe_order, intensity
+from ruptfx.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.plots.style import (
     WAVE_MAP,
     WIDTH,
@@ -18,6 +18,7 @@ from ruptfx.plots.style import (
     nearest,
     new_figure,
     note,
+    remark,
     scale,
     styled,
 )
@@ -76,44 +77,102 @@ class Raster:
         return image.reshape(self.shape)
 
 
+class Plates:
+    """What makes fringes of stress: the fringe constants of the bodies and the thickness of the plates.
+
+    Parameters
+    ----------
+    record : Record
+    fringe_constant, thickness : float, optional
+        For all bodies [N/m], and of the plates [m], instead of those of the case.
+
+    Attributes
+    ----------
+    constants : dict of str to float
+        By body [N/m]; NaN where it is not known.
+    thickness : float
+        [m], NaN where it is not known.
+    missing : str
+        Why there are no fringes; empty where there are.
+    """
+
+    def __init__(self, record: Record, fringe_constant: float | None = None, thickness: float | None = None) -> None:
+        case, self._bulk = record.case, record.bulk
+        given = case.get("materials", {})
+        self.constants = {}
+        for name in map(str, np.atleast_1d(self._bulk.attrs.get("bodies", ["bodies"]))):
+            material = given.get(name, given.get("default", {}))
+            self.constants[name] = float(fringe_constant or material.get("fringe_constant", np.nan))
+        self.thickness = float(thickness or case.get("output", {}).get("plate_thickness", np.nan))
+        self.missing = ""
+        if "fringe" not in self._bulk or self._bulk.sizes.get("component") != 2:
+            self.missing = "no fringes: they are of stresses in a plane"
+        elif not np.isfinite(list(self.constants.values())).any():
+            self.missing = "no fringes: no material\nhas a fringe_constant"
+        elif not np.isfinite(self.thickness):
+            self.missing = "no fringes:\noutput.plate_thickness is not given"
+
+    def order(self, row: int) -> Array:
+        """Fringe order at every point of a snapshot."""
+        constant = np.array(list(self.constants.values()))[self._bulk["body"].values]
+        return fringe_order(self._bulk["fringe"].isel(time=row).values, constant, self.thickness)
+
+    def per_fringe(self) -> str:
+        """Stress of a fringe, of every body where they differ."""
+        texts = {}
+        for name, constant in self.constants.items():
+            size, unit = scale(constant / self.thickness, "Pa")
+            known = np.isfinite(constant)
+            texts[name] = f"{constant / self.thickness / size:.3g} {unit} per fringe" if known else "no fringe constant"
+        if len(set(texts.values())) == 1:
+            return next(iter(texts.values()))
+        return ", ".join(f"{text} ({name})" for name, text in texts.items())
+
+
 def most_fringes(record: Record) -> float:
-    """Largest fringe order at the last snapshot but for a hundredth of the points; 0 in antiplane."""
-    bulk = record.bulk
-    if "fringe" not in bulk or not bulk.sizes["time"] or bulk.sizes.get("component") == 1:
+    """Largest fringe order at the last snapshot but for a hundredth of the points; 0 where there are none."""
+    plates = Plates(record)
+    if plates.missing or not record.bulk.sizes["time"]:
         return 0.0
-    return float(np.quantile(fringe_order(bulk["fringe"].isel(time=-1).values), 0.99))
+    return float(np.nanquantile(plates.order(-1), 0.99))
 
 
 @styled
 def fringes(
     record: Record,
     time: float | Sequence[float] | None = None,
-    fringe_constant: float = FRINGE_CONSTANT,
-    thickness: float = THICKNESS,
+    fringe_constant: float | None = None,
+    thickness: float | None = None,
     field: str = "dark",
 ) -> Figure:
     """Isochromatic fringes as a polariscope shows them, with the interface drawn.
+
+    Bodies whose material has no fringe constant are left blank; without a constant or the thickness of the plates the
+    figure says what is missing. Where the initial stress of the bodies is assumed it says so, too.
 
     Parameters
     ----------
     record : Record
     time : float or sequence of float, optional
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
-    fringe_constant, thickness : float
-        Material fringe constant [N/m] and plate thickness [m].
+    fringe_constant, thickness : float, optional
+        Of all bodies [N/m], and of the plates [m]. Default: `fringe_constant` of the materials and
+        `output.plate_thickness` of the case.
     field : str
         "dark" or "light" field of the polariscope.
     """
-    if "fringe" not in record.bulk:
-        return _without("no fringes: no stress difference in the plane was saved")
+    plates = Plates(record, fringe_constant, thickness)
+    if plates.missing:
+        return _without(plates.missing)
 
     def light(row: int, raster: Raster) -> Array:
-        order = fringe_order(record.bulk["fringe"].isel(time=row).values, fringe_constant, thickness)
-        return intensity(raster(order), field)
+        return intensity(raster(plates.order(row)), field)
 
-    per_fringe, unit = scale(fringe_constant / thickness, "Pa")
-    label = f"{field.capitalize()}-field intensity; {fringe_constant / thickness / per_fringe:.3g} {unit} per fringe"
-    return _panels(record, time, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
+    label = f"{field.capitalize()}-field intensity; {plates.per_fringe()}"
+    figure = _panels(record, time, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
+    stress = str(record.bulk.attrs.get("initial_stress", ""))
+    remark(figure, f"Initial stress {stress}." if stress.startswith("assumed") else "")
+    return figure
 
 
 @styled
@@ -152,9 +211,11 @@ def _panels(
     points = bulk["points"].values
     raster = Raster(points, bulk["cells"].values)
     images = [picture(int(row), raster) for row in rows]
+    extend = "neither"
     if "vmax" not in look:
         # A few bright pixels at the tip must not darken the waves.
         look["vmax"] = max(np.nanquantile(image, 0.998) for image in images) or 1.0
+        extend = "max"
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(points, axis=0), "m"), scale(saved, "s")
     columns = min(len(rows), 2)
     lines = -(-len(rows) // columns)
@@ -164,6 +225,7 @@ def _panels(
     figure, axes = new_figure(lines, columns, height, sharex=True, sharey=True)
     extent = [value / x_size for value in raster.extent]
     for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
+        ax.set_facecolor("#dbe4ec")  # what has no value is no shade of the picture
         shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
         for data in record.interfaces.values():
             ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
@@ -175,7 +237,9 @@ def _panels(
         ax.set_ylabel(f"y ({x_unit})")
     for ax in axes.ravel()[len(rows):]:
         ax.set_visible(False)
-    figure.colorbar(shown, ax=axes.ravel().tolist(), label=label, location="bottom", shrink=0.4, aspect=30)
+    figure.colorbar(
+        shown, ax=axes.ravel().tolist(), label=label, location="bottom", shrink=0.4, aspect=30, extend=extend
+    )
     letter(axes.ravel()[: len(rows)])
     return figure
 

@@ -14,12 +14,15 @@ from ruptfx.plots.style import (
     Array,
     direction,
     edges,
+    guides,
     letter,
     new_figure,
     note,
+    remark,
     scale,
     styled,
-    wave_speeds,
+    turned,
+    whose_speeds,
 )
 from ruptfx.record import Record
 
@@ -48,8 +51,8 @@ def ruptures(record: Record) -> list[tuple[int, int]]:
 
 @styled
 def cycles(record: Record) -> Figure:
-    """Mean shear traction and peak slip rate against time; slip rate along the interface against the number of the
-    record, in which every phase has its room; and the largest rupture against time."""
+    """Shear force and peak slip rate against time; slip rate along the interface against a time that is stretched where
+    records are dense, so that every phase has its room; and the largest rupture against time."""
     data = record.interface
     position, time = data["position"].values, data["time"].values
     rate = np.abs(data["slip_rate"].values)
@@ -70,22 +73,31 @@ def cycles(record: Record) -> Figure:
             note(ax, "no sliding")
         return figure
     norm, found = LogNorm(max(SLOWEST, 1e-10 * high), high), ruptures(record)
-    numbers = np.arange(len(time) + 1) - 0.5
-    shown = np.maximum(rate, norm.vmin or SLOWEST)
-    mesh = axes[1, 0].pcolormesh(edges(position) / x_size, numbers, shown, norm=norm, cmap=RATE_MAP, rasterized=True)
-    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel="Record (number)")
-    _mark_times(axes[1, 0], time, found, t_size, t_unit)
-    figure.colorbar(mesh, ax=axes[1, 0], label="Slip rate (m/s)", pad=0.04)
+    places, times = edges(position) / x_size, edges(time) / t_size
+    mesh = axes[1, 0].pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP,
+                                 rasterized=True)  # fmt: skip
+    _stretch(axes[1, 0], times, [first for first, _ in found])
+    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel=f"Time ({t_unit}), stretched where records are dense")
+    figure.colorbar(mesh, ax=axes[1, 0], label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
     _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
+    remark(figure, turned(record), whose_speeds(record))
     letter(axes.ravel())
     return figure
 
 
-def _mark_times(ax: Axes, time: Array, found: list[tuple[int, int]], t_size: float, t_unit: str) -> None:
-    """When the ruptures were, on the right."""
-    right = ax.secondary_yaxis("right")
-    right.set_yticks([first for first, _ in found], [f"{time[first] / t_size:.3g} {t_unit}" for first, _ in found])
-    right.tick_params(colors=GUIDE, labelsize=6)
+def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
+    """A time axis on which every record is as high as any other, with ticks where the ruptures begin."""
+    numbers = np.arange(len(times), dtype=float)
+    ax.set_yscale("function", functions=(
+        lambda time: np.interp(time, times, numbers), lambda number: np.interp(number, numbers, times),
+    ))  # fmt: skip
+    ticks: list[int] = []
+    for number in (0, *found, len(times) - 1):
+        if not ticks or number - ticks[-1] > 0.04 * len(times):  # labels have a height
+            ticks.append(number)
+    ax.set_yticks(times[ticks], [f"{time:.4g}" for time in times[ticks]])
+    ax.minorticks_off()
+    ax.set_ylim(times[0], times[-1])
 
 
 def _largest(
@@ -111,16 +123,15 @@ def _largest(
     size, unit = scale(time, "s")
     mesh = ax.pcolormesh(edges(position), edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
-    ax.figure.colorbar(mesh, ax=ax, label="Slip rate (m/s)", pad=0.03)
+    ax.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.03)
     since = f"Time since {start:.5g} s ({unit})"
     ax.set(xlabel=f"Position ({x_unit})", ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
     width, low = np.ptp(position), 0.04 * time[-1] / size
     halo = [withStroke(linewidth=1.5, foreground="white")]
-    for place, name in ((0.62, "$c_s$"), (0.8, "$c_l$")):  # slopes to compare with
-        speed = wave_speeds(record).get(name)
-        if speed is not None:
+    for wanted, place in (("c_s", 0.62), ("c_p", 0.8)):  # slopes to compare with
+        for name, speed, style in guides(record, wanted):
             x = position[0] + np.array([place, place + 0.14]) * width
             rise = 0.14 * width * x_size / speed / size
-            ax.plot(x, [low, low + rise], "--", color=GUIDE, lw=0.8, path_effects=halo)
+            ax.plot(x, [low, low + rise], style, color=GUIDE, lw=0.8, path_effects=halo)
             ax.annotate(name, (x[1], low + rise), (2, 0), textcoords="offset points", color=GUIDE, va="center",
                         path_effects=halo)  # fmt: skip

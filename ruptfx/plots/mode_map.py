@@ -293,15 +293,19 @@ def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity
     low, high = float(good.min()), float(good.max())
     positive = good[good > 0]
     logarithmic = len(positive) > 0 and low >= 0 and high > 30 * max(float(np.quantile(positive, 0.05)), 1e-300)
+    extend = "neither"
     if logarithmic:
         low = max(float(positive.min()), high / 1e4)
+        extend = "min" if positive.min() < low else "neither"
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high if high > low else low + 1)
     # What is smaller than four decades has the last colour; zero has none.
     shades = np.where(values > 0, np.maximum(values, low), np.nan) if logarithmic else values
     _cells(ax, shown, rows, shades, cmap=COLOURS, norm=norm)
     ax.set_facecolor("#f2f2f2")
     label = quantity.label + (f" ({quantity.unit})" if quantity.unit else "")
-    bar = ax.figure.colorbar(ScalarMappable(norm, COLOURS), ax=ax, label=label.replace("c_l", "$c_l$"), pad=0.02)
+    bar = ax.figure.colorbar(
+        ScalarMappable(norm, COLOURS), ax=ax, label=label.replace("c_l", "$c_l$"), pad=0.02, extend=extend
+    )
     bar.ax.tick_params(direction="out")
     if logarithmic:
         bar.ax.yaxis.set_major_formatter("{x:g}")

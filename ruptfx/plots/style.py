@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -28,6 +28,7 @@ STYLE: Any = {
     "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
 }
 GUIDE = "#1769aa"  # wave speeds
+STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # of the bodies they belong to
 MUTED = "#888888"
 # Perceptually uniform, cut where lines and guides would not show.
 RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
@@ -85,22 +86,76 @@ def note(ax: Axes, text: str) -> None:
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED, backgroundcolor="white")
 
 
-def wave_speeds(record: Record) -> dict[str, float]:
-    """Speeds of the guide lines [m/s] by label; antiplane motion knows only c_s."""
+class Guide(NamedTuple):
+    """A wave speed to compare with: what to call it, the speed [m/s], the line style of its body."""
+
+    symbol: str
+    speed: float
+    style: str = "--"
+
+
+def guides(record: Record, *wanted: str) -> list[Guide]:
+    """Wave speeds, of those wanted (``c_R c_s Eshelby c_p``; default all) the ones that exist.
+
+    Antiplane motion knows only c_s. Where bodies differ these are c_s and c_p of each, in a line style of its own:
+    neither the Rayleigh nor the Eshelby speed of one body is a speed of the interface.
+    """
     attrs = record.interface.attrs
-    speeds = {
-        "$c_R$": attrs.get("c_R"), "$c_s$": attrs.get("c_s"),
-        r"$\sqrt{2}\,c_s$": np.sqrt(2) * attrs.get("c_s", np.nan), "$c_l$": attrs.get("c_p"),
-    }
-    if attrs.get("plane") == "antiplane":
-        speeds = {"$c_s$": attrs.get("c_s")}
-    return {name: float(value) for name, value in speeds.items() if value is not None and np.isfinite(value)}
+    plane = attrs.get("plane")
+    symbols = {
+        "c_R": "$c_R$", "c_s": "$c_s$", "Eshelby": r"$\sqrt{2}\,c_s$", "c_p": "$c_l$" if plane == "stress" else "$c_p$",
+    }  # fmt: skip
+    bodies = list(_bodies_by_speeds(record))
+    if len(bodies) > 1:
+        found = [
+            Guide(symbols[name], speed, style)
+            for speeds, style in zip(bodies, STYLES, strict=False)
+            for name, speed in zip(("c_p", "c_s"), speeds, strict=True)
+            if name in (wanted or symbols) and (name == "c_s" or plane != "antiplane")
+        ]
+        found.sort(key=lambda guide: guide.speed)
+    else:
+        speed = {name: attrs.get(name, np.nan) for name in ("c_R", "c_s", "c_p")}
+        speed["Eshelby"] = np.sqrt(2) * speed["c_s"]
+        known = ["c_s"] if plane == "antiplane" else list(symbols)
+        found = [Guide(symbols[name], float(speed[name])) for name in known if name in (wanted or symbols)]
+    return [guide for guide in found if np.isfinite(guide.speed)]
+
+
+def _bodies_by_speeds(record: Record) -> dict[tuple[float, float], list[str]]:
+    """Names of the bodies that share c_p and c_s [m/s]."""
+    attrs = record.interface.attrs
+    columns = [np.atleast_1d(attrs.get(name, [])) for name in ("bodies", "c_p_of_bodies", "c_s_of_bodies")]
+    groups: dict[tuple[float, float], list[str]] = {}
+    for name, c_p, c_s in zip(*columns, strict=True):
+        groups.setdefault((float(c_p), float(c_s)), []).append(str(name))
+    return groups
 
 
 def end_time(record: Record) -> float:
     """Last saved time [s], or the planned end where nothing but the start was saved."""
     last = record.interface["time"].values[-1:]
     return float(last[0]) if last.sum() > 0 else float(record.case.get("duration", 1.0))
+
+
+def remark(figure: Figure, *texts: str) -> None:
+    """What has to be known to read the figure right, in small type below it."""
+    if any(texts):
+        figure.supxlabel("\n".join(text for text in texts if text), fontsize=6.5, color=MUTED)
+
+
+def whose_speeds(record: Record) -> str:
+    """Which line style is which body's, where their wave speeds differ."""
+    groups = [", ".join(names) for names in _bodies_by_speeds(record).values()]
+    if len(groups) < 2:
+        return ""
+    return "Wave speeds: " + "; ".join(f"{STYLES[s]} {g}" for s, g in zip(STYLES, groups, strict=False)) + "."
+
+
+def turned(record: Record) -> str:
+    """Says so where figures turn the sign of slip and shear traction."""
+    against = "Slip is against the tangent of the interface: signs of slip, slip rate and shear traction are turned."
+    return against if direction(record) < 0 else ""
 
 
 def direction(record: Record) -> float:

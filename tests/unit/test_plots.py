@@ -9,12 +9,13 @@ import matplotlib
 import numpy as np
 import pytest
 import synthetic
+import tomli_w
 
 from ruptfx import RuptfxError, plots
 from ruptfx.analysis import summarise
 from ruptfx.plots.bulk import Raster
 from ruptfx.plots.cycles import ruptures
-from ruptfx.plots.style import default_times, scale
+from ruptfx.plots.style import default_times, edges, scale
 from ruptfx.record import Record
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
@@ -69,6 +70,14 @@ def test_slow_and_fast_phases_have_a_figure_of_their_own(tmp_path, size):
             assert 30e-6 < float(record.interface.time[last] - record.interface.time[first]) < 61e-6
         figures["cycles"].canvas.draw()
         check_units(figures["cycles"])
+        if size:
+            # Records are equally high on an axis of time; ticks where the ruptures begin.
+            ax = figures["cycles"].axes[2]
+            assert ax.get_ylabel().startswith("Time (s)")
+            np.testing.assert_allclose(ax.get_yticks()[1:3], time[[first for first, _ in found]], rtol=0.02)
+            heights = np.diff(ax.transAxes.inverted().transform(ax.transData.transform(
+                np.column_stack([np.zeros(4), edges(time)[[0, 1, 100, 101]]])))[:, 1])  # fmt: skip
+            np.testing.assert_allclose(heights[[0, 2]], 1 / len(time), rtol=1e-6)
         assert size or any("no sliding" in text.get_text() for ax in figures["cycles"].axes for text in ax.texts)
 
 
@@ -125,6 +134,104 @@ def test_runs_killed_early(tmp_path, count):
     with Record(path) as record:
         for figure in plots.all_figures(record).values():
             figure.canvas.draw()
+
+
+def bodies(record, c_p, c_s):
+    """Give the record bodies with these wave speeds."""
+    with h5py.File(record.path / "interface.h5", "a") as file:
+        file.attrs.update(bodies=["lower", "upper"], c_p_of_bodies=c_p, c_s_of_bodies=c_s)
+    return Record(record.path)
+
+
+def remarks(figure):
+    """What is printed in small type below the panels."""
+    return figure.get_supxlabel()
+
+
+def test_bodies_that_differ_have_their_own_guide_lines(train):
+    with bodies(train, [2200.0, 1800.0], [1255.0, 1000.0]) as record:
+        figure = plots.space_time(record)
+        rays = [line for line in figure.axes[0].lines if line.get_gid() == "ray"]
+        slopes = [np.ptp(line.get_xdata()) / np.ptp(line.get_ydata()) for line in rays]
+        np.testing.assert_allclose(slopes, [1.0, 1.255, 1.8, 2.2])
+        assert [line.get_linestyle() for line in rays] == [":", "--", ":", "--"]
+        for drawn in (figure, plots.front(record), plots.snapshots(record)):
+            assert "dashed lower; dotted upper" in remarks(drawn)
+    with bodies(train, [2200.0, 2200.0], [1255.0, 1255.0]) as record:
+        assert len([line for line in plots.space_time(record).axes[0].lines if line.get_gid() == "ray"]) == 4
+        assert remarks(plots.space_time(record)) == ""
+
+
+def test_antiplane_bodies_that_differ_have_no_other_speed(tmp_path):
+    plain = record_of(tmp_path, synthetic.crack(TIME, POSITION), plane="antiplane")
+    with bodies(plain, [1255.0, 1000.0], [1255.0, 1000.0]) as record:
+        assert [text.get_text() for text in plots.space_time(record).axes[0].texts] == ["$c_s$", "$c_s$"]
+
+
+def test_the_fast_wave_has_the_name_of_its_plane(tmp_path):
+    with record_of(tmp_path, synthetic.crack(TIME, POSITION), plane="strain") as record:
+        assert plots.space_time(record).axes[0].texts[-1].get_text() == "$c_p$"
+
+
+def test_turned_signs_are_said(tmp_path):
+    for sign, text in ((1, ""), (-1, "signs of slip, slip rate and shear traction are turned")):
+        with record_of(tmp_path / str(sign), sign * synthetic.crack(TIME, POSITION)) as record:
+            for figure in (plots.snapshots(record), plots.slip_profiles(record)):
+                assert (text in remarks(figure)) if text else remarks(figure) == ""
+
+
+def test_a_speed_panel_without_a_speed_says_why(tmp_path):
+    together = np.where(TIME[:, None] > 20e-6, 1.0, 0.0) * np.ones_like(POSITION)
+    with record_of(tmp_path / "all", together) as record:
+        assert "slide at once" in plots.front(record).axes[1].texts[-1].get_text()
+    with record_of(tmp_path / "few", together * (np.arange(len(POSITION)) < 3)) as record:
+        assert "too few points slid" in plots.front(record).axes[1].texts[-1].get_text()
+
+
+def test_colour_bars_have_an_arrow_where_they_are_cut(train):
+    def arrows(figure):
+        return [image.colorbar.extend for ax in figure.axes for image in (*ax.collections, *ax.images)
+                if image.colorbar is not None]  # fmt: skip
+
+    assert arrows(plots.wavefield(train)) == ["max"]
+    assert arrows(plots.fringes(train)) == ["neither"]
+    assert arrows(plots.space_time(train)) == ["both"]
+
+
+def with_materials(record, table):
+    case = (record.path / "case.toml").read_text().split("[materials")[0]
+    (record.path / "case.toml").write_text(case + tomli_w.dumps(table))
+    return Record(record.path)
+
+
+def test_without_a_fringe_constant_there_are_no_fringes(train):
+    with with_materials(train, {"materials": {"default": {"density": 1.0}}}) as record:
+        assert "fringes" not in plots.all_figures(record)
+        assert "fringe_constant" in plots.fringes(record).axes[0].texts[0].get_text()
+        assert len(plots.fringes(record, time=0.0, fringe_constant=22.6e3, thickness=9.5e-3).axes) == 2
+    with with_materials(train, {"materials": {"default": {"fringe_constant": 22.6e3}}}) as record:
+        assert "fringes" not in plots.all_figures(record)
+        assert "plate_thickness" in plots.fringes(record).axes[0].texts[0].get_text()
+
+
+def test_every_body_has_its_own_fringes(train):
+    # sigma_1 - sigma_2 = 6 MPa in plates of 10 mm: N = 2 at 30 kN/m is black; the other body has no constant.
+    table = {"materials": {"lower": {}, "upper": {"fringe_constant": 30e3}}, "output": {"plate_thickness": 10e-3}}
+    with with_materials(train, table) as record:
+        figure = plots.fringes(record, time=0.0)
+        image = np.ma.filled(figure.axes[0].images[0].get_array(), np.nan)
+        half = len(image) // 2
+        assert np.isnan(image[: half - 2]).all()
+        np.testing.assert_allclose(image[half + 2 :], 0, atol=1e-12)
+        assert figure.axes[1].get_xlabel().endswith("no fringe constant (lower), 3 MPa per fringe (upper)")
+
+
+def test_fringes_say_what_initial_stress_is_assumed(train):
+    for source, text in (("given", ""), ("assumed: uniaxial", "Initial stress assumed: uniaxial.")):
+        with h5py.File(train.path / "bulk.h5", "a") as file:
+            file.attrs["initial_stress"] = source
+        with Record(train.path) as record:
+            assert remarks(plots.fringes(record, time=0.0)) == text
 
 
 def test_stresses_of_rock_make_no_fringes(train):
