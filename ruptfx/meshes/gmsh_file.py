@@ -11,7 +11,7 @@ from pydantic import Field
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
-from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes import MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
@@ -46,11 +46,13 @@ class GmshFile(MeshSource):
     interfaces: Annotated[dict[Name, Sides], Field(min_length=1)]
     scale: Positive = 1.0
     """Metres per length unit of the file."""
+    trust: bool = False
+    """Let a .geo file run commands, write files and read from outside of its directory: it can do what you can."""
 
     def build(self) -> RawMesh:
+        points, cell, cells, bodies, cell_body, named = _read(Path(self.file), self.trust)
         from ruptfx.bodies import FACETS  # not at the top: cases are read also where there is no DOLFINx
 
-        points, cell, cells, bodies, cell_body, named = _read(Path(self.file))
         points = points[:, : 3 if cell in ("hexahedron", "tetrahedron") else 2] * self.scale
         for name, sides in self.interfaces.items():
             _check_names(self.file, name, sides, named, bodies)
@@ -166,12 +168,14 @@ def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus:
     return partner[plus]
 
 
-def _read(path: Path) -> tuple[Any, ...]:
+def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     """Points, cell type, cells, names of the bodies, body of every cell, and the named facets."""
     import meshio
 
     if not path.exists():
         raise RuptfxError(f"{path}: no such mesh file")
+    if path.suffix == ".geo" and not trust:
+        _geo.check(path)
     try:
         if path.suffix == ".geo":
             with tempfile.TemporaryDirectory() as folder:

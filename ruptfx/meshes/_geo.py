@@ -1,0 +1,86 @@
+"""What a Gmsh script may do without being trusted: describe a geometry.
+
+Gmsh runs commands, writes files and ends the process when a script says so, already while it opens the file. The
+scanner knows comments and strings as Gmsh does (no escapes, no nesting, strings may go over several lines) and refuses
+by single words, whatever they mean where they stand.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ruptfx import RuptfxError
+
+_TOKEN = re.compile(r"""//[^\n]* | /\*.*?\*/ | "[^"]*" | '[^']*' | [A-Za-z_]\w* | \S""", re.S | re.X)
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_REFUSED = re.compile(
+    r"(system\w*|nonblockingsystem\w*|onelab\w*|externalprocess|plugin|save|print|createdir|exit)", re.I
+)
+_READS = re.compile(r"(include|merge\w*|shapefromfile)", re.I)
+_SCRIPTS = {".geo", ".geo_unrolled", ".opt", ".pos", ".txt"}
+_DATA = {".msh", ".step", ".stp", ".iges", ".igs", ".brep", ".stl"}
+
+
+def check(path: Path) -> None:
+    """Refuse a script that does more than to describe a geometry, with all the files that it reads.
+
+    Parameters
+    ----------
+    path : Path
+        What it reads must be in the same directory, or below.
+
+    Raises
+    ------
+    RuptfxError
+        Names the file, the line and the word.
+    """
+    directory = path.resolve().parent
+    todo, seen = [path.resolve()], set()
+    options = path.with_name(path.name + ".opt")  # Gmsh reads it, too
+    if options.exists():
+        todo.append(options.resolve())
+    while todo:
+        file = todo.pop()
+        if file not in seen:
+            seen.add(file)
+            todo += _scan(file, directory)
+
+
+def _scan(path: Path, directory: Path) -> list[Path]:
+    """The scripts that a script reads."""
+    text = path.read_bytes().decode("latin-1")
+    found: list[Path] = []
+
+    def refuse(what: str, place: int) -> RuptfxError:
+        return RuptfxError(
+            f"{path}, line {1 + text.count(chr(10), 0, place)}: {what}; a mesh file may only describe a geometry. If "
+            "you trust it and all it reads, add trust = true to [mesh]"
+        )
+
+    if "\0" in text:
+        raise refuse("a zero byte, where Gmsh ends comments", text.index("\0"))
+    tokens = [match for match in _TOKEN.finditer(text) if not match.group().startswith(("//", "/*"))]
+    for number, token in enumerate(tokens):
+        word, place = token.group(), token.start()
+        if word.startswith("'") and '"' in word:
+            raise refuse("quotation marks of both kinds in each other", place)
+        for item in _WORD.findall(word) if word.startswith("'") else [word]:
+            if _REFUSED.fullmatch(item):
+                raise refuse(f"'{item}' runs commands, writes files or ends the program", place)
+        if word.lower() == "printf":
+            end = next((i for i in range(number, len(tokens)) if tokens[i].group() == ";"), len(tokens))
+            if any(item.group() == ">" for item in tokens[number:end]):
+                raise refuse(f"'{word}' writes a file", place)
+        if _READS.fullmatch(word):
+            name = next((t.group() for t in tokens[number + 1 : number + 3] if t.group() != "("), "")
+            if not name.startswith('"'):
+                raise refuse(f"'{word}' is not followed by the name of a file", place)
+            file = (path.parent / name[1:-1]).resolve()
+            if not file.is_relative_to(directory):
+                raise refuse(f"'{word}' reads {file}, which is not in {directory}", place)
+            if word.lower() == "include" or file.suffix in _SCRIPTS:
+                found += [file] if file.is_file() else []  # Gmsh says what is missing
+            elif file.suffix not in _DATA:
+                raise refuse(f"'{word}' reads {file.name}, which is neither a script nor a geometry", place)
+    return found

@@ -1,0 +1,103 @@
+"""What a .geo file does beyond describing a geometry is refused before Gmsh sees it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ruptfx import RuptfxError
+from ruptfx.meshes import _geo
+from ruptfx.meshes.gmsh_file import GmshFile
+
+DATA = Path(__file__).parents[1] / "data"
+PLATES = (DATA / "two_bodies.geo").read_text()
+SIDES = {"main": {"plus": "upper", "minus": "lower"}}
+
+
+def build(path: Path, **options: bool) -> None:
+    GmshFile.model_validate({"file": str(path), "interfaces": SIDES, **options}).build()
+
+
+# What Gmsh does while it opens the script: commands, files, or an end of the process.
+REFUSED = {
+    'SystemCall "touch {hit}";': "'SystemCall' runs commands",
+    'System "touch {hit}";': "'System'",
+    'NonBlockingSystemCall "touch {hit}";': "'NonBlockingSystemCall'",
+    'x = "a\\"; SystemCall "touch {hit}"; // "': "'SystemCall'",  # no escapes in strings
+    'x = "a\n"; SystemCall "touch {hit}";': "2: 'SystemCall'",
+    '// goes on \\\nSystemCall "touch {hit}";': "2: 'SystemCall'",
+    '/* a /* b */ SystemCall "touch {hit}"; /* */': "'SystemCall'",
+    '// \0 SystemCall "touch {hit}";': "zero byte",
+    'Printf("x") > "{hit}";': "'Printf' writes a file",
+    'Printf("%g", (1 > 0)) >> "{hit}";': "'Printf' writes a file",
+    'CreateDir "{hit}";': "'CreateDir'",
+    'Save "{hit}.msh";': "'Save'",
+    'Print "{hit}.msh";': "'Print'",
+    'OnelabRun("x", "touch {hit}");': "'OnelabRun'",
+    "Exit;": "'Exit'",
+    "x = 'a \"b'; y = 1;": "quotation marks of both kinds",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_commands_are_refused_and_did_not_run(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "plates.geo"
+    path.write_text(line.replace("{hit}", str(tmp_path / "hit")) + "\n" + PLATES)
+    with pytest.raises(RuptfxError, match=rf"plates.geo, line .*{REFUSED[line]}.*add trust = true to \[mesh\]"):
+        build(path)
+    assert [item.name for item in tmp_path.iterdir()] == ["plates.geo"]
+
+
+def test_a_trusted_file_runs_what_it_says(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "plates.geo"
+    path.write_text(f'SystemCall "touch {tmp_path}/hit";\n{PLATES}')
+    build(path, trust=True)
+    assert (tmp_path / "hit").exists()
+
+
+def test_words_in_comments_and_strings_are_no_commands(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "plates.geo"
+    path.write_text(f'/* Save "x" */ // Print\nMesh.SaveAll = 0; x = "SystemCall /* "; Printf("1 > 0");\n{PLATES}')
+    build(path)
+
+
+READ = {
+    'Include "../other.geo";': r"reads .*other.geo, which is not in",
+    'Merge "/etc/hostname";': r"'Merge' reads /etc/hostname, which is not in",
+    'Include StrCat("a", ".geo");': r"'Include' is not followed by the name of a file",
+    'Merge "run.py";': r"run.py, which is neither a script nor a geometry",
+    'Include "inside.geo";': r"inside.geo, line 2: 'SystemCall'",
+    'Merge "inside.msh"; Include "inside.msh";': r"inside.msh, line 1: 'Exit'",
+    'Include "link.geo";': r"reads .*outside.geo, which is not in",
+    "": r"plates.geo.opt, line 1: 'SystemCall'",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line", READ)
+def test_files_that_are_read_are_looked_at(line: str, tmp_path: Path) -> None:
+    folder = tmp_path / "case"
+    folder.mkdir()
+    (tmp_path / "outside.geo").write_text("")
+    (folder / "link.geo").symlink_to(tmp_path / "outside.geo")
+    (folder / "inside.geo").write_text('Include "plates.geo";\nSystemCall "ls";')
+    (folder / "inside.msh").write_text("Exit;")
+    (folder / "plates.geo").write_text(line)
+    if not line:
+        (folder / "plates.geo.opt").write_text('SystemCall "ls";')
+    with pytest.raises(RuptfxError, match=READ[line]):
+        _geo.check(folder / "plates.geo")
+
+
+def test_a_script_in_two_files(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "plates.geo").write_text(PLATES)
+    path = tmp_path / "whole.geo"
+    path.write_text('Include "parts/plates.geo";\n')
+    build(path)
