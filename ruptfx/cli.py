@@ -12,18 +12,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ruptfx import RuptfxError, __version__
+from ruptfx.terminal import console
 
 app = typer.Typer(
     help="Frictional contact and rupture on FEniCSx.", no_args_is_help=True, add_completion=False,
     pretty_exceptions_enable=False,
 )  # fmt: skip
-screen = Console(highlight=False)
-errors = Console(stderr=True, highlight=False)
+screen = console()
+errors = console(stderr=True)
 
 CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
 Overrides = Annotated[
@@ -42,8 +42,8 @@ def _reported(comm: Any = None) -> Iterator[None]:
     except RuptfxError as error:
         if comm is None or comm.rank == 0:
             label = "case error" if isinstance(error, CaseError) else "error"
-            errors.print(f"[bold red]{label}:[/] ", end="")
-            errors.print(str(error), markup=False, soft_wrap=True)
+            errors.print(f"{label}: ", style="bold red", end="")
+            errors.print(str(error), soft_wrap=True)
         if type(error).__name__ == "DiskError":
             # HDF5 cannot write what it still holds and would fall over it at exit.
             sys.stderr.flush()
@@ -79,7 +79,7 @@ def run(
     if ranks > 1 and launch.RANKS not in os.environ:
         options = [item for value in set_ or [] for item in ("--set", value)]
         options += ["--resume"] * resume + ["--quiet"] * quiet
-        raise typer.Exit(launch.run_on(ranks, ["run", str(case), "--out", str(out), *options]))
+        raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
     if lumped:
         with _reported():
             from ruptfx.lumped import simulate as simulate_lumped
@@ -104,7 +104,8 @@ def run(
 @contextmanager
 def _fraction_bar(show: bool) -> Iterator[Callable[[float, str], None]]:
     """A bar for work that tells its fraction and what it is at."""
-    with Progress(console=errors, disable=not (show and errors.is_terminal)) as bar:
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=errors, disable=not (show and errors.is_terminal)) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from pydantic.fields import FieldInfo
-from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
+from rich.text import Text
 
 from ruptfx import RuptfxError, profiles
 from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
@@ -34,7 +34,7 @@ def describe_folder(name: str) -> Iterator[Any]:
     elif name == "operators":
         for kind in kinds("ruptfx.operators"):
             text = (importlib.import_module(f"ruptfx.operators.{kind}").__doc__ or "").strip().partition("\n")[0]
-            yield Panel(text, title=kind, title_align="left")
+            yield Panel(text, title=Text(kind), title_align="left")
     else:
         for kind, cls in alternatives(f"ruptfx.{name}").items():
             yield _panel(kind, cls)
@@ -45,14 +45,14 @@ def _panel(kind: str, cls: type[Part]) -> Panel:
     grid.add_row("", (cls.__doc__ or "").strip().partition("\n")[0])
     for label in ("formula", "source"):
         if getattr(cls, label, ""):
-            grid.add_row(label, escape(getattr(cls, label)))
+            grid.add_row(label, getattr(cls, label))
     if getattr(cls, "state_fields", None):
-        grid.add_row("state", escape(", ".join(f"{key} [{unit}]" for key, unit in cls.state_fields.items())))  # type: ignore[attr-defined]
+        grid.add_row("state", ", ".join(f"{key} [{unit}]" for key, unit in cls.state_fields.items()))  # type: ignore[attr-defined]
     for key, field in cls.model_fields.items():
         if key != "kind":
             unit = unit_of(cls, key)
-            grid.add_row(key, escape(f"{'' if unit == '1' else unit}  {_bounds(field)}{_default(field)}".strip()))
-    return Panel(grid, title=kind, title_align="left")
+            grid.add_row(key, f"{'' if unit == '1' else unit}  {_bounds(field)}{_default(field)}".strip())
+    return Panel(grid, title=Text(kind), title_align="left")
 
 
 def _bounds(field: FieldInfo) -> str:

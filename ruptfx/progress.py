@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+
+from ruptfx.terminal import console
 
 
 class Progress:
@@ -23,12 +24,12 @@ class Progress:
     def __init__(self, duration: float, show: bool) -> None:
         # Under mpiexec the launcher's terminal is what counts; `ruptfx run` passes its nature on.
         terminal = True if os.environ.get("RUPTFX_TERMINAL") else None
-        self._console = Console(force_terminal=terminal, stderr=True)
+        self._console = console(force_terminal=terminal, stderr=True)
         self._duration, self._show, self._tenth = duration, show, 0
         self._bar: Bar | None = None
         if show and self._console.is_terminal:
             self._bar = Bar(
-                TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+                TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
                 TimeRemainingColumn(),
                 console=self._console, transient=False,
             )  # fmt: skip
@@ -61,7 +62,7 @@ class Progress:
             self._bar.update(self._task, completed=done * self._duration, description=text)
         elif int(10 * done) > self._tenth:
             self._tenth = int(10 * done)
-            self._console.print(f"{10 * self._tenth:3d} %  {text}", highlight=False)
+            self._console.print(f"{10 * self._tenth:3d} %  {text}")
 
     def __exit__(self, *_: Any) -> None:
         if self._bar:

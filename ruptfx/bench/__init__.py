@@ -22,6 +22,7 @@ from typing import Any, Literal
 
 from ruptfx import RuptfxError
 from ruptfx.schema import kinds, nearest
+from ruptfx.terminal import console
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,6 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
 
 
 def _list(names: list[str]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=False)
@@ -132,9 +132,13 @@ def _list(names: list[str]) -> None:
         text = ast.get_docstring(ast.parse((Path(__file__).parent / f"{name}.py").read_text())) or ""
         text = text.partition("\n")[0]
         table.add_row(name, text)
-    console = Console(highlight=False)
-    console = console if console.is_terminal else Console(highlight=False, width=130)
-    console.print(table)
+    _screen().print(table)
+
+
+def _screen() -> Any:
+    """Wide enough for the tables also where it is none."""
+    screen = console()
+    return screen if screen.is_terminal else console(width=130)
 
 
 _MANY = 30  # checks that are one row of the table where all passed
@@ -143,16 +147,15 @@ _MANY = 30  # checks that are one row of the table where all passed
 @contextmanager
 def _shown(text: str) -> Iterator[None]:
     """What runs and for how long, on a terminal; else a line when it begins."""
-    from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    console = Console(stderr=True, highlight=False)
-    if not console.is_terminal:
+    errors = console(stderr=True)
+    if not errors.is_terminal:
         print(text, file=sys.stderr, flush=True)
         yield
         return
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as progress:
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    with Progress(*columns, console=errors, transient=True) as progress:
         progress.add_task(text, total=None)
         yield
 
@@ -229,15 +232,13 @@ def _world() -> Any:
 
 
 def _print(name: str, checks: list[Check], seconds: float, out: Path) -> None:
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     title = f"{name}{'' if seconds < 1 else f', {seconds:.0f} s'}"
     table = Table("quantity", "expected", "found", "tolerance", "unit", "source", "", title=title, title_justify="left")
     for check in checks:
-        verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
+        verdict = Text("pass", style="green") if check.passed else Text("FAIL", style="bold red")
         numbers = f"{check.expected:.7g}", f"{check.found:.7g}"
         table.add_row(check.quantity, *numbers, check.limit, check.unit, check.source, verdict)
-    console = Console(highlight=False)
-    console = console if console.is_terminal else Console(highlight=False, width=130)
-    console.print(table)
+    _screen().print(table)

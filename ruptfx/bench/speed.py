@@ -24,6 +24,7 @@ from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
 from ruptfx.operators.ufl_form import UflForm, energy, measure
+from ruptfx.terminal import console
 
 SAMPLES = 9
 SOURCE = "aim, 8-lane processor with two 512-bit pipes"
@@ -123,7 +124,6 @@ def _compare_ranks(rows: list[dict[str, Any]]) -> None:
 
 def show(rows: list[dict[str, Any]]) -> None:
     """Print the table."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(
@@ -143,7 +143,7 @@ def show(rows: list[dict[str, Any]]) -> None:
             number(row["ratio_to_bandwidth"], ".0%"), number(row["interface_share"], ".1%"),
             number(row["efficiency"], ".2f"),
         )  # fmt: skip
-    Console(highlight=False, stderr=True, width=140).print(table)  # stdout is for --json
+    console(stderr=True, width=140).print(table)  # stdout is for --json
 
 
 # -- the problem ---------------------------------------------------------------------------------------------------

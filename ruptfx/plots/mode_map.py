@@ -7,7 +7,9 @@ numbers, a click its pictures and its summary, and buttons change what the colou
 from __future__ import annotations
 
 import base64
+import html
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -148,9 +150,9 @@ def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list
     paths = [directory / f"mode_map.{kind}" for kind in formats]
     for path in paths:
         figure.savefig(path, dpi=200)
-    html = directory / "mode_map.html"
-    html.write_text(page(shown), encoding="utf-8")
-    return [*paths, html]
+    whole = directory / "mode_map.html"
+    whole.write_text(page(shown), encoding="utf-8")
+    return [*paths, whole]
 
 
 @styled
@@ -179,7 +181,7 @@ def draw(shown: Map) -> Figure:
         else:
             _draw_quantity(ax, shown, rows, quantity)
         _draw_marks(ax, shown)
-        ax.set_title(label)
+        ax.set_title(label, parse_math=False)
     letter([ax for ax, *_ in cells])
     if shown.has_modes:
         _legend(figure, shown.look())
@@ -195,7 +197,7 @@ def draw_modes(maps: Sequence[Map]) -> Figure:
         _axes(ax, shown)
         _draw_modes(ax, shown, rows)
         _draw_marks(ax, shown)
-        ax.set_title(label or shown.study.title)
+        ax.set_title(label or shown.study.title, parse_math=False)
         ax.label_outer()
     letter(grid[0])
     found = {name: look for shown in maps for name, look in shown.look().items()}
@@ -206,7 +208,9 @@ def draw_modes(maps: Sequence[Map]) -> Figure:
 def _legend(figure: Figure, look: dict[str, tuple[str, str]]) -> None:
     outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
     handles = [Line2D([], [], marker="s", color=colour, label=name, **outline) for name, (colour, _) in look.items()]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
+    legend = figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def _axes(ax: Axes, shown: Map) -> None:
@@ -222,7 +226,7 @@ def _axes(ax: Axes, shown: Map) -> None:
             getattr(ax, f"set_{name}ticks")(ticks, [f"{t:g}" for t in ticks])
             getattr(ax, f"{name}axis").minorticks_off()
         text = (axis.label or axis.column) + (f" ({unit})" if unit not in ("", "1") else "")
-        getattr(ax, f"set_{name}label")(text)
+        getattr(ax, f"set_{name}label")(text, parse_math=False)
     ax.tick_params(top=False, right=False, direction="out")
 
 
@@ -317,8 +321,9 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
     for mark in shown.study.marks:
         x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
         ax.plot(x, y, "o", ms=10, mfc="none", mec="black", mew=1.0, zorder=5)
-        ax.annotate(mark.label, (x, y), (6, 5), textcoords="offset points", fontweight="bold", zorder=6,
-                    bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
+        box = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
+        ax.annotate(mark.label, (x, y), (6, 5), textcoords="offset points", fontweight="bold", zorder=6, bbox=box,
+                    parse_math=False)  # fmt: skip
 
 
 def page(shown: Map) -> str:
@@ -343,9 +348,11 @@ def page(shown: Map) -> str:
         "facets": facets,
     }  # fmt: skip
     template = files("ruptfx.plots").joinpath("mode_map.html").read_text(encoding="utf-8")
-    # "</" would end the script element that holds the data.
-    text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return template.replace("/*TITLE*/", _escape(title)).replace("/*DATA*/null", text)
+    # "</script>" and "<!--" would change where the script element that holds the data ends.
+    text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    # In one pass: a title that reads like a placeholder stays a title.
+    blanks = {"/*TITLE*/": html.escape(title), "/*DATA*/null": text}
+    return re.sub("|".join(map(re.escape, blanks)), lambda found: blanks[found[0]], template)
 
 
 def _page_point(shown: Map, row: Row) -> dict[str, Any]:
@@ -371,7 +378,3 @@ def _number(value: Any) -> float:
 
 def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _escape(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -20,6 +20,7 @@ from ruptfx import RuptfxError, __version__
 from ruptfx.study import refine, table, workers
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result, Store, commit, workspace, write_json
+from ruptfx.terminal import console
 
 
 class Interrupted(RuptfxError):  # noqa: N818
@@ -248,7 +249,7 @@ class Progress:
         self._title, self._client, self._ranks, self._show = title, client, ranks, show
         self._total = self._done = self._failed = self._new = self._tenth = 0
         self._began = time.monotonic()
-        self._console = Console(stderr=True, highlight=False)
+        self._console = console(stderr=True)
         self._live = Live(console=self._console, get_renderable=self._render, refresh_per_second=2)
         self._lively = show and self._console.is_terminal
 

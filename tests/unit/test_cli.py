@@ -11,7 +11,7 @@ import tomli_w
 from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
-from ruptfx import __version__
+from ruptfx import __version__, launch
 from ruptfx.cli import app
 from ruptfx.schema import kinds
 
@@ -191,6 +191,48 @@ def test_a_motion_that_explodes(tmp_path: Path, needs_fem: None, monkeypatch: py
     assert "time " in said(result) and " at (" in said(result) and "reduce" in said(result)
     with Record(tmp_path / "run") as record:
         assert not record.complete and record.interface.sizes["time"] >= 1
+
+
+# -- names that are markup or paths --------------------------------------------------------------------------------
+
+NAME = "-m[bold]x :x: 'ü\""
+
+
+def test_only_one_module_makes_consoles() -> None:
+    """They show text as it is; a console of rich's own would read markup in names."""
+    package = Path(launch.__file__).parent
+    assert [path.name for path in package.rglob("*.py") if "Console(" in path.read_text()] == ["terminal.py"]
+
+
+def test_names_are_printed_as_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(f"{NAME}.toml").write_text(Path(launch.__file__).parents[1].joinpath("demos/maxwell_slip.toml").read_text())
+    assert said(ruptfx("check", "--", f"{NAME}.toml")).startswith(f"{NAME}.toml: maxwell_slip, ")
+    out = Path(f"[red]{NAME}")
+    done = ruptfx("run", "--out", out, "--", f"{NAME}.toml")
+    assert done.exit_code == 0 and f"Run directory: {out} " in said(done) and f"Pictures: {out}/figures (" in said(done)
+    redrawn = ruptfx("plot", out)
+    assert redrawn.exit_code == 0 and all(line.startswith(str(out)) for line in redrawn.output.splitlines())
+    refused = ruptfx("check", "--set", f"{NAME}=1", "--", f"{NAME}.toml")
+    assert refused.exit_code == 1 and NAME in said(refused)
+
+
+@pytest.mark.fem
+def test_a_title_is_printed_as_it_is(tmp_path: Path, needs_fem: None) -> None:
+    assert ruptfx("check", write(tmp_path, {"title": NAME})).output.startswith(NAME)
+
+
+@pytest.mark.fem
+def test_ranks_are_given_names_as_they_are(
+    tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    write(tmp_path).rename("-x.toml")
+    asked: list[str] = []
+    monkeypatch.setattr(launch, "run_on", lambda ranks, arguments: asked.extend(arguments) or 0)
+    assert ruptfx("run", "--ranks", "2", "--out", "../-x", "--", "-x.toml").exit_code == 0
+    assert ruptfx(*asked).exit_code == 0 and (tmp_path / "-x" / "summary.json").exists()
 
 
 # -- check, plot, describe -----------------------------------------------------------------------------------------

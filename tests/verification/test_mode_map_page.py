@@ -50,11 +50,25 @@ point = [4e6, 4.0]
 """
 
 
+# Names that are markup, paths, formulas or places of the page's own template.
+TITLE = """<!-- <script>window.hit = 1</script> /*DATA*/null /*TITLE*/ & $\\x$ [bold]-x[/] ../ünïcode "quoted" 'too'"""
+NAMES = {
+    "Modes <of> two plates & more": TITLE, "Impact speed": "<img src=x onerror='window.hit = 1'>",
+    "A": "</script><b>A", "I": "$\\frac$<i>",
+}  # fmt: skip
+HOSTILE = STUDY
+for plain, name in NAMES.items():
+    HOSTILE = HOSTILE.replace(f'"{plain}"', json.dumps(name))
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> Path:
+    return made(tmp_path_factory.mktemp("map"), STUDY)
+
+
+def made(out: Path, text: str) -> Path:
     """A study directory by construction: 24 points, one failed; pictures of a single colour."""
-    out = tmp_path_factory.mktemp("map")
-    (out / "study.toml").write_text(STUDY)
+    (out / "study.toml").write_text(text)
     study = read_study(out / "study.toml")
     known = []
     for number, point in enumerate(study.points()):
@@ -83,7 +97,7 @@ def test_the_page_is_one_file_without_links(page):
     text = page.read_text()
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert not [url for url in re.findall(r"https?://[^\"' ]+", text) if "www.w3.org/2000/svg" not in url]
-    assert "<title>Modes &lt;of> two plates &amp; more</title>" in text
+    assert "<title>Modes &lt;of&gt; two plates &amp; more</title>" in text
 
 
 def test_modes_of_two_studies_side_by_side(page):
@@ -216,3 +230,23 @@ def test_hover_click_and_toggle(page, tmp_path):
         assert "Compression 1 MPa" in detail and "B · crack" in detail  # the same place in the other set
 
     visit(page, tmp_path / "profile", act)
+
+
+@browser
+def test_names_are_shown_as_they_are(tmp_path):
+    out = tmp_path / "-m[bold]x <b>"
+    out.mkdir()
+
+    async def act(tab: Tab) -> None:
+        for place in ("document.title", "document.querySelector('h1').textContent"):
+            assert await tab.value(place) == TITLE
+        assert await tab.value("document.querySelector('#facets button').textContent") == NAMES["A"]
+        marks = "[...document.querySelectorAll('#map text')].map(n => n.textContent)"
+        assert NAMES["I"] in await tab.value(marks)
+        await tab.click("#map .point:nth-of-type(12)")
+        assert NAMES["Impact speed"] in await tab.value("document.querySelector('#detail h2').textContent")
+        # Nothing of it became an element or ran.
+        assert await tab.value("document.querySelectorAll('b, i:not([style]), img:not([alt])').length") == 0
+        assert await tab.value("typeof window.hit") == "undefined"
+
+    visit(made(out, HOSTILE), tmp_path / "profile", act)
