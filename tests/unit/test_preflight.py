@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ from small_cases import COMPLIANT, SPLIT, case, memory_friction, plates, slip_we
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.case import parse_case
+from ruptfx.case import parse_case, read_case
 from ruptfx.preflight import Row, preflight
 from ruptfx.schema import CaseError
 
@@ -108,6 +109,11 @@ def test_damping_is_proposed_for_split_nodes(contact: dict[str, Any], damped: bo
     if damped:
         table["damping"] = {"kelvin_voigt": {"fraction": 0.2}}
     assert (": damping" in rows(table)) == proposed
+
+
+def test_the_demo_needs_no_warning() -> None:
+    demo = read_case(Path(__file__).parents[2] / "demos" / "slip_weakening.toml")
+    assert {row.quantity for row in preflight(demo) if row.verdict != "ok"} == set()
 
 
 def test_cases_without_a_word_pass() -> None:
