@@ -234,9 +234,11 @@ class Loads:
                 self.dashpot += model.edge_dashpot(tag)
 
     def _edge_force(self, boundary: Traction, tag: int, number: int) -> np.ndarray:
+        if not any(boundary.traction):
+            return np.zeros_like(self.dashpot)  # of which UFL makes no form
         limits = [boundary.x_range, boundary.y_range]
         force = self._model.edge_force(tag, boundary.traction, limits)
-        if any(limits) and any(boundary.traction) and not parallel.total(self._model.comm, np.abs(force).sum()):
+        if any(limits) and not parallel.total(self._model.comm, np.abs(force).sum()):
             given = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
             raise CaseError(f"boundaries.{number}: {boundary.edge} has no side with its middle in {given} m")
         return force

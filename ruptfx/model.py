@@ -230,6 +230,7 @@ class Model:
             law, contact = fault.friction.at(face.position), fault.contact.at(face.position)
             normal, shear = fault.initial_stress.tractions(face, law)
             for nucleation in fault.nucleation:
+                nucleation.at(face.position)  # its profiles are refused here, not in the first step
                 law = nucleation.weaken(law, face.position)
             gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
             if gap is not None and np.any((gap > 0) & (normal > 0)):

@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal, Union
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ruptfx.schema import Bound, Part, Unit
+from ruptfx.number_files import is_number, number, require_increasing
+from ruptfx.schema import Bound, CaseError, Part, Unit
 
 Metre = Annotated[float, Unit("m")]
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
@@ -153,30 +154,27 @@ class RandomClasses(Part):
 
 
 class Table(Part):
-    """Linear interpolation between given points, constant beyond the ends."""
+    """Linear interpolation between given points, which cover the interface unless `extend` is set."""
 
     kind: Literal["table"]
     positions: list[Metre] = []
     values: list[float] = []
+    extend: bool = False
+    """Beyond the ends the first and the last value go on."""
     file: str | None = None
-    """CSV file with two columns, position and value, instead; relative to the case file. Lines that do not begin with
-    a number are skipped. The resolved case holds its numbers."""
+    """CSV file with two columns, position and value, instead; relative to the case file. Lines before the first number
+    and lines that begin with # are skipped. The resolved case holds its numbers."""
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: Any, info: ValidationInfo) -> Any:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
             return values
-        path = Path((info.context or {}).get("directory") or ".", values["file"])
-        try:
-            rows = [line.replace(";", ",").split(",")[:2] for line in path.read_text(encoding="utf-8").splitlines()]
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: cannot be read ({error})") from None
-        table = [[float(item) for item in row] for row in rows if len(row) == 2 and _is_number(row[0])]
         if values.get("positions") or values.get("values"):
             raise ValueError("give either a file or positions and values")
+        positions, column = _two_columns(Path((info.context or {}).get("directory") or ".", values["file"]))
         rest = {key: value for key, value in values.items() if key != "file"}
-        return {**rest, "positions": [row[0] for row in table], "values": [row[1] for row in table]}
+        return {**rest, "positions": positions, "values": column}
 
     @field_validator("positions")
     @classmethod
@@ -192,15 +190,38 @@ class Table(Part):
         return self
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
+        first, last = self.positions[0], self.positions[-1]
+        slack = 1e-9 * (last - first)  # rounding of coordinates
+        if not self.extend and len(position) and not first - slack <= position.min() <= position.max() <= last + slack:
+            raise CaseError(
+                f"the table from {first:.6g} to {last:.6g} m does not cover the interface, which has points from "
+                f"{position.min():.6g} to {position.max():.6g} m; add to the table, or set extend = true to go on with "
+                "its first and last value"
+            )
         return np.interp(position, self.positions, self.values)
 
 
-def _is_number(text: str) -> bool:
+def _two_columns(path: Path) -> tuple[list[float], list[float]]:
+    """Positions and values of a CSV file."""
     try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    for line, content in enumerate(text.splitlines(), 1):
+        words = content.split(";" if ";" in content else ",")
+        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
+            continue
+        if len(words) < 2:
+            raise ValueError(f"line {line} of {path}: two columns are needed, position and value")
+        rows.append([number(word, path, line) for word in words[:2]])
+        lines.append(line)
+    if len(rows) < 2:
+        raise ValueError(f"{path}: at least two lines with a position and a value are needed, found {len(rows)}")
+    positions, values = zip(*rows, strict=True)
+    require_increasing(positions, lines, path)
+    return list(positions), list(values)
 
 
 KINDS: dict[str, type[Part]] = {

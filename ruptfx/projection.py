@@ -48,7 +48,7 @@ def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]
         elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
             values[f"{prefix}{name}"] = value
             changes[name] = symbol(f"{prefix}{name}")
-    return values, part.model_copy(update=changes)
+    return values, part.substituted(changes)
 
 
 class TracedLaw:

@@ -165,12 +165,31 @@ class Part(BaseModel, metaclass=_Reworded):
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if callable(value):
-                changes[name] = value(position)
+                try:
+                    changes[name] = value(position)
+                except CaseError as error:
+                    raise CaseError(f"{type(self).__name__}.{name}: {error}") from None
                 for bound in (item for item in _marks(field) if isinstance(item, Bound)):
                     bound.check(f"{type(self).__name__}.{name}", changes[name], position)
             elif isinstance(value, Part):
                 changes[name] = value.at(position)
-        return self.model_copy(update=changes) if changes else self
+        return self.substituted(changes) if changes else self
+
+    def substituted(self, changes: dict[str, Any]) -> Self:
+        """The same part with fields that are no longer those of a case, unchecked: arrays at points, expressions."""
+        return super().model_copy(update=changes)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """The same part with other values, checked as if they came from a case.
+
+        Raises
+        ------
+        CaseError
+        """
+        if not update:
+            return super().model_copy(deep=deep)
+        given = {name: value for name, value in self if name in self.model_fields_set}
+        return type(self)(**{**given, **update})
 
 
 class Alternative(Part):

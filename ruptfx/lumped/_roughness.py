@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
+from ruptfx.number_files import is_number, number, require_increasing
 from ruptfx.schema import Part
 from ruptfx.units import Fraction, Length, Modulus, Positive
 
@@ -130,31 +131,29 @@ def read_profile(path: str | Path, unit: float = 1.0) -> tuple[np.ndarray | None
         Not a table of one or two columns of at least 8 numbers, or positions that do not increase.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").replace(";", ",").splitlines()
+        text = Path(path).read_text(encoding="utf-8-sig").replace(";", ",").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RuptfxError(f"{path}: cannot be read: {error}") from None
-    rows = [row for row in (line.replace(",", " ").split() for line in lines) if row and not row[0].startswith("#")]
-    while rows and not _is_number(rows[0][0]):
-        rows.pop(0)  # header
+    rows: list[list[float]] = []
+    lines: list[int] = []
     try:
-        table = np.array(rows, dtype=float) * unit
-    except ValueError:
-        raise RuptfxError(f"{path}: not a table of numbers: every row needs the same one or two columns") from None
-    if table.ndim != 2 or table.shape[0] < 8 or table.shape[1] > 2 or not np.isfinite(table).all():
-        raise RuptfxError(f"{path}: a profile is at least 8 rows of heights, or of positions and heights")
-    if table.shape[1] == 1:
-        return None, table[:, 0]
-    if np.any(np.diff(table[:, 0]) <= 0):
-        raise RuptfxError(f"{path}: positions (first column) must increase")
+        for line, content in enumerate(text, 1):
+            words = content.replace(",", " ").split()
+            if not words or words[0].startswith("#") or not (rows or is_number(words[0])):
+                continue  # nothing, a comment, or a header
+            if len(words) > 2 or (rows and len(words) != len(rows[0])):
+                raise ValueError(f"line {line} of {path}: every row needs the same one or two columns")
+            rows.append([number(word, path, line) for word in words])
+            lines.append(line)
+        table = unit * np.array(rows)
+        if len(rows) < 8:
+            raise ValueError(f"{path}: a profile is at least 8 rows of heights, or of positions and heights")
+        if table.shape[1] == 1:
+            return None, table[:, 0]
+        require_increasing([row[0] for row in rows], lines, path)
+    except ValueError as error:
+        raise RuptfxError(str(error)) from None
     return table[:, 0], table[:, 1]
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff: float | None = None) -> float:

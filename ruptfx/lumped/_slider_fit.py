@@ -17,6 +17,7 @@ from ruptfx import RuptfxError
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped._slider import Slider, integrate
 from ruptfx.lumped._slider_protocols import Experiment
+from ruptfx.number_files import number, require_increasing
 
 _COLUMNS = ("time", "drive_speed", "friction")
 _FITTED = ("a", "b", "D_c", "f_0")
@@ -116,20 +117,22 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+            numbered = [(n, line) for n, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         raise RuptfxError(f"{path}: cannot be read: {error}") from None
-    known = [name.strip() for name in rows[0]] if rows else []
+    rows, lines = list(csv.DictReader(line for _, line in numbered)), [n for n, _ in numbered[1:]]
+    known = [name.strip() for name in rows[0] if name] if rows else []
     missing = [name for name in _COLUMNS if name not in known]
     if missing:
         raise RuptfxError(f"{path}: column {', '.join(missing)} is missing; the first line must name the columns")
     try:
         clean = [{key.strip(): value for key, value in row.items() if key} for row in rows]
-        table = np.array([[float(row[name]) for name in _COLUMNS] for row in clean])
-    except (TypeError, ValueError) as error:
-        raise RuptfxError(f"{path}: not a number: {error}") from None
-    if len(table) < 20 or not np.isfinite(table).all():
+        table = np.array(
+            [[number(row[name], path, line) for name in _COLUMNS] for row, line in zip(clean, lines, strict=True)]
+        )
+        require_increasing(table[:, 0], lines, path)
+    except ValueError as error:
+        raise RuptfxError(str(error)) from None
+    if len(table) < 20:
         raise RuptfxError(f"{path}: at least 20 rows of numbers are needed to fit, found {len(table)}")
-    if np.any(np.diff(table[:, 0]) <= 0):
-        raise RuptfxError(f"{path}: time must increase from row to row")
     return table[:, 0], table[:, 1], table[:, 2]

@@ -62,7 +62,7 @@ def test_what_a_fault_and_its_file_call_their_own_is_reserved(tmp_path: Path) ->
     flat = case({"duration": 1e-7})  # Coulomb friction has no state
     with simulate(flat, out=tmp_path / "run", progress=False) as record:
         assert set(record.interface.variables) <= RESERVED
-    solid = case({"plane": "solid", "order": 1}).model_copy(update={"mesh": two_boxes()})
+    solid = case({"plane": "solid", "order": 1}).substituted({"mesh": two_boxes()})
     assert set(Model(solid).initial_state().faults["main"]) <= RESERVED
 
 

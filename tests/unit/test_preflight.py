@@ -39,7 +39,7 @@ def test_supershear_limit_in_3d(ratio: float, says: str) -> None:
     friction = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
     stress = {"normal": 6e6, "shear": 1.8e6 + 1.8e6 / (1 + ratio)}
     changes = {"plane": "solid", "order": 1, "faults.main.friction": friction, "faults.main.initial_stress": stress}
-    boxes = case(changes).model_copy(update={"mesh": two_boxes()})
+    boxes = case(changes).substituted({"mesh": two_boxes()})
     notes = {row.quantity: row.note for row in preflight(boxes)}
     assert notes["faults.main: S"].startswith(f"{says} (limit 1.19, about")
 

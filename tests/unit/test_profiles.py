@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,41 @@ def test_closed_forms() -> None:
     np.testing.assert_allclose(profile("cone")(np.array([-0.2, 0.0, 0.4, 0.9])), [0.2, 0.1, 0.3, 0.4])
     # 0.2^2 / (2 * 2) away from the tip.
     np.testing.assert_allclose(profile("parabola")(np.array([-0.1, 0.1, 0.3])), [0.02, 0.01, 0.02])
-    np.testing.assert_allclose(profile("table")(np.array([-2.0, -0.5, 1.0, 5.0])), [0, 0.5, 2, 3])
+    np.testing.assert_allclose(profile("table")(np.array([-1.0, -0.5, 1.0, 2.0])), [0, 0.5, 2, 3])
+
+
+def test_a_table_must_cover_the_interface_or_say_how_it_goes_on() -> None:
+    beyond = np.array([-2.0, -0.5, 1.0, 5.0])
+    law = Coulomb(mu_d={"kind": "table", **EXAMPLES["table"]})
+    with pytest.raises(CaseError, match=r"Coulomb.mu_d: the table from -1 to 2 m .* from -2 to 5 m; .* extend = true"):
+        law.at(beyond)
+    extended = law.model_copy(update={"mu_d": {"kind": "table", **EXAMPLES["table"], "extend": True}})
+    np.testing.assert_allclose(extended.at(beyond).mu_d, [0, 0.5, 2, 3])
+    assert law.at(np.zeros(0)).mu_d.shape == (0,)  # a rank without a point
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("x,v\n0,1\n1,abc\n", "line 3 of .*t.csv: 'abc' is not a finite number"),
+        ("0,1\n\nO.5,1\n1,2\n", "line 3 of .*t.csv: 'O.5' is not a finite number"),
+        ("0;1,5\n1;2\n", "line 1 of .*t.csv: '1,5' is not a finite number"),  # a decimal comma, no third column
+        ("0,1\n1,nan\n", "line 2 of .*t.csv: 'nan' is not a finite number"),
+        ("0,1\n1\n2,3\n", "line 2 of .*t.csv: two columns are needed"),
+        ("0,1\n2,1\n# end\n1,3\n", "line 4 of .*t.csv: 1 after 2; .* must increase"),
+        ("x,v\n0,1\n", "t.csv: at least two lines .* found 1"),
+    ],
+)
+def test_files_of_tables_are_refused_by_line(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(CaseError, match=message):
+        Coulomb(mu_d={"kind": "table", "file": str(tmp_path / "t.csv")})
+
+
+def test_files_of_tables_may_have_a_header_comments_and_a_signature(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_bytes(b"\xef\xbb\xbf0;1;note\r\n# half-way\r\n1;2\r\n")
+    law = Coulomb(mu_d={"kind": "table", "file": str(tmp_path / "t.csv")})
+    assert law.mu_d.positions == [0.0, 1.0] and law.mu_d.values == [1.0, 2.0]
 
 
 def test_random_has_the_moments_it_is_given() -> None:

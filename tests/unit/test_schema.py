@@ -7,9 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError, launch
-from ruptfx.case import FOLDERS
+from ruptfx.case import FOLDERS, parse_case
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
@@ -39,6 +40,24 @@ def test_units_are_found() -> None:
     assert unit_of(RateAndStateAgeing, "D_c") == "m" and unit_of(RateAndStateAgeing, "V_0") == "m/s"
     # Optional fields too.
     assert unit_of(RateAndStateAgeing, "theta_initial") == "s" and unit_of(Leapfrog, "time_step") == "s"
+
+
+def test_copies_are_checked_too() -> None:
+    case = parse_case(plates())
+    for changes, message in (
+        ({"duration": -1.0}, "Case.duration = -1.0: input should be greater than 0"),
+        ({"duratoin": 1.0}, "unknown key 'duratoin', did you mean 'duration'?"),
+        ({"faults": {"main": {"contact": SPLIT}}}, "Case.faults.main.friction: this key is required and missing"),
+    ):
+        with pytest.raises(CaseError) as caught:
+            case.model_copy(update=changes)
+        assert message in str(caught.value)
+    longer = case.model_copy(update={"duration": 2 * case.duration})
+    assert longer.hash == parse_case(plates({"duration": 2 * case.duration})).hash
+    assert case.model_copy() == case
+    # Which fields were given still shows: a slip rate that was not given fixes no stress.
+    law = RateAndStateAgeing(a=0.01, b=0.02, D_c=1e-6, f_0=0.6, V_0=1e-6, theta_initial=1.0)
+    assert law.model_copy(update={"b": 0.005}).given_slip_rate() is None
 
 
 def test_nearest() -> None:

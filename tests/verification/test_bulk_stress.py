@@ -23,7 +23,7 @@ pytestmark = pytest.mark.fem
 def at_rest(changes: dict[str, Any], mesh: Any = None) -> tuple[dict[str, np.ndarray], BulkFields]:
     """All fields before anything happens, and what made them."""
     resting = case({"order": 2, **changes})
-    model = Model(resting if mesh is None else resting.model_copy(update={"mesh": mesh}))
+    model = Model(resting if mesh is None else resting.substituted({"mesh": mesh}))
     bulk = BulkFields(model)
     return bulk.gather(model.initial_state()), bulk
 

@@ -76,6 +76,15 @@ def test_table_from_a_csv_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(fault.shear_traction_0[:, 0], 1e6 + 2e6 / 0.012 * fault.interface.position, rtol=1e-12)
 
 
+def test_table_shorter_than_the_interface_is_refused_before_the_first_step() -> None:
+    short = {"kind": "table", "positions": [0.0, 0.01], "values": [1e6, 2e6]}
+    covers = r"faults.main: {}: the table from 0 to 0.01 m does not cover .* to 0.012 m"
+    with pytest.raises(CaseError, match=covers.format("InitialStress.shear")):
+        Model(case({"faults.main.initial_stress": {"normal": 6e6, "shear": short}}))
+    with pytest.raises(CaseError, match=covers.format("Overstress.extra")):
+        Model(case({"faults.main.nucleation": [{"kind": "overstress", "extra": short}]}))
+
+
 def test_slip_rate_and_state_give_the_stress() -> None:
     law = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}
     given = {**law, "V_initial": 1e-9, "theta_initial": 1e4}

@@ -31,6 +31,11 @@ def test_a_part_of_an_edge_is_loaded() -> None:
         force(x_range=[20e-3, 30e-3])
 
 
+def test_no_traction_is_a_free_edge() -> None:
+    np.testing.assert_array_equal(force(traction=[0.0, 0.0]), 0)
+    np.testing.assert_allclose(force(traction=[0.0, 1e6]), [0, 12e3], atol=1e-9)
+
+
 def test_course_in_time() -> None:
     def factor(history: dict[str, object], time: float, ramp: float = 0.0) -> float:
         case = parse_case(plates({"boundaries": [LOAD | {"history": history, "ramp": ramp}]}))
