@@ -99,7 +99,7 @@ def slip_and_jump(records):
         ax.set_title(f"{name}: {sigma / 1e6:g} MPa, {speed:g} m/s")
         ax.set_ylim(bottom=min(0, ax.get_ylim()[0]))
     for ax in axes[2:]:
-        ax.set_xlabel("Position along the interface (mm)")
+        ax.set_xlabel("x (mm)")
     for ax in axes[::2]:
         ax.set_ylabel("Slip, jump, in the direction of slip (µm)")
     axes[1].legend(loc="upper right", title="slip; dashed: jump")

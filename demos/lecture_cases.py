@@ -84,7 +84,7 @@ if fem.MPI.COMM_WORLD.rank == 0:
         )  # fmt: skip
         axis.set_title(f"{set_name}  {case_name}: {sigma / 1e6:g} MPa, {speed:g} m/s", fontsize=10)
     for axis in axes[-1]:
-        axis.set_xlabel("position (mm)")
+        axis.set_xlabel("x (mm)")
     for axis in axes[:, 0]:
         axis.set_ylabel("time (µs)")
     figure.colorbar(picture, ax=axes, label="slip rate / impact speed", extend="both")

@@ -7,7 +7,7 @@ import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomli_w
@@ -98,6 +98,9 @@ class Case(Part):
     order: Annotated[int, Field(ge=1, le=8)] = 4
     operator: str = "matrix_free"
     duration: Duration
+    positions: Literal["x"] | None = None
+    """Positions along interfaces on x are x. Required where positions are given and such an interface does not begin
+    at x = 0: until version 0.1 they were lengths from its left end."""
     mesh: AnyMesh
     materials: dict[Name, AnyMaterial]
     """By body; `default` is for the bodies not listed."""

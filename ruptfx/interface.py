@@ -13,12 +13,52 @@ SIGN CONVENTION (converted here and nowhere else)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.bodies import Bodies
+
+Measure = Literal["x", "arc length", "first tangent"]
+FLAT = 1e-6  # departure from a plane, and of a direction from x, that a position does not notice: of the second order
+FARTHEST = 0.01  # of the extent of an interface: how far from it a point may be that stands for a position
+
+
+@dataclass(frozen=True)
+class Line:
+    """What positions along an interface are, the same on every rank.
+
+    Where an interface is flat and its (first) tangent is +x, they are x. Elsewhere, from the end at which the mean
+    tangent begins: in 2D the arc length; in 3D the distance along the first tangent of the mean normal.
+
+    Attributes
+    ----------
+    measure : str
+        ``x``, ``arc length`` or ``first tangent``.
+    origin : ndarray, shape (dim,)
+        Where the position is zero [m]; for ``x`` on the line or plane of the interface, which need not reach there.
+    first, last : float
+        Positions of the two ends [m].
+    """
+
+    measure: Measure
+    origin: np.ndarray
+    first: float
+    last: float
+
+    @property
+    def length(self) -> float:
+        return self.last - self.first
+
+    @property
+    def meaning(self) -> str:
+        """In words."""
+        start = "(" + ", ".join(f"{value:.6g}" for value in self.origin) + ") m"
+        return {"x": "x", "arc length": f"arc length from {start}"}.get(
+            self.measure, f"along the first tangent from {start}"
+        )
 
 
 @dataclass(frozen=True)
@@ -30,7 +70,7 @@ class Interface:
     points : ndarray, shape (n, dim)
         Coordinates [m].
     position : ndarray, shape (n,)
-        Arc length from the left end [m].
+        Along the interface, as `line` says [m].
     number : ndarray of int, shape (n,)
         Place in the order along the whole interface, which does not depend on the partition.
     plus, minus : ndarray of int, shape (n,)
@@ -43,6 +83,8 @@ class Interface:
         True on exactly one rank for every point; sums over points count these.
     total : int
         Points of the whole interface.
+    line : Line
+        What the positions are.
     other_side : str
         `meshed`, or without a minus side (`minus` is then `plus`): `rigid`, `antisymmetric`, `symmetric`.
     """
@@ -56,6 +98,7 @@ class Interface:
     weight: np.ndarray
     owned: np.ndarray
     total: int
+    line: Line
     other_side: str = "meshed"
 
     @property
@@ -121,6 +164,36 @@ class Interface:
             return np.zeros(len(local)), local
         return local[:, 0], local[:, 1:]
 
+    def nearest(self, comm: fem.MPI.Comm, point: np.ndarray) -> tuple[float, np.ndarray]:
+        """Position [m] and coordinates of the nearest point of a 2D interface; collective.
+
+        Parameters
+        ----------
+        comm : MPI communicator
+        point : ndarray, shape (2,)
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks, when it is farther than a hundredth of the extent of the interface.
+        """
+        rows = np.column_stack([self.number, self.position, self.points])[self.owned]
+        rows = parallel.share_rows(comm, rows)
+        _, position, *xy = rows[np.argsort(rows[:, 0])].T
+        corners = np.stack(xy, axis=1)
+        begin, side = corners[:-1], np.diff(corners, axis=0)
+        part = np.clip(np.sum((point - begin) * side, axis=1) / np.sum(side**2, axis=1), 0, 1)
+        feet = begin + part[:, None] * side
+        away = np.linalg.norm(point - feet, axis=1)
+        best, most = int(np.argmin(away)), FARTHEST * np.ptp(corners, axis=0).max()
+        if away[best] > most:
+            raise RuptfxError(
+                f"({point[0]:.6g}, {point[1]:.6g}) m is {away[best]:.4g} m from the interface, at most {most:.4g} m "
+                f"(a hundredth of its extent) are taken; its nearest point is ({feet[best, 0]:.6g}, "
+                f"{feet[best, 1]:.6g}) m"
+            )
+        return float(position[best] + part[best] * (position[best + 1] - position[best])), feet[best]
+
 
 def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
@@ -162,8 +235,8 @@ def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: 
     owned = plus < space.dofmap.index_map.size_local
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
-    points = np.round(coordinates[plus] / extent, 13) * extent
-    position, number, total = _order(comm, points, owned, normal)
+    points = np.round(coordinates[plus] / extent, 13) * extent + 0.0  # no minus zero
+    position, number, total, line = _order(comm, points, owned, normal)
     taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
     for earlier in bodies.interfaces[: bodies.interfaces.index(name)]:
         taken |= np.isin(plus, nodes(f"{earlier}.plus"))
@@ -174,7 +247,7 @@ def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: 
     order = np.flatnonzero(~taken)[np.argsort(number[~taken])]
     return Interface(
         points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
-        frame[order], weight[order], owned[order], total, other_side,
+        frame[order], weight[order], owned[order], total, line, other_side,
     )  # fmt: skip
 
 
@@ -246,18 +319,27 @@ def local_frame(normal: np.ndarray) -> np.ndarray:
 
 def _order(
     comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Arc length, place in the whole interface, and its number of points."""
+) -> tuple[np.ndarray, np.ndarray, int, Line]:
+    """Position and place in the whole interface, its number of points, and what the positions are."""
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
-    mean = normals.mean(axis=0)
-    along = local_frame(mean[None] / np.linalg.norm(mean))[0, 1]
+    mean = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    along, extent = local_frame(mean[None])[0, 1], np.ptp(places, axis=0).max()
     # Along the mean tangent, then by the other coordinates: the same on any number of ranks.
-    keys = np.round(np.stack([places @ along, *places.T[::-1]]) / np.ptp(places, axis=0).max(), 9)
+    keys = np.round(np.stack([places @ along, *places.T[::-1]]) / extent, 9)
     places = places[np.lexsort(keys[::-1])]
-    step = np.linalg.norm(np.diff(places, axis=0), axis=1) if places.shape[1] == 2 else np.diff(places @ along)
-    length = np.concatenate([[0.0], np.cumsum(step)])
+    x_axis = np.eye(len(along))[0]
+    origin = places[0]
+    measure: Measure
+    if np.ptp(places @ mean) < FLAT * extent and np.abs(along - x_axis).max() < FLAT:
+        measure, position, origin = "x", places[:, 0], origin * (1 - x_axis)
+    elif len(along) == 2:
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        measure, position = "arc length", np.concatenate([[0.0], np.cumsum(steps)])
+    else:
+        measure, position = "first tangent", (places - origin) @ along
+    line = Line(measure, origin, float(position[0]), float(position[-1]))
     if len(points) == 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64), len(places)
+        return np.zeros(0), np.zeros(0, dtype=np.int64), len(places), line
     _, number = cKDTree(places).query(points)
-    return length[number], number, len(places)
+    return position[number], number, len(places), line

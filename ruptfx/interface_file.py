@@ -55,7 +55,7 @@ class InterfaceFile:
         file.dimensions = {"time": None, "position": len(place)}
         names = ("position", "x", "y", "z")
         for key, values in zip(names, place.T, strict=False):
-            text = "position along the interface" if key == "position" else key
+            text = f"position along the interface: {fault.interface.line.meaning}" if key == "position" else key
             _variable(file, key, ("position",), "m", text, values)
         _variable(file, "time", ("time",), "s", "time")
         for name, (unit, text) in _FIELDS.items():

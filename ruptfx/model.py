@@ -19,10 +19,11 @@ from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault, FaultState
-from ruptfx.interface import build_interface
+from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.operators import ufl_form
+from ruptfx.places import Place, located, positions, shifted
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest
 
@@ -126,10 +127,15 @@ class Model:
         self._exchange = fem.dolfinx.fem.Function(self.space)
         self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
+        self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
         self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
         unknown = [name for name in self.bodies.interfaces if name not in case.faults]
         if unknown:
             raise CaseError(f"faults: the mesh has the interface '{unknown[0]}', which needs [faults.{unknown[0]}]")
+        lines = {fault.name: fault.interface.line for fault in self.faults}
+        if case.positions is not None and all(line.measure != "x" for line in lines.values()):
+            found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
+            raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.loads = Loads(self, case.boundaries)
         self.viscosity = self._viscosity()
 
@@ -225,6 +231,9 @@ class Model:
             raise CaseError(
                 f"faults.{name}.initial_stress.tensor: 3 components in the plane, 6 in 3D, none in antiplane"
             )
+        self._check_positions(name, face, fault)
+        fault = located(fault, lambda key, place: self._position_of(face, key, place), f"faults.{name}")
+        self.placed[name] = fault
         error = None
         try:
             law, contact = fault.friction.at(face.position), fault.contact.at(face.position)
@@ -239,6 +248,38 @@ class Model:
             error = CaseError(f"faults.{name}: {caught}")
         parallel.raise_on_all(self.comm, error)
         return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap)
+
+    def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
+        """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        left = face.line.first
+        if self.case.positions is not None or face.line.measure != "x" or abs(left) <= 1e-9 * face.line.length:
+            return
+        given = list(positions(fault, f"faults.{name}"))
+        if self.case.stop_when is not None:
+            given += positions(self.case.stop_when, "stop_when")
+        if given:
+            raise CaseError(
+                f"positions: faults.{name} is along x from {left:g} m, where positions are x; until ruptfx 0.1 they "
+                'were lengths from its left end. Say that they are x: add the line positions = "x" before the first '
+                f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
+            )
+
+    def _position_of(self, face: Interface, key: str, place: Place) -> float:
+        """Position [m] of the point of an interface that is nearest to a given one; collective."""
+        if len(face.line.origin) == 3:
+            raise CaseError(
+                f"{key}: a point; in 3D a center is a position ({face.line.meaning}), and its patch a strip across"
+            )
+        try:
+            return face.nearest(self.comm, np.array([place.x, place.y]))[0]
+        except RuptfxError as error:
+            raise CaseError(f"{key} = {error}") from None
 
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 

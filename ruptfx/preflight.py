@@ -14,8 +14,10 @@ from ruptfx.analysis import fracture
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
 from ruptfx.friction import FrictionLaw
+from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
+from ruptfx.places import patches
 from ruptfx.profiles import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
@@ -110,12 +112,13 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     face, label = fault.interface, f"faults.{fault.name}"
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
+    yield from _position_rows(model, fault)
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
     state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
     zero = np.zeros(len(face.plus))
     strength = TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0)[0]
     slips = shear > strength * (1 + 1e-12)
-    distance = np.abs(face.position - 0.5 * face.position.max())
+    distance = np.abs(face.position - 0.5 * (face.line.first + face.line.last))
     middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))
     sigma, tau, peak = (float(values[middle]) for values in (fault.normal_stress_0, shear, strength))
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
@@ -158,7 +161,7 @@ def _chain(law: FrictionLaw) -> list[FrictionLaw]:
 
 def _without_effect(model: Model, fault: Fault) -> Iterator[Row]:
     """Nucleations that change nothing, such as a patch off the interface, and profiles that vary nowhere on it."""
-    given: FaultCase = model.case.faults[fault.name]
+    given: FaultCase = model.placed[fault.name]
     position, label = fault.interface.position, f"faults.{fault.name}"
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
     law = given.friction.at(position)
@@ -262,6 +265,29 @@ def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
         if left < 1 - 1e-4:
             found[name] = float(-dt / np.log(max(left, 1e-12)))
     return found
+
+
+def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
+    """What positions are, and every patch and barrier of the case in positions and coordinates."""
+    face, label = fault.interface, f"faults.{fault.name}"
+    yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
+    for patch in patches(model.placed[fault.name], label):
+        note = "a strip across the interface"
+        if face.points.shape[1] == 2:
+            note = " to ".join(_coordinates(face, end) for end in patch.ends)
+        yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)
+
+
+def _range(*ends: float) -> str:
+    return " to ".join(f"{end:.6g}" for end in ends)
+
+
+def _coordinates(face: Interface, position: float) -> str:
+    """Of a position on a 2D interface."""
+    slack = 1e-9 * face.line.length
+    if not face.line.first - slack <= position <= face.line.last + slack:
+        return "beyond the end"
+    return "(" + ", ".join(f"{np.interp(position, face.position, x):.6g}" for x in face.points.T) + ")"
 
 
 def _slip_weakening_rows(

@@ -1,6 +1,6 @@
 """Scalars that vary along an interface: a law's parameter or an initial stress given as a table with ``kind``.
 
-Every profile is called with the arc length along the interface, shape (n,) [m], and returns shape (n,).
+Every profile is called with positions along the interface, shape (n,) [m], and returns shape (n,).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ruptfx.number_files import is_number, number, require_increasing
+from ruptfx.places import Center, HalfWidth, Position
 from ruptfx.schema import Bound, CaseError, Part, Unit
 
-Metre = Annotated[float, Unit("m")]
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
 
 
@@ -35,8 +35,8 @@ class Boxcar(Part):
     kind: Literal["boxcar"]
     inside: float
     outside: float
-    center: Metre
-    half_width: PositiveMetre
+    center: Center
+    half_width: HalfWidth
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         # A node on the edge belongs to the box, whatever the rounding of its coordinate.
@@ -50,8 +50,8 @@ class Gaussian(Part):
     kind: Literal["gaussian"]
     background: float
     amplitude: float
-    center: Metre
-    width: PositiveMetre
+    center: Center
+    width: HalfWidth
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.background + self.amplitude * np.exp(-0.5 * ((position - self.center) / self.width) ** 2)
@@ -67,8 +67,8 @@ class Taper(Part):
     kind: Literal["taper"]
     inside: float
     outside: float
-    center: Metre
-    half_width: PositiveMetre
+    center: Center
+    half_width: HalfWidth
     width: PositiveMetre
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ class Cone(Part):
 
     kind: Literal["cone"]
     slope: float
-    center: Metre
+    center: Center
     tip: float = 0.0
     limit: float | None = None
 
@@ -99,7 +99,7 @@ class Parabola(Part):
 
     kind: Literal["parabola"]
     radius: PositiveMetre
-    center: Metre
+    center: Center
     tip: float = 0.0
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class Table(Part):
     """Linear interpolation between given points, which cover the interface unless `extend` is set."""
 
     kind: Literal["table"]
-    positions: list[Metre] = []
+    positions: list[Position] = []
     values: list[float] = []
     extend: bool = False
     """Beyond the ends the first and the last value go on."""

@@ -121,13 +121,14 @@ class Recorder:
         return [self.out / name for name in names if (self.out / name).exists()]
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> dict[str, Any]:
-        case, speeds = self.model.case, self.model.wave_speeds()
+        case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
         # The end of the interface where an edge is driven; the left one when there is none.
         driven = [boundary.edge for boundary in case.boundaries if boundary.kind == "driven"]
         right = any(edge.endswith(".right") for edge in driven)
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
         return {
-            "fault": fault.name, "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
+            "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
+            "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
             "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
             "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0, **versions(),

@@ -159,7 +159,7 @@ class Part(BaseModel, metaclass=_Reworded):
         Parameters
         ----------
         position : ndarray, shape (n,)
-            Arc length along the interface [m].
+            Along the interface [m].
         """
         changes: dict[str, Any] = {}
         for name, field in type(self).model_fields.items():
@@ -301,6 +301,11 @@ def unit_of(part: type[Part], name: str) -> str:
     """Unit of a field, `1` when it has none."""
     found = [item for item in _marks(part.model_fields[name]) if isinstance(item, Unit)]
     return str(found[0]) if found else "1"
+
+
+def has_mark(part: type[Part], name: str, mark: type) -> bool:
+    """Whether the type of a field carries metadata of a class."""
+    return any(isinstance(item, mark) for item in _marks(part.model_fields[name]))
 
 
 def _marks(field: FieldInfo) -> list[Any]:

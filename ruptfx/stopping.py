@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import parallel
+from ruptfx.places import Position
 from ruptfx.schema import CaseError, Part
-from ruptfx.units import Coordinate, Duration
+from ruptfx.units import Duration
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
@@ -20,9 +21,9 @@ class StopWhen(Part):
 
     sliding_dead_for: Duration | None = None
     """No point slid faster than `output.rupture_threshold` for so long, after sliding had begun."""
-    tip_beyond: Coordinate | None = None
+    tip_beyond: Position | None = None
     """The rupture has reached a point whose position along an interface is this or more."""
-    tip_before: Coordinate | None = None
+    tip_before: Position | None = None
     """The same to the other side: this or less."""
 
 

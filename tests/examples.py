@@ -82,6 +82,8 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
             result[name] = value
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)
+        elif "const" in schema:
+            result[name] = schema["const"]
         elif any("enum" in item for item in options):
             result[name] = next(item["enum"][0] for item in options if "enum" in item)
         elif "default" not in schema:

@@ -34,7 +34,7 @@ class Rupture:
     Attributes
     ----------
     position : ndarray, shape (n,)
-        Arc length along the interface [m].
+        Along the interface [m].
     time : ndarray, shape (k,)
         Of the slip rates [s]: the middle of a step.
     slip_rate : ndarray, shape (k, n)

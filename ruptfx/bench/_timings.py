@@ -40,7 +40,7 @@ def fault_case(spacing: float, half: bool) -> dict[str, Any]:
         edges += ["lower.left", "lower.right", "lower.bottom"]
     mesh = {"length": 2 * HALF, "height": HEIGHT, "left": -HALF, "element_size": 5 * spacing}
     return {
-        "plane": "strain", "order": 5, "duration": DURATION,
+        "plane": "strain", "order": 5, "duration": DURATION, "positions": "x",
         "mesh": {"kind": "half_plate" if half else "two_plates", **mesh},
         "materials": {"default": elastic(6000.0, 3464.0, 2670.0)},
         "damping": {"kelvin_voigt": {"fraction": 0.1}},
@@ -48,11 +48,11 @@ def fault_case(spacing: float, half: bool) -> dict[str, Any]:
             "contact": {"kind": "split_node"},
             "friction": {
                 "kind": "linear_slip_weakening", "mu_d": 0.525, "D_c": 0.4,
-                "mu_s": {"kind": "boxcar", "inside": 0.677, "outside": 1e4, "center": HALF, "half_width": FAULT},
+                "mu_s": {"kind": "boxcar", "inside": 0.677, "outside": 1e4, "center": 0.0, "half_width": FAULT},
             },
             "initial_stress": {"normal": 120e6, "shear": 70e6},
             "nucleation": {"kind": "overstress", "extra": {
-                "kind": "boxcar", "inside": 11.6e6, "outside": 0.0, "center": HALF, "half_width": 1.5e3,
+                "kind": "boxcar", "inside": 11.6e6, "outside": 0.0, "center": 0.0, "half_width": 1.5e3,
             }},
         }},
         "boundaries": [{"kind": "absorbing", "edge": edge} for edge in edges],
@@ -78,8 +78,8 @@ def time_to_error(fine: bool) -> list[Check]:
 
 def errors(run: Rupture, reference: Rupture) -> tuple[float, float]:
     """Relative RMS error of the rupture times, and of the slip-rate histories of all stations together."""
-    stations = HALF + np.arange(-14.5e3, 14.501e3, 0.5e3)  # corners of elements in all meshes
-    stations = stations[np.abs(stations - HALF) > 2e3]
+    stations = np.arange(-14.5e3, 14.501e3, 0.5e3)  # corners of elements in all meshes
+    stations = stations[np.abs(stations) > 2e3]
     when, true = (np.interp(stations, r.position, r.rupture_time(1e-3)) for r in (run, reference))
     rates = [r.slip_rate[:, [r.at(x) for x in stations]] for r in (run, reference)]
     there = np.stack([np.interp(run.time, reference.time, column) for column in rates[1].T], axis=1)

@@ -46,13 +46,13 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
     """
 
     def patch(left: float, right: float, extra: float) -> list[dict[str, Any]]:
-        center, width = half + 0.5 * (left + right), 0.5 * (right - left)
+        center, width = 0.5 * (left + right), 0.5 * (right - left)
         box = {"kind": "boxcar", "inside": 0.5 * extra, "outside": 0.0, "center": center}
         boxes = ({**box, "half_width": width * (1 + away)} for away in (-1e-6, 1e-6))
         return [{"kind": "overstress", "extra": extra} for extra in boxes]
 
     return {
-        "plane": "strain", "order": 5, "duration": duration,
+        "plane": "strain", "order": 5, "duration": duration, "positions": "x",
         "mesh": {
             "kind": "half_plate", "length": 2 * half, "height": height, "left": -half, "element_size": 5 * spacing,
         },
@@ -62,7 +62,7 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
             "contact": {"kind": "split_node"},
             "friction": {
                 "kind": "linear_slip_weakening", "mu_d": 0.525, "D_c": D_C,
-                "mu_s": {"kind": "boxcar", "inside": 0.677, "outside": 1e4, "center": half, "half_width": 15e3},
+                "mu_s": {"kind": "boxcar", "inside": 0.677, "outside": 1e4, "center": 0.0, "half_width": 15e3},
             },
             "initial_stress": {"normal": 120e6, "shear": 70e6},
             "nucleation": [*patch(-1.5e3, 1.5e3, 11.6e6), *patch(6e3, 9e3, -8e6), *patch(-9e3, -6e3, 8e6)],
@@ -74,12 +74,12 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
 def run(fine: bool, comm: Any) -> Outcome:
     """Stations, speed at 100 m, and convergence."""
     main = rupture(case(100.0), comm=comm, sudden=True)
-    x = main.position - HALF
+    x = main.position
     arrival = main.rupture_time(1e-3)
     slip = np.abs(main.fields["slip"])
     checks = []
     for station, t, rate, total in zip(STATIONS, TIMES, PEAK_RATES, SLIPS, strict=True):
-        at, place = main.at(station + HALF), f"x = {station / 1e3:g} km"
+        at, place = main.at(station), f"x = {station / 1e3:g} km"
         peak = np.clip(rate, *_sampled_peak(main.slip_rate[:, at], round(SAMPLING / (main.time[2] - main.time[1]))))
         checks += [
             Check(f"rupture time, {place}", t, arrival[at], 0.1, "s", SOURCE),
@@ -108,9 +108,9 @@ def _convergence(fine: bool) -> dict[str, Any]:
     """Fronts, peak rates and slips of coarse runs against a fine one, on a smaller model up to 4.6 s."""
     half, duration = 18e3, 4.6
     spacings = [100.0, 50.0, 25.0, 12.5] if fine else [100.0, 50.0, 25.0]
-    stations = np.arange(-14.5e3, 14.501e3, 0.5e3) + half  # corners of elements in all meshes
+    stations = np.arange(-14.5e3, 14.501e3, 0.5e3)  # corners of elements in all meshes
     # Away from the nucleation, and not on the edge of a patch, where a node carries the mean of two stresses.
-    stations = stations[(np.abs(stations - half) > 3e3) & ~np.isin(np.abs(stations - half), (6e3, 9e3))]
+    stations = stations[(np.abs(stations) > 3e3) & ~np.isin(np.abs(stations), (6e3, 9e3))]
     columns = []
     for spacing in spacings:
         run = rupture(case(spacing, duration, half, 6e3), energies=1, sudden=True)
@@ -142,14 +142,14 @@ def _draw(main: Rupture, arrival: np.ndarray, convergence: dict[str, Any]) -> An
     from matplotlib import pyplot as plt
 
     figure, (front, rates, errors) = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
-    x = (main.position - HALF) / 1e3
+    x = main.position / 1e3
     inside = np.abs(x) <= 15
     front.plot(x[inside], arrival[inside])
     front.plot(STATIONS / 1e3, TIMES, "o", mfc="none", label="PyLith 200 m")
     front.set(xlabel="x [km]", ylabel="rupture time [s]")
     front.legend(frameon=False, loc="upper center")
     for k, station in enumerate(STATIONS):
-        at = main.at(station + HALF)
+        at = main.at(station)
         rates.plot(main.time, np.abs(main.slip_rate[:, at]) + 8 * k, lw=0.9)
         rates.text(12, 8 * k + 0.5, f"{station / 1e3:g} km", ha="right", fontsize=8)
     rates.set(xlabel="time [s]", ylabel="slip rate [m/s], 8 m/s apart")

@@ -23,7 +23,7 @@ class Nucleation(Alternative):
         Parameters
         ----------
         position : ndarray, shape (n,)
-            Arc length along the interface [m].
+            Along the interface [m].
         time : float
             [s]
         """

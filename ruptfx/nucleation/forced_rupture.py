@@ -7,7 +7,8 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.units import Coordinate, Instant, Length, Speed, Time, VaryingCoefficient
+from ruptfx.places import Center, HalfWidth
+from ruptfx.units import Instant, Speed, Time, VaryingCoefficient
 
 
 class ForcedRupture(Nucleation):
@@ -16,8 +17,8 @@ class ForcedRupture(Nucleation):
     Where the law is weaker on its own it rules, so that the rupture may outrun the forced front.
     """
 
-    center: Coordinate
-    radius: Length
+    center: Center
+    radius: HalfWidth
     speed: Speed
     mu_d: VaryingCoefficient
     t_w: Time = 0.0

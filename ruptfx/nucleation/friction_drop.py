@@ -7,14 +7,15 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.units import Coordinate, Instant, Length, NonNegative, Time
+from ruptfx.places import Center, HalfWidth
+from ruptfx.units import Instant, NonNegative, Time
 
 
 class FrictionDrop(Nucleation):
     """Friction drop: at a given time the coefficient falls to mu_d, at once or within t_w, in a patch."""
 
-    center: Coordinate
-    half_width: Length
+    center: Center
+    half_width: HalfWidth
     mu_d: NonNegative = 0.0
     time: Instant = 0.0
     """Begin of the drop [s]; negative: it is under way, or over, at t = 0."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.nucleation import Nucleation
-from ruptfx.units import Coordinate, Duration, Length, Stress
+from ruptfx.places import Center, HalfWidth
+from ruptfx.units import Duration, Stress
 
 
 class SmoothPatch(Nucleation):
@@ -16,8 +17,8 @@ class SmoothPatch(Nucleation):
     """
 
     extra: Stress
-    center: Coordinate
-    radius: Length
+    center: Center
+    radius: HalfWidth
     rise: Duration
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:

@@ -20,6 +20,7 @@ from ruptfx.plots.style import (
     TIME_MAP,
     WIDTH,
     Array,
+    along,
     default_times,
     direction,
     edges,
@@ -52,7 +53,7 @@ def space_time(record: Record) -> Figure:
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]
     ax.set(
-        xlabel=f"Position along the interface ({x_unit})", ylabel=f"Time ({t_unit})",
+        xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
         xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
     )
     peak = rate.max(initial=0.0)
@@ -148,7 +149,7 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
         if name == "slip_rate" and logarithmic:
             axes[0, 0].set_yscale("log", nonpositive="clip")
             axes[0, 0].set_ylim(low / size, 2 * values.max() / size)
-        axes[-1, column].set_xlabel(f"Position ({x_unit})")
+        axes[-1, column].set_xlabel(along(record, x_size, x_unit))
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
@@ -203,7 +204,7 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
     for ax, (name, lines) in zip(axes[0], values.items(), strict=True):
         for row, line in zip(rows, lines, strict=True):
             ax.plot(position / x_size, line / size, color=colours.to_rgba(saved[row] / t_size))
-        ax.set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"{names[name]} ({unit})")
+        ax.set(xlabel=along(record, x_size, x_unit), ylabel=f"{names[name]} ({unit})")
         ax.set_xlim(position[0] / x_size, position[-1] / x_size)
     figure.colorbar(colours, ax=axes[0].tolist(), label=f"Time ({t_unit})")
     remark(figure, turned(record))
@@ -223,7 +224,7 @@ def front(record: Record) -> Figure:
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(end_time(record), "s")
     figure, (axes,) = new_figure(1, 2, 2.6, sharex=True)
     axes[0].plot(position / x_size, arrival / t_size, color="#1a1a1a")
-    axes[0].set(xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture time ({t_unit})")
+    axes[0].set(xlabel=along(record, x_size, x_unit), ylabel=f"Rupture time ({t_unit})")
     axes[0].set_xlim(position[0] / x_size, position[-1] / x_size)
     speeds = guides(record)
     fastest = max((guide.speed for guide in speeds), default=1.0)
@@ -240,7 +241,7 @@ def front(record: Record) -> Figure:
             color=GUIDE, va={"$c_s$": "bottom", "$c_R$": "top"}.get(name, "center"), annotation_clip=False,
         )
     axes[1].set(
-        xlabel=f"Position along the interface ({x_unit})", ylabel=f"Rupture speed ({unit})",
+        xlabel=along(record, x_size, x_unit), ylabel=f"Rupture speed ({unit})",
         ylim=(0, 1.35 * max(fastest, np.quantile(shown, 0.9)) / size),
     )
     if not np.isfinite(arrival).any():

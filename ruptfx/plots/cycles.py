@@ -12,6 +12,7 @@ from ruptfx.plots.style import (
     GUIDE,
     RATE_MAP,
     Array,
+    along,
     direction,
     edges,
     guides,
@@ -77,7 +78,8 @@ def cycles(record: Record) -> Figure:
     mesh = axes[1, 0].pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP,
                                  rasterized=True)  # fmt: skip
     _stretch(axes[1, 0], times, [first for first, _ in found])
-    axes[1, 0].set(xlabel=f"Position ({x_unit})", ylabel=f"Time ({t_unit}), stretched where records are dense")
+    stretched = f"Time ({t_unit}), stretched where records are dense"
+    axes[1, 0].set(xlabel=along(record, x_size, x_unit), ylabel=stretched)
     figure.colorbar(mesh, ax=axes[1, 0], label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
     _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
     remark(figure, turned(record), whose_speeds(record))
@@ -125,7 +127,7 @@ def _largest(
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
     ax.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.03)
     since = f"Time since {start:.5g} s ({unit})"
-    ax.set(xlabel=f"Position ({x_unit})", ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
+    ax.set(xlabel=along(record, x_size, x_unit), ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
     width, low = np.ptp(position), 0.04 * time[-1] / size
     halo = [withStroke(linewidth=1.5, foreground="white")]
     for wanted, place in (("c_s", 0.62), ("c_p", 0.8)):  # slopes to compare with

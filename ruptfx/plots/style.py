@@ -132,6 +132,17 @@ def _bodies_by_speeds(record: Record) -> dict[tuple[float, float], list[str]]:
     return groups
 
 
+def along(record: Record, size: float, unit: str) -> str:
+    """Label of an axis along the first interface: x, or from where positions are measured."""
+    attrs = record.interface.attrs
+    if attrs.get("position_measure") == "x":
+        return f"x ({unit})"
+    if attrs.get("position_measure") == "arc length":
+        start = ", ".join(f"{value / size:.4g}" for value in attrs["origin"])
+        return f"Arc length from ({start}) ({unit})"
+    return f"Position along the interface ({unit})"
+
+
 def end_time(record: Record) -> float:
     """Last saved time [s], or the planned end where nothing but the start was saved."""
     last = record.interface["time"].values[-1:]

@@ -214,7 +214,7 @@ def slip_to_resolve(model: Model, fault: Fault) -> float:
     shortest = -parallel.largest(model.comm, -min(_lengths(fault.friction), default=np.inf))
     if not np.isfinite(shortest):
         softest = min(m.density * m.wave_speeds(model.case.plane).c_s ** 2 for m in model.materials)
-        length = parallel.largest(model.comm, fault.interface.position.max(initial=0.0))
+        length = fault.interface.line.length
         shortest = 0.01 * length * parallel.largest(model.comm, fault.normal_stress_0.max(initial=0.0)) / softest
     return 0.02 * shortest if shortest > 0 else np.inf
 

@@ -15,7 +15,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.contact import Point
 from ruptfx.fault import Fault, FaultStep, advance_reference, impedances
 from ruptfx.friction.coulomb import Coulomb
-from ruptfx.interface import Interface
+from ruptfx.interface import Interface, Line
 from ruptfx.model import Model
 from ruptfx.schema import alternatives
 
@@ -43,6 +43,7 @@ def an_interface(components: int, random: np.random.Generator) -> Interface:
         position=np.linspace(0, 1, POINTS), number=np.arange(POINTS),
         plus=nodes[:POINTS], minus=nodes[POINTS:], frame=frame.reshape(POINTS, local, components),
         weight=random.uniform(0.5e-4, 1e-4, POINTS), owned=random.random(POINTS) < 0.8, total=POINTS,
+        line=Line("x", np.zeros(max(2, components)), 0.0, 1.0),
     )  # fmt: skip
 
 

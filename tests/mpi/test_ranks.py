@@ -91,6 +91,11 @@ def test_weights_and_places_agree(built: Any) -> None:
     frame = face.frame.reshape(len(face.plus), np.prod(face.frame.shape[1:]))
     rows = np.column_stack([face.number, face.position, face.weight, face.points, frame])
     everything = parallel.share_rows(COMM, rows)
+    assert len(set(COMM.allgather((face.line.measure, face.line.first, face.line.last, *face.line.origin)))) == 1
+    if face.points.shape[1] == 2:
+        owned = parallel.share_rows(COMM, np.column_stack([face.position, face.points])[face.owned])
+        position, *point = owned[len(owned) // 3]
+        assert face.nearest(COMM, np.array(point))[0] == pytest.approx(position, abs=1e-12)
     for row in everything:
         same = everything[everything[:, 0] == row[0]]
         np.testing.assert_allclose(same, np.broadcast_to(same[0], same.shape), rtol=1e-12, atol=1e-12)

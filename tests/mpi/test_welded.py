@@ -34,11 +34,11 @@ def table(folder: Path, bodies: dict[str, str], faults: dict[str, str], plus: An
     """A rupture that begins at x = -2 mm on the line y = 0 and crosses x = 0."""
     sides = {name: {"plus": plus, "minus": minus} for name in faults}
     whole = plates({
-        "order": 3, "mesh": on_root(lambda: blocks(folder, bodies, faults, sides)), "faults": {},
+        "order": 3, "positions": "x", "mesh": on_root(lambda: blocks(folder, bodies, faults, sides)), "faults": {},
         "boundaries": [{"kind": "absorbing", "edge": edge} for edge in ("top", "bottom")],
         "stepper": {"kind": "leapfrog", "time_step": 5e-8},
     })  # fmt: skip
-    patch = {"kind": "boxcar", "inside": 4e6, "outside": 3.2e6, "center": 4e-3, "half_width": 1.5e-3}
+    patch = {"kind": "boxcar", "inside": 4e6, "outside": 3.2e6, "center": -2e-3, "half_width": 1.5e-3}
     for name in faults:
         whole["faults"][name] = {
             "contact": SPLIT, "friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-6},

@@ -1,0 +1,138 @@
+"""Places along an interface as a case gives them: positions, and points that stand for the nearest position.
+
+What a position is says `ruptfx.interface.Interface`: x where an interface is flat and its (first) tangent is +x, a
+length from its `origin` elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Discriminator, Field, Tag
+
+from ruptfx.schema import Alternative, Part, Unit, has_mark
+
+
+class Place(Part):
+    """A point; it stands for the position of the nearest point of the interface."""
+
+    x: Annotated[float, Unit("m")]
+    y: Annotated[float, Unit("m")]
+
+
+class _Along:
+    """Marks fields that hold positions along an interface."""
+
+
+class _Reach:
+    """Marks fields that say how far a patch reaches to both sides of its center."""
+
+
+def _tag(value: Any) -> str:
+    return "<place>" if isinstance(value, dict | Place) else "<number>"
+
+
+if TYPE_CHECKING:
+    Position = float
+    Center = Any
+    HalfWidth = float
+else:
+    Position = Annotated[float, Unit("m"), _Along()]
+    Center = Annotated[
+        Annotated[float, Tag("<number>")] | Annotated[Place, Tag("<place>")], Discriminator(_tag), Unit("m"), _Along(),
+    ]  # fmt: skip
+    HalfWidth = Annotated[float, Field(gt=0), Unit("m"), _Reach()]
+
+
+def located[AnyPart: Part](part: AnyPart, locate: Callable[[str, Place], float], key: str) -> AnyPart:
+    """The same part with every point replaced by its position.
+
+    Parameters
+    ----------
+    part : Part
+    locate : callable
+        Position [m] of a point; its first argument is the key, for messages.
+    key : str
+        Dotted key of the part.
+    """
+    changes: dict[str, Any] = {}
+    for name in type(part).model_fields:
+        value, where = getattr(part, name), f"{key}.{name}"
+        if isinstance(value, Place):
+            changes[name] = locate(where, value)
+        elif isinstance(value, Part):
+            changes[name] = located(value, locate, where)
+        elif isinstance(value, list) and any(isinstance(item, Part) for item in value):
+            changes[name] = [located(item, locate, f"{where}.{number}") for number, item in enumerate(value)]
+    return part.substituted(changes) if changes else part
+
+
+def parts(part: Part, key: str) -> Iterator[tuple[str, Part]]:
+    """A part and all that it holds, each with its dotted key."""
+    yield key, part
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        for where, item in enumerate(value) if isinstance(value, list) else [(None, value)]:
+            if isinstance(item, Part):
+                yield from parts(item, f"{key}.{name}" if where is None else f"{key}.{name}.{where}")
+
+
+def positions(part: Part, key: str) -> Iterator[tuple[str, list[float]]]:
+    """Keys and values of every position given as a number; without values, keys of what is drawn by position."""
+    for where, item in parts(part, key):
+        fields = type(item).model_fields
+        for name in fields:
+            value = getattr(item, name)
+            if has_mark(type(item), name, _Along) and value is not None and not isinstance(value, Place):
+                yield f"{where}.{name}", value if isinstance(value, list) else [value]
+        if "seed" in fields:
+            yield where, []
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A part of an interface that a case singles out.
+
+    Attributes
+    ----------
+    key : str
+        Dotted key of what has the patch.
+    kind : str
+    ends : list of float
+        First and last position [m]; one for what has no ends.
+    """
+
+    key: str
+    kind: str
+    ends: list[float]
+
+
+def patches(part: Part, key: str) -> Iterator[Patch]:
+    """Everything with a center or with positions; points must have been replaced (`located`)."""
+    for where, item in parts(part, key):
+        found = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
+                 for mark in (_Along, _Reach)}  # fmt: skip
+        kind = item.kind() if isinstance(item, Alternative) else getattr(item, "kind", "")
+        for value in found[_Along]:
+            if isinstance(value, list):
+                yield Patch(where, kind, [value[0], value[-1]])
+            else:
+                reach = found[_Reach][0] if found[_Reach] else 0.0
+                yield Patch(where, kind, [value - reach, value + reach] if reach else [value])
+
+
+def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:
+    """What positions that were lengths from the left end become as x, for messages."""
+    texts = []
+    for key, values in given:
+        if not values:
+            texts.append(f"{key} is drawn by position and becomes another sample")
+        elif len(values) > 2:
+            texts.append(f"add {shift:g} to every one of {key}")
+        else:
+            after = [value + shift if abs(value + shift) > 1e-9 * abs(shift) else 0.0 for value in values]
+            before, now = (", ".join(f"{value:.6g}" for value in numbers) for numbers in (values, after))
+            texts.append(f"{key} = {before} becomes {now}")
+    return "; ".join(texts)

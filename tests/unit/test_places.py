@@ -1,0 +1,62 @@
+"""Positions and points in cases: what accepts them, what they become, and what old ones meant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from examples import table
+
+from ruptfx.nucleation.forced_rupture import ForcedRupture
+from ruptfx.places import Place, located, patches, positions, shifted
+from ruptfx.profiles import KINDS
+from ruptfx.schema import CaseError, Part, alternatives
+from ruptfx.stopping import StopWhen
+
+CENTERED = [
+    *(cls for cls in alternatives("ruptfx.nucleation").values() if "center" in cls.model_fields),
+    *(cls for cls in KINDS.values() if "center" in cls.model_fields),
+]
+
+
+@pytest.mark.parametrize("cls", CENTERED, ids=lambda cls: cls.__name__)
+def test_every_center_may_be_a_point(cls: type[Part]) -> None:
+    """A new file with a `center` is covered: points, the list of what changed its meaning, and `check`."""
+    part = cls.model_validate(table(cls) | {"center": {"x": 3.0, "y": 4.0}})
+    assert list(positions(part, "key")) == []
+    placed = located(part, lambda key, place: place.x + place.y if key == "key.center" else 0.0, "key")
+    assert placed.center == 7.0 and list(positions(placed, "key")) == [("key.center", [7.0])]  # type: ignore[attr-defined]
+    (patch,) = patches(placed, "key")
+    assert sum(patch.ends) / len(patch.ends) == pytest.approx(7.0) and patch.ends == sorted(patch.ends)
+
+
+def test_what_a_part_holds_is_looked_through() -> None:
+    mu_d = {"kind": "taper", "inside": 0.1, "outside": 0.2, "half_width": 2.0, "width": 1.0}
+    mu_d["center"] = {"x": 1.0, "y": 0.0}
+    rupture = ForcedRupture.model_validate({"center": 5.0, "radius": 1.0, "speed": 1.0, "mu_d": mu_d})
+    placed = located(rupture, lambda key, place: place.x, "entry")
+    found = {patch.key: (patch.kind, patch.ends) for patch in patches(placed, "entry")}
+    assert found == {"entry": ("forced_rupture", [4.0, 6.0]), "entry.mu_d": ("taper", [-1.0, 3.0])}
+    assert rupture.mu_d.center == Place(x=1.0, y=0.0)  # the case stays as it was written
+
+
+def test_old_positions_are_shifted_in_words() -> None:
+    given = [*positions(StopWhen(tip_beyond=39.5e3, tip_before=20e3), "stop_when"), ("t.positions", [0.0, 1.0, 2.0])]
+    assert shifted(given, -20e3) == (
+        "stop_when.tip_beyond = 39500 becomes 19500; stop_when.tip_before = 20000 becomes 0; "
+        "add -20000 to every one of t.positions"
+    )
+
+
+@pytest.mark.parametrize(
+    "center, said",
+    [
+        ({"x": 1.0}, "center.y: this key is required and missing"),
+        ({"x": 1.0, "y": 0.0, "z": 0.0}, "center: unknown key 'z', known: x, y"),
+        ("middle", "center = 'middle': input should be a valid number"),
+    ],
+)
+def test_what_is_no_center(center: Any, said: str) -> None:
+    with pytest.raises(CaseError) as caught:
+        ForcedRupture(center=center, radius=1.0, speed=1.0, mu_d=0.1)
+    assert said in str(caught.value)
