@@ -47,7 +47,8 @@ print(f"transition at alpha = {float(data.alpha_c):.3g}")
 #
 # The height scatter of a surface and alpha are related by the shear of the contact layer under the pressure of the
 # real contacts, R_a = 2 mu_s p / (f G sqrt(pi (2 alpha + 1))) h. The real-contact fraction f is not well known, and
-# so is not the critical roughness; a surface inside the uncertain band is called `undecided`.
+# so is not the critical roughness, that of the alpha at the transition found above; a surface inside the uncertain band
+# is called `undecided`.
 
 # %%
 print(f"critical R_a between {float(data.R_a_crit_min) * 1e6:.3f} and {float(data.R_a_crit_max) * 1e6:.3f} um")
@@ -59,7 +60,7 @@ for row in (data.isel(surface=i) for i in range(data.sizes["surface"])):
 # ## Your own surface
 #
 # Give a height profile as text: heights, or positions and heights. R_a is taken about the mean line, after a Gaussian
-# filter if you give its cutoff.
+# filter if you give its cutoff. One alpha shows no transition: the verdict takes the one that the sweep found.
 
 # %%
 random = np.random.default_rng(0)
@@ -72,6 +73,7 @@ np.savetxt(
 mine = MaxwellSlip(
     alphas=[20.0],
     realisations=20,
+    layer={"alpha_c": float(data.alpha_c)},
     surfaces=[
         {"name": "raw", "profile": str(out / "profile.csv"), "profile_unit": 1e-6},
         {"name": "filtered", "profile": str(out / "profile.csv"), "profile_unit": 1e-6, "cutoff": 0.25e-3},

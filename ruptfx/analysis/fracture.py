@@ -22,8 +22,18 @@ def slowness_factors(speed: float, c_p: float, c_s: float) -> tuple[float, float
 
 def rayleigh_function(speed: float, c_p: float, c_s: float) -> float:
     """D = 4 a_s a_p - (1 + a_s^2)^2; zero at c_R (Source: Freund 1990, eq. 4.3.8)."""
+    return min((speed / c_s) ** 2, 1.0) * _rayleigh_quotient(speed, c_p, c_s)
+
+
+def _rayleigh_quotient(speed: float, c_p: float, c_s: float) -> float:
+    """D c_s^2 / v^2, which slow fronts need: both terms of D are 4 at v = 0, and their difference is v^2 only.
+
+    With x = v^2 / c_s^2 and k = c_s^2 / c_p^2, D times the sum of its two terms is
+    16 (1 - x) (1 - k x) - (2 - x)^4, which is x times a polynomial.
+    """
     a_p, a_s = slowness_factors(speed, c_p, c_s)
-    return 4 * a_s * a_p - (1 + a_s**2) ** 2
+    x, k = min((speed / c_s) ** 2, 1.0), (c_s / c_p) ** 2
+    return (16 * (1 - k) - (24 - 16 * k) * x + 8 * x**2 - x**3) / (4 * a_s * a_p + (1 + a_s**2) ** 2)
 
 
 def effective_modulus(shear_modulus: float, c_p: float, c_s: float) -> float:
@@ -36,10 +46,8 @@ def A_II(speed: float, c_p: float, c_s: float) -> float:
 
     1 / (1 - nu) is G* / G = 2 (1 - c_s^2 / c_p^2). One at v = 0, unbounded at c_R.
     """
-    if speed == 0:
-        return 1.0
     _, a_s = slowness_factors(speed, c_p, c_s)
-    return 2 * (1 - (c_s / c_p) ** 2) * (speed / c_s) ** 2 * a_s / rayleigh_function(speed, c_p, c_s)
+    return 2 * (1 - (c_s / c_p) ** 2) * a_s / _rayleigh_quotient(speed, c_p, c_s)
 
 
 def k_II(speed: float, c_p: float, c_s: float, c_R: float) -> float:

@@ -20,7 +20,7 @@ from ruptfx.bench import Check, Outcome
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import silent
 from ruptfx.lumped._chain import Chain, History, Integrator
-from ruptfx.lumped._roughness import Surface
+from ruptfx.lumped._roughness import ContactLayer, Surface
 from ruptfx.lumped._slider import Slider, linear_rates
 from ruptfx.lumped._slider_protocols import SlideHoldSlide
 from ruptfx.lumped._slider_stability import ModulatedLoad, StabilityDiagram, onset
@@ -77,7 +77,7 @@ def run(fine: bool = False, comm: Any = None) -> Outcome:
 
 def roughness_checks() -> list[Check]:
     data, seconds = ensembles()
-    low, high = float(data.R_a_crit_min), float(data.R_a_crit_max)
+    low, high = ContactLayer().critical(22, 0.3)
     right = int((data.verdict == data.observed).sum())
     mean = data.late_amplitude.mean("realisation")
     return [
@@ -126,6 +126,13 @@ def wave_speed() -> float:
     return float(np.diff(centres)[0] / np.diff(times)[0])
 
 
+def dropping_correlation(data: xarray.Dataset) -> float:
+    """Correlation of length and force of the precursors that a force drop shows, as experiments see them."""
+    first = int(data.event_large.values.argmax())
+    seen = data.event_drop.values[:first] > 0
+    return float(np.corrcoef(data.event_force.values[:first][seen], data.event_reach.values[:first][seen])[0, 1])
+
+
 def chain_checks() -> list[Check]:
     smooth = SpringBlock(scatter=0.0, duration=0.33, large_events=1)
     data = smooth.run()
@@ -146,7 +153,7 @@ def chain_checks() -> list[Check]:
     # First rupture: x_0 = F_s / (N K_s) and F = (K_b (1 - q) + K_s) x_0, at t = (F / K_d + x_0) / V_d.
     every = softs + stiffs
     kept, released = (float(np.mean(over(runs, "retained_stress"))) for runs in (softs, stiffs))
-    correlation = float(np.nanmean(over(stiffs, "length_correlation")))
+    correlation = float(np.nanmean([dropping_correlation(run) for run in stiffs]))
     return [
         Check("decay of the static displacement per block", 0.8866, early[6] / early[5], 2e-4, "1", CHAIN),
         Check("force at the first rupture, no scatter", 378.1, float(data.first_break_force), 0.3, "N", "static chain"),
@@ -160,7 +167,7 @@ def chain_checks() -> list[Check]:
         Check("slow fronts, stiff, most of a run", 0, max(over(stiffs, "slow_fronts")), 0, "1", CHAIN),
         Check("stress kept by sliding, soft, mean", 0.75, kept, 0, "1", CHAIN, "at least"),
         Check("stress kept by sliding, stiff, mean", 0.5, released, 0, "1", CHAIN, "at most"),
-        Check("correlation of precursor length and force, stiff", 0.5, correlation, 0, "1", CHAIN, "at least"),
+        Check("correlation of length and force, precursors that drop it", 0.5, correlation, 0, "1", CHAIN, "at least"),
         Check("run time to the fifth large event", 60, seconds, unit="s", relation="at most"),
     ]
 

@@ -30,14 +30,16 @@ def _breaks(dataset: xarray.Dataset) -> Breaks:
     return Breaks(time, block, count, dataset.attrs["delay"], dataset.contacts.values)
 
 
-def _map(figure: Figure, ax: Any, data: xarray.DataArray, label: str, cmap: str, **limits: float) -> None:
+def _map(
+    figure: Figure, ax: Any, data: xarray.DataArray, label: str, cmap: str, extend: str = "neither", **limits: float
+) -> None:
     time = data.time.values
     image = ax.imshow(
         data.values.T, aspect="auto", origin="lower", cmap=cmap, rasterized=True,
         extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5), **limits,
     )
     ax.set_ylabel("block")
-    figure.colorbar(image, ax=ax, label=label, pad=0.01, aspect=12)
+    figure.colorbar(image, ax=ax, label=label, pad=0.01, aspect=12, extend=extend)
 
 
 @styled
@@ -59,7 +61,7 @@ def maps(dataset: xarray.Dataset) -> Figure:
     _map(figure, axes[1], -dataset.elastic_force.isel(block=slice(0, -1)), "compression [N]", "viridis")
     _map(figure, axes[2], 100 * (1 - dataset.attached), "detached [%]", "magma_r", vmin=0, vmax=100)
     reach = float(np.nanpercentile(np.abs(dataset.contact_force), 99.8)) or 1.0
-    _map(figure, axes[3], dataset.contact_force, "contact force [N]", "RdBu_r", vmin=-reach, vmax=reach)
+    _map(figure, axes[3], dataset.contact_force, "contact force [N]", "RdBu_r", "both", vmin=-reach, vmax=reach)
     axes[3].set(xlabel="time [s]")
     for letter, ax in zip("abcd", axes, strict=True):
         ax.set_title(f"({letter})", fontsize=8)
@@ -137,22 +139,24 @@ def displacements(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def lengths(dataset: xarray.Dataset) -> Figure:
-    """Length of the precursors against the force that starts them."""
+    """Length of all precursors against the force that starts them, their number and the correlation of the two."""
     figure = new_figure(ONE_COLUMN, 3.0)
     ax = figure.subplots()
-    last, blocks = _first_large(dataset), dataset.sizes["block"]
+    slides, blocks = bool(dataset.event_large.values.any()), dataset.sizes["block"]
+    last = _first_large(dataset) if slides else dataset.sizes["event"]
     force, reach = dataset.event_force.values[:last], dataset.event_reach.values[:last] / blocks
     scale = float(dataset.attrs["strength"])
     area = 6 + 60 * dataset.event_drop.values[:last] / max(float(dataset.event_drop.max()), 1e-9)
     ax.scatter(force / scale, reach, area, color=STEADY, label="precursor (area: force drop)", zorder=3)
-    ax.plot(float(dataset.event_force[last]) / scale, 1, "v", color=STICK_SLIP, label="first large event")
+    if slides:
+        ax.plot(float(dataset.event_force[last]) / scale, 1, "v", color=STICK_SLIP, label="first large event")
     slope = float(dataset.length_slope)
     if np.isfinite(slope):
-        line = np.array([0, float(dataset.event_force[last])])
+        line = np.array([0, float(dataset.event_force[: last + 1].max())])
         ax.plot(
             line / scale, slope * line / blocks, "--", color="0.4",
-            label=f"proportional (r = {float(dataset.length_correlation):.2f})",
+            label=f"least squares through 0 (n = {last}, r = {float(dataset.length_correlation):.2f})",
         )
     ax.set(xlabel=r"force / $F_s$", ylabel="length / slider length", xlim=(0, None), ylim=(0, 1.08))
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure

@@ -129,18 +129,20 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def roughness_map(dataset: xarray.Dataset) -> Figure:
-    """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts."""
+    """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts by the alpha
+    at the transition."""
     figure = new_figure(TWO_COLUMNS * 0.75, 2.9)
     ax = figure.subplots()
     alpha = np.geomspace(0.03, 1e5, 200)
     low, high = (float(dataset[name]) / np.sqrt(2 * alpha + 1) for name in ("R_a_scale_min", "R_a_scale_max"))
     ax.fill_between(alpha, low * 1e6, high * 1e6, color="0.8", label=r"$R_a(\alpha)$, range of contact fraction")
     limits = [float(dataset[name]) * 1e6 for name in ("R_a_crit_min", "R_a_crit_max")]
-    ax.axhspan(*limits, color=ACCENT, alpha=0.3, linewidth=0)
-    ax.annotate(
-        rf"$R_{{a,crit}}$ = {limits[0]:.3f}–{limits[1]:.3f} µm", (1, limits[1]), ha="right",
-        xycoords=("axes fraction", "data"), xytext=(0, 2), textcoords="offset points",
-    )
+    alpha_c = rf"$\alpha_c$ = {float(dataset.verdict_alpha_c):.3g}"
+    if np.isfinite(limits).all():
+        critical = rf"$R_{{a,crit}}$ = {limits[0]:.3f}–{limits[1]:.3f} µm at {alpha_c}"
+        ax.axhspan(*limits, color=ACCENT, alpha=0.3, linewidth=0, label=critical)
+    else:
+        ax.set_title(r"no transition among these $\alpha$: no verdicts")
     for row in (dataset.isel(surface=i) for i in range(dataset.sizes["surface"])):
         colour, R_a = _COLOURS[str(row.verdict.values)], float(row.R_a) * 1e6
         ends = np.maximum([float(row.alpha_low), float(row.alpha_high)], alpha[0])

@@ -29,8 +29,8 @@ class ContactLayer(Part):
     """Nominal pressure p [Pa]; the contacts carry p / f."""
     contact_fraction_min: Fraction = 0.011
     contact_fraction_max: Fraction = 0.015
-    alpha_c: Positive = 22.0
-    """Shape parameter at the transition; 22 is the published value for mu_s = 0.3."""
+    alpha_c: Positive | None = None
+    """Shape parameter at the transition, instead of the one that the run finds."""
 
     @model_validator(mode="after")
     def _ordered(self) -> ContactLayer:
@@ -50,9 +50,9 @@ class ContactLayer(Part):
         """
         return self.scale(mu_s, fraction, pressure) / np.sqrt(2 * np.asarray(alpha) + 1)
 
-    def critical(self, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
+    def critical(self, alpha_c: float, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
         """Smallest and largest R_a,crit [m] over the range of the real-contact fraction."""
-        at = [self.roughness(self.alpha_c, mu_s, f, pressure) for f in self.fractions[::-1]]
+        at = [self.roughness(alpha_c, mu_s, f, pressure) for f in self.fractions[::-1]]
         return float(at[0]), float(at[1])
 
     @property
@@ -64,9 +64,10 @@ class ContactLayer(Part):
         values = [((self.scale(mu_s, f, pressure) / R_a) ** 2 - 1) / 2 for f in self.fractions[::-1]]
         return max(values[0], 0.0), max(values[1], 0.0)
 
-    def verdict(self, R_a: float, mu_s: float, pressure: float | None = None) -> str:
-        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else `undecided`."""
-        low, high = self.critical(mu_s, pressure)
+    def verdict(self, R_a: float, alpha_c: float, mu_s: float, pressure: float | None = None) -> str:
+        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else, and where there is no
+        alpha_c (NaN), `undecided`."""
+        low, high = self.critical(alpha_c, mu_s, pressure)
         return "stick-slip" if R_a < low else "steady" if R_a > high else "undecided"
 
 

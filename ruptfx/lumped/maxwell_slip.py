@@ -94,6 +94,7 @@ class MaxwellSlip(LumpedModel):
         amplitude = np.array([e.late_amplitude for e in ensembles]) / self.drop
         mean = amplitude.mean(axis=1)
         fine = np.geomspace(min(0.5, alphas.min()), max(1e5, alphas.max()), 40)
+        found = transition(alphas, mean, self.threshold)
         limit = [large_number_limit(alpha, self.mu_s, self.mu_d, blocks=1000) for alpha in fine]
         to_time = length / self.drive_speed
         dataset = xarray.Dataset(
@@ -114,7 +115,7 @@ class MaxwellSlip(LumpedModel):
                 "law_amplitude": variable(
                     "alpha_fine", late_amplitude_law(fine, self.mu_s, self.mu_d), "1", "(2/pi) exp(-2 pi^2 s^2)"
                 ),
-                "alpha_c": variable((), transition(alphas, mean, self.threshold), "1", "alpha at the transition"),
+                "alpha_c": variable((), found, "1", "alpha at the transition"),
                 "slip_period": variable((), self.drop * to_time, "s", "slip period"),
             },
             coords={
@@ -126,20 +127,20 @@ class MaxwellSlip(LumpedModel):
                 "force_per_block": per_block,
             },
         )
-        return dataset.merge(self._surfaces(), combine_attrs="drop_conflicts")
+        return dataset.merge(self._surfaces(self.layer.alpha_c or found), combine_attrs="drop_conflicts")
 
-    def _surfaces(self) -> xarray.Dataset:
-        """Every surface with its R_a, critical range, range of alpha and verdict."""
+    def _surfaces(self, alpha_c: float) -> xarray.Dataset:
+        """Every surface with its R_a, critical range, range of alpha and verdict by the alpha at the transition."""
         layer, rows = self.layer, []
         for surface in self.surfaces:
             R_a = surface.roughness()
-            critical = layer.critical(self.mu_s, surface.pressure)
+            critical = layer.critical(alpha_c, self.mu_s, surface.pressure)
             alphas = layer.alpha(R_a, self.mu_s, surface.pressure)
-            verdict = layer.verdict(R_a, self.mu_s, surface.pressure)
+            verdict = layer.verdict(R_a, alpha_c, self.mu_s, surface.pressure)
             rows.append((surface.name, R_a, *critical, *alphas, verdict, surface.observed))
         columns: list[Any] = list(zip(*rows, strict=True)) if rows else [()] * 8
         names, sizes, low, high, alpha_low, alpha_high, verdicts, observed = columns
-        bounds = layer.critical(self.mu_s)
+        bounds = layer.critical(alpha_c, self.mu_s)
         return xarray.Dataset(
             {
                 "R_a": variable("surface", np.array(sizes, float), "m", "arithmetic mean roughness"),
@@ -149,6 +150,7 @@ class MaxwellSlip(LumpedModel):
                 "alpha_high": variable("surface", np.array(alpha_high, float), "1", "largest shape parameter"),
                 "verdict": variable("surface", np.array(verdicts, dtype=object), "", "predicted sliding"),
                 "observed": variable("surface", np.array(observed, dtype=object), "", "observed sliding"),
+                "verdict_alpha_c": variable((), alpha_c, "1", "alpha at the transition that verdicts use"),
                 "R_a_crit_min": variable((), bounds[0], "m", "smallest critical roughness"),
                 "R_a_crit_max": variable((), bounds[1], "m", "largest critical roughness"),
                 "R_a_scale_min": variable(

@@ -147,7 +147,7 @@ class SpringBlock(LumpedModel):
         spring = np.diff(position, axis=1, append=position[:, -1:]) * chain.spring
         precursors = before_sliding(events)
         first_large = events[: len(precursors) + 1]
-        slope, correlation = length_against_force([e for e in precursors if e.drop > 0])
+        slope, correlation = length_against_force(precursors)
         fast = local_speeds(first_large)
         fast = fast if len(fast) else np.array([np.nan])
         breaks = self._breaks(chain, history)
@@ -188,7 +188,7 @@ class SpringBlock(LumpedModel):
             "first_break_time": variable((), (history.break_time or [np.nan])[0], "s", "first broken contact"),
             "first_break_force": variable((), history.first_force, "N", "loading force at the first broken contact"),
             "length_slope": variable((), slope, "1/N", "precursor length over force, blocks per newton"),
-            "length_correlation": variable((), correlation, "1", "correlation of precursor length and force"),
+            "length_correlation": variable((), correlation, "1", "correlation of length and force, all precursors"),
             "front_speed": variable((), np.median(fast) / self.chain_speed, "1", "median front speed / chain speed"),
             "fast_front_speed": variable(
                 (), np.percentile(fast, 95) / self.chain_speed, "1", "95th percentile of front speeds / chain speed"

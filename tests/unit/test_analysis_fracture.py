@@ -34,6 +34,26 @@ def test_near_tip_functions(speed: float, A: float, K: float, g: float) -> None:
     assert fracture.g_II(speed, C_P, C_S, C_R) == pytest.approx(g, abs=6e-5)
 
 
+def test_slow_fronts() -> None:
+    # D c_s^2 / v^2 is 16 (1 - k) / 8 at rest, k = c_s^2 / c_p^2: A_II = 1 there. Next, with x = v^2 / c_s^2, the
+    # numerator is 16 (1 - k) - (24 - 16 k) x, the sum of the two terms 8 - (6 + 2 k) x and a_s = 1 - x / 2, so that
+    # A_II = 1 + x [(24 - 16 k) / (16 (1 - k)) - (6 + 2 k) / 8 - 1/2] = 1 + x (1 + k^2) / (4 (1 - k)).
+    k = (C_S / C_P) ** 2
+    slope = (1 + k**2) / (4 * (1 - k))
+    speeds = np.geomspace(1e-12, 1e-2, 41)
+    found = np.array([fracture.A_II(fraction * C_S, C_P, C_S) for fraction in speeds])
+    np.testing.assert_allclose(found, 1 + slope * speeds**2, rtol=1e-7)
+    np.testing.assert_allclose(found[speeds < 1e-5], 1, rtol=1e-9)
+    assert fracture.A_II(0.0, C_P, C_S) == pytest.approx(1, rel=1e-14)
+    # Where nothing cancels it is the printed formula.
+    for speed in (*SPEEDS, C_R):
+        a_p, a_s = fracture.slowness_factors(speed, C_P, C_S)
+        printed = 4 * a_s * a_p - (1 + a_s**2) ** 2
+        assert fracture.rayleigh_function(speed, C_P, C_S) == pytest.approx(printed, rel=1e-9, abs=1e-14)
+    assert fracture.half_length_at(1e-8 * C_S, C_P, C_S) == pytest.approx(1, rel=1e-6)
+    assert fracture.g_II(1e-8 * C_S, C_P, C_S, C_R) == pytest.approx(1, rel=1e-6)
+
+
 @pytest.mark.parametrize("fraction, length", [(0.5, 1.377), (0.7, 1.795), (0.9, 3.20)])
 def test_bilateral_crack(fraction: float, length: float) -> None:
     assert fracture.half_length_at(fraction * C_R, C_P, C_S) == pytest.approx(length, rel=1e-3)

@@ -104,6 +104,19 @@ def test_events_of_a_made_up_run() -> None:
     assert breaks.detached(0, np.array([0.099, 0.1, 0.1049, 0.1051])).tolist() == [0, 1, 1, 0]
 
 
+def test_the_precursor_figure_says_how_many_points_and_their_correlation() -> None:
+    data = SpringBlock(blocks=20, contacts=20, interface_ratio=50, large_events=1, duration=0.5).run()
+    assert not data.event_large.any()
+    count = data.sizes["event"]
+    correlation = np.corrcoef(data.event_force.values, data.event_reach.values)[0, 1]
+    assert count > int(data.precursors) and float(data.length_correlation) == pytest.approx(correlation)
+    (ax,) = SpringBlock.figures(data)["precursor_length"].axes
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert f"least squares through 0 (n = {count}, r = {correlation:.2f})" in labels
+    assert len(labels) == 2  # no large event that was not
+    assert len(ax.collections[0].get_offsets()) == count
+
+
 def test_slow_fronts_are_blocks_that_move_alone() -> None:
     # 10 ms from block to block is more than the delay of 5 ms and less than 20 of them: a front of 100 blocks/s.
     alone = Breaks(0.01 * np.arange(1, 7), np.arange(6), np.full(6, 10), 0.005, np.full(8, 10))
