@@ -9,6 +9,7 @@ import pytest
 
 from ruptfx.schema import CaseError
 from ruptfx.study import Axis, read_study
+from ruptfx.study.refine import bisections
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 SIGMA = 'key = "faults.main.initial_stress.normal"'
@@ -108,3 +109,14 @@ def test_missing_files(tmp_path):
     path.write_text(f'case = "nowhere.toml"\n[[axes]]\n{SIGMA}\nvalues = [1e6]')
     with pytest.raises(CaseError, match=r"nowhere\.toml.*cannot be read"):
         read_study(path).points()
+
+
+@pytest.mark.parametrize(("spacing", "middle"), [("log", 3e6), ("linear", 5e6)])
+def test_refinement_asks_half_way_in_the_spacing_of_the_axis(tmp_path, spacing, middle):
+    # Between 1 and 9 MPa: sqrt(1 * 9) = 3 MPa where the axis is logarithmic, else (1 + 9) / 2 = 5 MPa.
+    text = f'[[axes]]\n{SIGMA}\nrange = [1e6, 9e6]\npoints = 2\nspacing = "{spacing}"'
+    asked = study(tmp_path, text)
+    modes = [{"values": {"mode": mode}} for mode in ("crack", "pulse")]
+    (point,) = bisections(asked, list(zip(asked.points(), modes, strict=True)))
+    assert point.coordinates == {"normal": middle}
+    assert point.case.faults["main"].initial_stress.normal == middle
