@@ -75,6 +75,18 @@ def arrested(time: Array, position: Array, stop: float = 0.04) -> Array:
     return pulses(time, position) * (position < stop)
 
 
+def grid_noise(time: Array, position: Array, amplitude: float, behind: float = 0.0) -> Array:
+    """A crack at 2 m/s that is `amplitude` faster and slower at every other point, from `behind` its tip on."""
+    alternate = np.where(np.arange(len(position)) % 2, -1.0, 1.0)
+    return crack(time, position) + amplitude / 2.0 * crack(time, position + behind) * alternate
+
+
+def ripples(time: Array, position: Array, speed: float, wavelength: float = 3.5e-3) -> Array:
+    """Behind a tip at 2100 m/s, zones half a wavelength wide that move at `speed`."""
+    wave = np.sin(2 * np.pi / wavelength * (position - speed * time[:, None]))
+    return crack(time, position) * np.maximum(wave, 0)
+
+
 def write_run(
     path: Path,
     slip_rate: Array,

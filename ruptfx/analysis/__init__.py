@@ -9,6 +9,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
+from ruptfx.analysis.resolution import peak_is_resolved
 
 if TYPE_CHECKING:
     from ruptfx.record import Record
@@ -45,6 +46,7 @@ def modes_of(record: Record) -> Modes:
     """Classify the sliding along the first interface of a run."""
     data = record.interface
     known: dict[str, Any] = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
+    known["c_p"] = np.max(data.attrs.get("c_p_of_bodies", known["c_p"]))
     known["loaded_end"] = rupture_origin(record)[0]
     return classify(data["slip_rate"].values, data["time"].values, data["position"].values, **known)
 
@@ -71,6 +73,7 @@ def _of_sliding(record: Record) -> dict[str, Any]:
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed
     speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
+    while_closed = np.where(data["normal_stress"].values > 0, data["slip_rate"].values, 0.0)
     trailing = modes.trailing_speeds[np.isfinite(modes.trailing_speeds)]
     return {
         "mode": modes.mode,
@@ -83,6 +86,8 @@ def _of_sliding(record: Record) -> dict[str, Any]:
         "tip_speed_over_c_s": tip.value / speeds["c_s"],
         "tip_speed_over_c_l": tip.value / speeds["c_p"],
         "speed_regime": modes.regime,
+        "not_resolved": "; ".join((*modes.doubts.mode, *modes.doubts.speed)) or None,
+        "peak_slip_rate_resolved": peak_is_resolved(while_closed, data["position"].values),
         "reach": modes.reach,
         "sliding_fraction": modes.sliding_fraction,
         "zones": modes.zones,

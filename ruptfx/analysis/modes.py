@@ -1,4 +1,4 @@
-"""Sliding modes: crack-like, pulse, train of pulses, mixed, arrested or none, from slip rates alone.
+"""Sliding modes: crack-like, pulse, train of pulses, mixed, arrested, none or not resolved, from slip rates alone.
 
 Definitions
 -----------
@@ -26,9 +26,10 @@ A run is *arrested* if the tip stopped before the far end and did not move durin
 since sliding began; `pattern` then still tells how it ran. Fewer than five points that slid are *none*.
 
 *Confidence* is the share of votes for the pattern: each saved time of the second half votes with its own f
-and r at the full and at half the threshold. A mode is to be trusted if it also survives a finer mesh, which
-one run cannot say; `zone_points`, the median number of points of a zone, warns of zones that the mesh does
-not resolve.
+and r at the full and at half the threshold.
+
+Modes and speeds that are the mesh's are *not resolved*: `ruptfx.analysis.resolution` says when. What is left is to be
+trusted if it also survives a finer mesh, which one run cannot say.
 
 Source of the driven situation and the names of the modes: Coker, Lykotrafitis, Needleman, Rosakis, JMPS 53
 (2005).
@@ -42,6 +43,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.front import Array, Speed, crossing, fit_speed, rupture_time, tip_position, trace_fronts
+from ruptfx.analysis.resolution import FIT, NOT_RESOLVED, Doubts, find_doubts
 
 LEVEL = 0.02  # of the driven speed
 QUIET = 1e-3  # m/s; without a driven boundary nothing slower counts as sliding
@@ -56,9 +58,9 @@ class Modes:
     Attributes
     ----------
     mode : str
-        crack, pulse, train, mixed, arrested or none.
+        crack, pulse, train, mixed, arrested, none or not resolved.
     pattern : str
-        The mode before arrest.
+        The mode before arrest; what it looks like where it is not resolved.
     threshold : float
         Slip rate above which a point slides.
     interface_length, reach : float
@@ -66,11 +68,13 @@ class Modes:
     mode_at_half_threshold : str
         The mode found with half the threshold.
     confidence : float
-        Share of saved times and thresholds that agree with the pattern.
+        Share of saved times and thresholds that agree with the pattern; 0 where the mode is not resolved.
+    doubts : Doubts
+        Why the mode or the speed of the tip is not resolved.
     tip_speed : Speed
-        Fitted between 20 % and 98 % of the reach.
+        Fitted between 20 % and 98 % of the reach; NaN where it is not resolved.
     regime : str
-        sub-Rayleigh, sub-shear (between c_R and c_s), supershear (c_s to c_p) or supersonic; `unknown`
+        sub-Rayleigh, sub-shear (between c_R and c_s), supershear (c_s to c_p) or not resolved; `unknown`
         without speeds.
     sliding_fraction, zones : float
         Medians of f and r while the tip runs through the second half of its way.
@@ -94,6 +98,7 @@ class Modes:
     reach: float = 0.0
     mode_at_half_threshold: str = "unknown"
     confidence: float = 1.0
+    doubts: Doubts = field(default_factory=Doubts)
     tip_speed: Speed = field(default_factory=Speed)
     regime: str = "unknown"
     sliding_fraction: float = 0.0
@@ -147,7 +152,7 @@ def classify(
     V_imp : float, optional
         Speed of the driven boundary [m/s].
     c_R, c_s, c_p : float, optional
-        Wave speeds of the bodies [m/s], to name the speed regime.
+        Wave speeds of the bodies [m/s], to name the speed regime; c_p of the fastest.
     level : float
         Threshold as a fraction of `V_imp`.
 
@@ -158,7 +163,9 @@ def classify(
     """
     _check(slip_rate, time, position)
     origin = position[0] if loaded_end is None else loaded_end
-    rate, distance = _away(median3(np.abs(slip_rate)), position, origin, _reference(slip_rate, V_imp) * level)
+    magnitude = median3(np.abs(slip_rate))
+    side, distance = _away(magnitude, position, origin, _reference(slip_rate, V_imp) * level)
+    rate = magnitude[:, side]
     threshold = level * _reference(rate, V_imp)
     full = _at_threshold(rate, time, distance, threshold)
     half = _at_threshold(rate, time, distance, threshold / 2)
@@ -169,24 +176,40 @@ def classify(
     inside = distance <= distance[0] + reach
     fronts = trace_fronts(rate[:, inside], time, distance[inside], threshold, slowest, 0.1 * reach)
     speeds = np.array([fit_speed(front.distance, front.time).value for front in fronts[1:]])
-    return replace(
+    found = replace(
         full.modes,
         mode_at_half_threshold=half.modes.mode,
         confidence=confidence,
         regime=regime(full.modes.tip_speed.value, c_R, c_s, c_p),
         trailing_speeds=speeds,
     )
+    if found.pattern == "none":
+        return found
+    doubts = find_doubts(
+        slip_rate[:, side[inside]], time, distance[inside] - distance[0],
+        rupture_time(rate[:, inside], time, threshold), (LOADING * reach, END * reach),
+        tip_speed=found.tip_speed.value, trailing_speeds=speeds, zone_points=found.zone_points, c_p=c_p,
+    )  # fmt: skip
+    return _without_what_is_not_resolved(replace(found, doubts=doubts))
+
+
+def _without_what_is_not_resolved(found: Modes) -> Modes:
+    if found.doubts.mode:
+        found = replace(found, mode=NOT_RESOLVED, mode_at_half_threshold=NOT_RESOLVED, confidence=0.0)
+    if found.doubts.speed:
+        found = replace(found, tip_speed=Speed(points=found.tip_speed.points), regime=NOT_RESOLVED)
+    return found
 
 
 def regime(speed: float, c_R: float | None, c_s: float | None, c_p: float | None) -> str:
-    """Name of a rupture speed among the wave speeds; 2 % above c_p are allowed for the error of the fit.
+    """Name of a rupture speed among the wave speeds; nothing carries one above c_p and the error of the fit.
 
     In antiplane motion all three are c_s, and a slower rupture is sub-shear.
     """
     if not (c_R and c_s and c_p) or not np.isfinite(speed):
         return "unknown"
-    limits = {"sub-Rayleigh": c_R if c_R < c_s else 0.0, "sub-shear": c_s, "supershear": 1.02 * c_p}
-    return next((name for name, limit in limits.items() if speed <= limit), "supersonic")
+    limits = {"sub-Rayleigh": c_R if c_R < c_s else 0.0, "sub-shear": c_s, "supershear": FIT * c_p}
+    return next((name for name, limit in limits.items() if speed <= limit), NOT_RESOLVED)
 
 
 def median3(values: Array) -> Array:
@@ -343,15 +366,15 @@ def _reference(rate: Array, V_imp: float | None) -> float:
 
 
 def _away(rate: Array, position: Array, origin: float, threshold: float) -> tuple[Array, Array]:
-    """Slip rate and distance on the side of the origin that slides further, ordered away from it."""
+    """Points on the side of the origin that slides further, ordered away from it, and their distances."""
     sides = []
     for sign in (1, -1):
         side = np.flatnonzero(sign * (position - origin) >= 0)[::sign]
         if len(side) >= MIN_POINTS:
-            sides.append((rate[:, side], sign * (position[side] - origin)))
+            sides.append((side, sign * (position[side] - origin)))
     if not sides:
         raise RuptfxError(f"modes: fewer than {MIN_POINTS} interface points on either side of {origin} m")
-    return max(sides, key=lambda side: int((side[0] > threshold).any(axis=0).sum()))
+    return max(sides, key=lambda found: int((rate[:, found[0]] > threshold).any(axis=0).sum()))
 
 
 def _check(slip_rate: Array, time: Array, position: Array) -> None:

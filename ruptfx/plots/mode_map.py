@@ -33,7 +33,8 @@ from ruptfx.study.table import Row, read_csv, unit_of
 MODES = {
     "crack": ("#0072B2", "s"), "pulse": ("#E69F00", "^"), "train": ("#D55E00", "D"), "mixed": ("#009E73", "o"),
     "sub-Rayleigh": ("#0072B2", "s"), "sub-shear": ("#56B4E9", "v"), "supershear": ("#D55E00", "^"),
-    "arrested": ("#8a8a8a", "x"), "none": ("#e2e2e2", "."), "failed": ("#ffffff", "$!$"),
+    "arrested": ("#8a8a8a", "x"), "none": ("#e2e2e2", "."), "not resolved": ("#e8d5b0", "$?$"),
+    "failed": ("#ffffff", "$!$"),
 }  # fmt: skip
 """Colour and symbol of every mode; the colours are told apart by the colour blind too."""
 OTHERS = [("#CC79A7", "v"), ("#56B4E9", "P"), ("#F0E442", "*"), ("#332288", "h")]
@@ -280,7 +281,7 @@ def _draw_modes(ax: Axes, shown: Map, rows: Sequence[Row]) -> None:
     kept = [row for row in rows if row["origin"] == "sample" and not shown.study.sampled]
     x, y = _coordinates(shown, kept)
     for name, (colour, marker) in look.items():
-        ink = "#555555" if name in ("none", "failed", "arrested") else "white"
+        ink = "#555555" if name in ("none", "failed", "arrested", "not resolved") else "white"
         for hollow in (False, True):
             chosen = np.array([shown.mode(r) == name and shown.doubtful(r) == hollow for r in kept], dtype=bool)
             style: Any = {"mfc": colour if hollow else ink, "mec": ink, "mew": 0.8, "ms": 3.6, "ls": "", "zorder": 4}
