@@ -36,3 +36,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'ruptfx' has no attribute '{name}'")
     module = import_module(_PUBLIC[name])
     return getattr(module, name, module)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -111,6 +112,11 @@ class Case(Part):
     output: Output = Output()
     stop_when: StopWhen | None = None
 
+    @field_validator("stepper", mode="before")
+    @classmethod
+    def _leapfrog_unless_said(cls, value: Any) -> Any:
+        return {"kind": "leapfrog", **value} if isinstance(value, dict) else value
+
     @field_validator("operator")
     @classmethod
     def _operator_exists(cls, name: str) -> str:
@@ -198,10 +204,12 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Any:
     Raises
     ------
     CaseError
-        File missing or not TOML, unknown keys, wrong types or signs, inconsistent values.
+        File missing, not TOML or a study; unknown keys, wrong types or signs, inconsistent values.
     """
     path = Path(path)
     table = read_toml(path)
+    if "axes" in table:
+        raise CaseError(f"{path}: a study, not a case; run it with: ruptfx study {shlex.quote(str(path))}")
     for item in overrides:
         override(table, item)
     try:

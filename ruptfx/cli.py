@@ -39,6 +39,7 @@ def _reported(comm: Any = None) -> Iterator[None]:
 
     try:
         yield
+        sys.stdout.flush()  # a reader that has seen enough is noticed here, where it ends the command quietly
     except RuptfxError as error:
         if comm is None or comm.rank == 0:
             label = "case error" if isinstance(error, CaseError) else "error"
@@ -79,7 +80,8 @@ def run(
     if ranks > 1 and launch.RANKS not in os.environ:
         options = [item for value in set_ or [] for item in ("--set", value)]
         options += ["--resume"] * resume + ["--quiet"] * quiet
-        raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
+        with _reported():
+            raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
     if lumped:
         with _reported():
             from ruptfx.lumped import simulate as simulate_lumped
@@ -201,14 +203,14 @@ def plot(
 @app.command()
 def describe(
     what: Annotated[str | None, typer.Argument(help="A folder: friction, contact, materials, meshes, ...")] = None,
-    schema: Annotated[bool, typer.Option("--schema", help="JSON schema of a case, for editors.")] = False,
+    schema: Annotated[bool, typer.Option("--schema", help="JSON schema of cases and studies, for editors.")] = False,
 ) -> None:
     """List the alternatives of a folder with their fields, units, formula and source."""
     with _reported():
         if schema:
-            from ruptfx.case import case_schema
+            from ruptfx.describe import file_schema
 
-            print(json.dumps(case_schema(), indent=2))
+            print(json.dumps(file_schema(), indent=2))
             return
         from ruptfx.describe import FOLDERS, describe_folder
 

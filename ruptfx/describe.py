@@ -13,9 +13,20 @@ from rich.table import Table
 from rich.text import Text
 
 from ruptfx import RuptfxError, profiles
+from ruptfx.case import case_schema
 from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
+from ruptfx.study.definition import Study
 
 FOLDERS = ("friction", "nucleation", "contact", "materials", "meshes", "steppers", "operators", "profiles", "lumped")
+
+
+def file_schema() -> dict[str, Any]:
+    """JSON schema of a file for `ruptfx run` (a case) or `ruptfx study` (a study)."""
+    schema, study = case_schema(), Study.model_json_schema()
+    schema["title"] = "ruptfx case or study"
+    schema["$defs"] |= {**study.pop("$defs"), "study": study}
+    schema["oneOf"].append({"$ref": "#/$defs/study"})
+    return schema
 
 
 def describe_folder(name: str) -> Iterator[Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import signal
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -18,7 +19,7 @@ with suppress(ModuleNotFoundError):
     # The wheel: puts its own libraries in place before petsc4py looks for them.
     import dolfinx_solver  # noqa: F401
 
-from ruptfx import RuptfxError, native
+from ruptfx import RuptfxError, launch, native
 
 try:
     from mpi4py import MPI
@@ -33,10 +34,10 @@ try:
     import dolfinx.mesh
     import ufl
 except ModuleNotFoundError as missing:
-    raise RuptfxError(
-        f"DOLFINx is not installed here ({missing}). Install it with: pip install 'ruptfx[fem]' "
-        "(Linux x86-64, Python 3.12 or newer), or on Debian 13: apt install python3-dolfinx"
-    ) from None
+    raise launch.no_fem(str(missing)) from None
+with suppress(ValueError):  # not the main thread
+    # PETSc would abort the job where a reader such as `head` has seen enough; Python raises BrokenPipeError.
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 import numpy as np
 

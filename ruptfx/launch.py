@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,27 @@ from ruptfx import RuptfxError
 
 STOP = "RUPTFX_STOP"  # file by which the launcher asks the ranks to stop
 RANKS = "RUPTFX_RANKS"  # what the launcher asked for; the ranks compare it with what they got
+
+
+def no_fem(missing: str) -> RuptfxError:
+    """The error where DOLFINx is missing, with commands that install it."""
+    return RuptfxError(
+        f"DOLFINx is not installed here ({missing}). Install it, in a clone of ruptfx, with: make env; or with: "
+        f"{shlex.quote(sys.executable)} -m pip install '.[fem]' (Linux x86-64); "
+        "on Debian 13: sudo apt-get install python3-dolfinx"
+    )
+
+
+def need_fem() -> None:
+    """Refuse to start ranks that could not compute.
+
+    Raises
+    ------
+    RuptfxError
+        DOLFINx is not installed.
+    """
+    if find_spec("dolfinx") is None:
+        raise no_fem("No module named 'dolfinx'")
 
 
 def find_mpiexec() -> str:
@@ -48,7 +71,14 @@ def mpi_environment(ranks: int) -> dict[str, str]:
 
 
 def run_on(ranks: int, arguments: list[str]) -> int:
-    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code."""
+    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code.
+
+    Raises
+    ------
+    RuptfxError
+        DOLFINx is not installed, or no mpiexec is.
+    """
+    need_fem()
     environment = mpi_environment(ranks)
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"

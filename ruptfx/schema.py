@@ -88,8 +88,10 @@ def check_tables(table: Mapping[str, Any]) -> None:
 
 
 def nearest(word: str, known: Iterator[str] | list[str]) -> str:
-    """`; did you mean 'x'?` for the closest known word, or the list of known ones."""
+    """`did you mean 'x'?` for the closest known word, or the list of known ones."""
     known = sorted(known)
+    if not known:
+        return "there are none"
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
 

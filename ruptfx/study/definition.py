@@ -7,6 +7,7 @@ import hashlib
 import itertools
 import json
 import math
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -293,10 +294,12 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     Raises
     ------
     CaseError
-        File missing or not TOML, unknown keys, wrong types, axes that do not fit together.
+        File missing, not TOML or a case; unknown keys, wrong types, axes that do not fit together.
     """
     path = Path(path)
     table = read_toml(path)
+    if "axes" not in table and ("duration" in table or "kind" in table):
+        raise CaseError(f"{path}: a case, not a study; run it with: ruptfx run {shlex.quote(str(path))}")
     changes: dict[str, Any] = {}
     for item in overrides:
         override(changes, item)

@@ -16,7 +16,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from ruptfx import RuptfxError, __version__
+from ruptfx import RuptfxError, __version__, launch
 from ruptfx.study import refine, table, workers
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result, Store, commit, workspace, write_json
@@ -72,9 +72,11 @@ def run_study(
     Raises
     ------
     RuptfxError
-        Nothing is lost: what finished is kept, and the same call continues.
+        DOLFINx is not installed. Else nothing is lost: what finished is kept, and the same call continues.
     """
     points = study.points()  # a bad study is refused before anything is touched
+    if scheduler is None:
+        launch.need_fem()
     if refined and study.refine.fine:
         study.point(points[0].values, "fine", study.refine.fine)
     outcome = Outcome()

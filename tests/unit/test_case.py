@@ -11,9 +11,12 @@ import pytest
 import tomli_w
 from small_cases import impact, merged, plates
 
-from ruptfx.case import Case, case_schema, override, parse_case, read_case
+from ruptfx.case import Case, override, parse_case, read_case
+from ruptfx.describe import file_schema
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.schema import CaseError
+from ruptfx.steppers.leapfrog import Leapfrog
+from ruptfx.study import read_study
 
 DEMOS = sorted((Path(__file__).parents[2] / "demos").rglob("*.toml"))
 
@@ -58,6 +61,10 @@ def refusal(changes: dict[str, Any]) -> str:
         ({"boundaries": [{"kind": "traction", "edge": "upper.top", "traction": [1.0]}]},
          "boundaries.0.traction: 2 components are needed (xy)"),
         ({"plane": "stresss"}, "plane = 'stresss'"),
+        # Tables are named, not shown.
+        ({"boundaries": [{"kind": "driven", "edge": "upper.left", "component": "z", "velocity": 1.0}]},
+         "case: boundaries.0.component = 'z': plane = 'stress' moves in xy only"),
+        ({"faults.main.contact": {"kind": "split_node", "C_n": 1.0}}, "unknown key 'C_n', there are none"),
     ],
 )  # fmt: skip
 def test_refusals_name_the_key_the_value_and_the_remedy(changes: dict[str, Any], said: str) -> None:
@@ -203,8 +210,26 @@ def test_impact_speed_is_the_largest_drive() -> None:
     assert parse_case(impact(6e6, -20.0)).impact_speed == 20
 
 
+def test_keys_of_a_stepper_without_a_kind_are_of_the_default_one(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(tomli_w.dumps(plates()))
+    assert read_case(path, ["stepper.time_step=1e-9"]).stepper == Leapfrog(time_step=1e-9)
+    assert read_case(path).stepper == Leapfrog()
+    with pytest.raises(CaseError, match=r"stepper: unknown key 'time_stp', did you mean 'time_step'\?"):
+        read_case(path, ["stepper.time_stp=1e-9"])
+
+
+def test_cases_and_studies_are_told_apart(tmp_path: Path) -> None:
+    (tmp_path / "a study.toml").write_text('case = "case.toml"\n[[axes]]\nkey = "duration"\nvalues = [1.0]\n')
+    with pytest.raises(CaseError, match=r"a study, not a case; run it with: ruptfx study '.*/a study\.toml'$"):
+        read_case(tmp_path / "a study.toml")
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(plates()))
+    with pytest.raises(CaseError, match=r"case\.toml: a case, not a study; run it with: ruptfx run \S*case\.toml$"):
+        read_study(tmp_path / "case.toml")
+
+
 def test_json_schema_is_one() -> None:
-    schema = case_schema()
+    schema = file_schema()
     text = json.dumps(schema)
     # Every reference leads somewhere, every law is offered by its name.
     for reference in {part.split('"')[0] for part in text.split('"$ref": "')[1:]}:
@@ -218,6 +243,10 @@ def test_json_schema_is_one() -> None:
 
 def test_json_schema_accepts_and_refuses() -> None:
     jsonschema = pytest.importorskip("jsonschema")
-    validator = jsonschema.Draft202012Validator(case_schema())
+    validator = jsonschema.Draft202012Validator(file_schema())
     assert validator.is_valid(impact(6e6, 2.0))
     assert not validator.is_valid(merged(impact(6e6, 2.0), {"duratoin": 1.0}))
+    for path in DEMOS:  # cases of both kinds, and studies
+        table = tomllib.loads(path.read_text())
+        assert validator.is_valid(table), path
+        assert not validator.is_valid({**table, "titel": "x"}), path

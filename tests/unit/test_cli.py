@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +78,27 @@ def test_bad_set(tmp_path: Path) -> None:
     ):
         result = ruptfx("check", path, "--set", item)
         assert result.exit_code == 1 and message in said(result)
+
+
+def test_what_starts_ranks_needs_dolfinx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launch, "find_spec", lambda name: None)
+    path, study = write(tmp_path), tmp_path / "study.toml"
+    study.write_text('case = "case.toml"\n[[axes]]\nkey = "duration"\nvalues = [1e-6, 2e-6]\n')
+    for command in (("run", path, "--ranks", "2"), ("study", study)):
+        result = ruptfx(*command, "--out", tmp_path / "out")
+        assert result.exit_code == 1 and "-m pip install '.[fem]'" in said(result) and "Traceback" not in said(result)
+        assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", [["bench", "waves", "--json"], ["describe", "--schema"], ["describe", "friction"]])
+def test_a_reader_that_leaves_ends_a_command_quietly(command: list[str], needs_fem: None, tmp_path: Path) -> None:
+    out = ["--out", str(tmp_path)] if command[0] == "bench" else []
+    with subprocess.Popen(
+        [sys.executable, "-m", "ruptfx", *command, *out], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        process.stdout.close()  # before anything is written
+        assert process.stderr.read() == ("1/1 waves\n" if out else "")
+    assert process.returncode == 1
 
 
 @pytest.mark.fem
@@ -284,6 +307,8 @@ def test_describe_shows_units_bounds_and_formulas() -> None:
     text = said(ruptfx("describe", "friction"))
     for part in ("strength = mu_d sigma", "Coulomb (1785)", "theta_p [Pa]", "L_p", "m >", "required"):
         assert part in text
+    # What is in brackets is text, not markup.
+    assert "[u_s]" in said(ruptfx("describe", "contact"))
     assert "C_n" in said(ruptfx("describe", "contact")) and "Pa/m" in said(ruptfx("describe", "contact"))
 
 
@@ -295,7 +320,7 @@ def test_describe_profiles_and_unknown() -> None:
 
 
 def test_describe_schema_is_json() -> None:
-    assert set(json.loads(ruptfx("describe", "--schema").output)["$defs"]) >= {"case", "friction", "lumped"}
+    assert set(json.loads(ruptfx("describe", "--schema").output)["$defs"]) >= {"case", "friction", "lumped", "study"}
 
 
 def test_plot_of_nothing(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,7 @@ def test_copies_are_checked_too() -> None:
 def test_nearest() -> None:
     assert nearest("frition", ["friction", "contact"]) == "did you mean 'friction'?"
     assert nearest("zzz", ["b", "a"]) == "known: a, b"
+    assert nearest("zzz", []) == "there are none"
 
 
 def test_find() -> None:
@@ -90,6 +92,24 @@ def test_base_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_public_names_are_listed() -> None:
+    """In a fresh process, where none of them has been used."""
+    code = "import ruptfx; print(*dir(ruptfx))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["Case", "Record", "RuptfxError", "__version__", "plots", "read_case", "simulate"]
+
+
+def test_without_dolfinx_the_error_names_commands_that_install_it() -> None:
+    code = "import sys; sys.modules['basix'] = None; from ruptfx import fem"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    said = done.stderr.splitlines()[-1]
+    assert "DOLFINx is not installed here" in said and f"{sys.executable} -m pip install '.[fem]'" in said
+    # What pip is told to install is in the project file, and `make env` is a target.
+    root = Path(__file__).parents[2]
+    assert "fem" in tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert "make env" in said and "\nenv:" in (root / "Makefile").read_text()
 
 
 def test_mpiexec_beside_python_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
