@@ -19,6 +19,7 @@ from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Time, VaryingPressure, VaryingStress, Velocity
 
 Component = Literal["x", "y", "z"]
+MOST_COUPLING = 0.01  # of what dashpots leave out of the impedance, over its trace
 Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 
@@ -166,7 +167,9 @@ class Traction(_Edge):
 
 
 class Absorbing(_Edge):
-    """Lysmer dashpots rho c_p (normal) and rho c_s (tangential); exact for plane waves at normal incidence.
+    """Lysmer dashpots: traction = impedance times velocity, rho c_p (normal) and rho c_s (tangential) where isotropic;
+    exact for plane waves at normal incidence. Every component has its own dashpot, so the edge must be along an axis,
+    and so must the axes of an anisotropic material.
 
     An interface may cross the edge and a rupture leave through it. Dashpots do not hold the static stress of the crack
     beyond, so that slip next to the edge becomes too large behind the front: keep it away from where slip is read.
@@ -231,7 +234,17 @@ class Loads:
             elif isinstance(boundary, Traction):
                 self.force.append((self._edge_force(boundary, tag, number), boundary))
             elif isinstance(boundary, Absorbing):
-                self.dashpot += model.edge_dashpot(tag)
+                self.dashpot += self._dashpot(boundary, tag, number)
+
+    def _dashpot(self, boundary: Absorbing, tag: int, number: int) -> np.ndarray:
+        coupling = self._model.edge_coupling(tag)
+        if coupling > MOST_COUPLING:
+            raise CaseError(
+                f"boundaries.{number}.edge = '{boundary.edge}': dashpots along x and y would send back {coupling:.1%} "
+                f"of a wave at normal incidence, at most {MOST_COUPLING:.0%} is allowed; turn the edge, and the axes "
+                "of an anisotropic material, along an axis"
+            )
+        return self._model.edge_dashpot(tag)
 
     def _edge_force(self, boundary: Traction, tag: int, number: int) -> np.ndarray:
         if not any(boundary.traction):

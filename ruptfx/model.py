@@ -16,7 +16,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, operators, parallel
-from ruptfx.bodies import distribute
+from ruptfx.bodies import FACETS, distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault, FaultState
 from ruptfx.interface import Interface, build_interface
@@ -293,7 +293,7 @@ class Model:
             self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag)
         )
 
-    def edge_measure(self, tag: int) -> fem.ufl.Measure:
+    def edge_measure(self, tag: int | tuple[int, ...]) -> fem.ufl.Measure:
         """Of a named edge, or of one side of an interface."""
         return fem.ufl.Measure(
             "ds",
@@ -328,23 +328,57 @@ class Model:
         return loaded
 
     def edge_dashpot(self, tag: int) -> np.ndarray:
-        """Lysmer dashpot of every degree of freedom on an edge [N s/m]: rho c_p along the normal, rho c_s across."""
-        ufl = fem.ufl
-        cellwise = fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
-        impedance = [fem.dolfinx.fem.Function(cellwise) for _ in range(2)]
-        speeds = [material.wave_speeds(self.case.plane) for material in self.materials]
-        values = np.array([[m.density * c.c_p, m.density * c.c_s] for m, c in zip(self.materials, speeds, strict=True)])
-        cells = cellwise.dofmap.list[:, 0]
-        for k in range(2):
-            impedance[k].x.array[cells] = values[self.bodies.cell_body[: len(cells)], k]
-        z_p, z_s = impedance
+        """Lysmer dashpot of every degree of freedom on an edge [N s/m]: the diagonal of the impedance of its bodies.
+
+        Exact where the impedance is a diagonal matrix, see `edge_coupling`; of an isotropic body rho c_p along the
+        normal and rho c_s across, where the edge is along an axis.
+        """
+        ufl, dim = fem.ufl, self.mesh.geometry.dim
+        diagonal = np.array([
+            np.diagonal(material.impedance(np.eye(dim), self.case.plane), axis1=1, axis2=2)
+            for material in self.materials
+        ])  # by body, axis of the normal and component
         test, n = ufl.TestFunction(self.space), ufl.FacetNormal(self.mesh)
-        if self.components == 1:
-            density = z_s * test
-        else:
-            # The diagonal of z_p n n' + z_s (1 - n n'), exact where the edge is along an axis.
-            density = sum((z_p * n[i] ** 2 + z_s * (1 - n[i] ** 2)) * test[i] for i in range(self.components))
+        tests = [test] if self.components == 1 else list(test)
+        density = sum(
+            self.by_cell(diagonal[self.bodies.cell_body, axis, i]) * n[axis] ** 2 * tests[i]
+            for axis in range(dim) for i in range(self.components)
+        )  # fmt: skip
         return fem.assemble_summed(self.space, density * self.edge_measure(tag))
+
+    def edge_coupling(self, tag: int) -> float:
+        """What the diagonal leaves out of the impedance of an edge, over its trace: 0 where it is exact, about the
+        part of a plane wave at normal incidence that comes back; the largest of all facets, collective."""
+        mesh, side = self.mesh, self.mesh.topology.dim - 1
+        facets = self.bodies.facets.find(tag)
+        mesh.topology.create_connectivity(side, side + 1)
+        cells = mesh.topology.connectivity(side, side + 1)
+        body = np.array([self.bodies.cell_body[cells.links(facet)[0]] for facet in facets], dtype=int)
+        count = len(FACETS[mesh.basix_cell().name][0])
+        x = mesh.geometry.x[fem.dolfinx.mesh.entities_to_geometry(mesh, side, facets).reshape(-1, count)]
+        along = x[:, 1:] - x[:, :1]
+        normal = np.cross(along[:, 0], along[:, 1] if side == 2 else [0.0, 0.0, 1.0])[:, : side + 1]
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        worst, error = 0.0, None
+        for index, material in enumerate(self.materials):
+            n = normal[body == index]
+            try:
+                exact, axes = (material.impedance(given, self.case.plane) for given in (n, np.eye(side + 1)))
+            except RuptfxError as caught:
+                error = caught
+                break
+            used = np.einsum("ia,acd,cd->icd", n**2, axes, np.eye(self.components))
+            left_out = np.abs(exact - used).max(axis=(1, 2)) / np.trace(exact, axis1=1, axis2=2)
+            worst = max(worst, left_out.max(initial=0.0))
+        parallel.raise_on_all(self.comm, error)
+        return parallel.largest(self.comm, worst)
+
+    def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
+        """A function that is constant in every cell, from values of all local cells."""
+        function = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0)))
+        cells = function.function_space.dofmap.list[:, 0]
+        function.x.array[cells] = values[: len(cells)]
+        return function
 
     def sum_shared(self, vector: np.ndarray) -> None:
         """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.schema import Alternative, alternative
 from ruptfx.units import Density, FringeConstant
 
@@ -41,6 +45,39 @@ class Material(Alternative):
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
         """Speeds of small waves about the initial state [m/s]."""
         raise NotImplementedError
+
+    def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
+        """Traction per velocity of plane waves that travel along a direction [Pa s/m].
+
+        Z = sum_k rho c_k p_k p_k', with rho c_k^2 and p_k the eigenvalues and vectors of the Christoffel tensor
+        n_j C_ijkl n_l: the traction that waves exert on what they leave is Z times their velocity. Here from the
+        second derivative of the energy; isotropic, Z = rho c_p n n' + rho c_s (1 - n n').
+        Source: Auld (1973), Acoustic fields and waves in solids.
+
+        Parameters
+        ----------
+        normal : ndarray, shape (..., d)
+            Unit vectors.
+        plane : str
+
+        Returns
+        -------
+        ndarray, shape (..., components, components)
+
+        Raises
+        ------
+        RuptfxError
+            A stiffness that does not follow from the energy alone, or that is not positive.
+        """
+        stiffness = tangent_stiffness(self, plane)
+        if plane == "antiplane":
+            christoffel = np.einsum("...j,jl,...l", normal, stiffness, normal)[..., None, None]
+        else:
+            christoffel = np.einsum("...j,ijkl,...l->...ik", normal, stiffness, normal)
+        modulus, direction = np.linalg.eigh(christoffel)
+        if np.any(modulus <= 0):
+            raise RuptfxError(f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa")
+        return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)
 
 
 if TYPE_CHECKING:

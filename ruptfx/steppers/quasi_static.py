@@ -66,10 +66,13 @@ class QuasiStaticMotion:
     def __init__(self, model: Model, stepper: QuasiStatic) -> None:
         from ruptfx.equilibrium import Equilibrium  # not at the top: cases are read also where there is no DOLFINx
         from ruptfx.model import three_digits
+        from ruptfx.radiation import radiation_impedance
 
         self.model, self._stepper, self._rounded = model, stepper, three_digits
-        on = float(stepper.radiation_damping)
-        self._radiation = {fault.name: on * radiation_impedance(model, fault) for fault in model.faults}
+        self._radiation = {
+            f.name: radiation_impedance(model, f) if stepper.radiation_damping else np.zeros(len(f.interface.plus))
+            for f in model.faults
+        }
         self.equilibrium = Equilibrium(model, stepper.petsc_options, self._radiation)
         self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
         self._smallest = stepper.smallest_step or 0.1 * model.stable_time_step()
@@ -194,18 +197,6 @@ def stepped(factor: float) -> float:
     """A factor rounded down to a quarter of an octave, so that rounding of the error, which depends on the number of
     ranks, hardly ever shows in the size of a step."""
     return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
-
-
-def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
-    """Traction per slip rate of plane shear waves that leave both sides [Pa s/m], shape (n,): 1 / (1/Z+ + 1/Z-) with
-    Z = rho c_s, which is mu / (2 c_s) between equal bodies and Z+ on a rigid one."""
-    impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
-    face = fault.interface
-    plus = impedance[model.node_body[face.plus]]
-    if face.other_side == "rigid":
-        return plus
-    minus = plus if face.one_sided else impedance[model.node_body[face.minus]]
-    return plus * minus / (plus + minus)
 
 
 def slip_to_resolve(model: Model, fault: Fault) -> float:
