@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import SPLIT, merged, plates, tilted, two_boxes, wavy_plates
+from small_cases import HOMALITE, SPLIT, merged, plates, tilted, two_boxes, wavy_plates
 
 pytest.importorskip("dolfinx")
 
@@ -20,6 +20,7 @@ from ruptfx.model import Model
 from ruptfx.plots.style import along
 from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
+from ruptfx.steppers.quasi_static import slip_to_resolve
 
 pytestmark = pytest.mark.fem
 
@@ -149,11 +150,33 @@ def test_points_far_from_the_interface_are_refused() -> None:
         Model(parse_case(rupture({"faults.main.nucleation": [far]})))
 
 
+def test_a_center_in_3d_is_a_position() -> None:
+    def boxes(center: Any) -> Any:
+        drop = {"kind": "friction_drop", "center": center, "half_width": 1e-3}
+        table = plates({"plane": "solid", "order": 1, "faults.main.nucleation": [drop]})
+        return parse_case(table).substituted({"mesh": two_boxes()})
+
+    rows = {row.quantity: row for row in preflight(boxes(2e-3))}
+    row = rows["faults.main: nucleation.0, friction_drop"]
+    assert (row.text, row.note) == ("0.001 to 0.003", "a strip across the interface")
+    with pytest.raises(CaseError, match=r"nucleation.0.center: a point; in 3D a center is a position \(x\)"):
+        Model(boxes({"x": 2e-3, "y": 0.0}))
+
+
+def test_lengths_do_not_depend_on_where_x_is_zero() -> None:
+    """Without a length in the law: 2 % of the slip that relaxes a hundredth of 6 MPa over 12 mm, 0.01 L sigma / G."""
+    for left in (LEFT, 0.0):
+        model = Model(parse_case(plates({"mesh.left": left})))
+        modulus = HOMALITE["young_modulus"] / 2.7  # 2 (1 + nu)
+        assert slip_to_resolve(model, model.faults[0]) == pytest.approx(0.02 * 0.01 * 12e-3 * 6e6 / modulus, rel=1e-6)
+
+
 def test_check_shows_patches_in_positions_and_coordinates(tmp_path: Any) -> None:
     drop = {"kind": "friction_drop", "center": {"x": 1e-3, "y": 0.0}, "half_width": 1e-3}
     off = {"kind": "friction_drop", "center": 20e-3, "half_width": 1e-3}
     rows = {row.quantity: row for row in preflight(parse_case(rupture({"faults.main.nucleation": [drop, off]})))}
     assert rows["faults.main: position"].text == "-0.006 to 0.006" and rows["faults.main: position"].note == "x"
+    assert rows["faults.main: initial stress"].note == "shear 2.4e+06 Pa, at position 0 m"  # in the middle
     patch, lost = (rows[f"faults.main: nucleation.{number}, friction_drop"] for number in (0, 1))
     assert (patch.text, patch.note) == ("0 to 0.002", "(0, 0) to (0.002, 0)")
     assert (lost.text, lost.note) == ("0.019 to 0.021", "beyond the end to beyond the end")
