@@ -332,7 +332,7 @@ def _order(
     origin = places[0]
     measure: Measure
     if np.ptp(places @ mean) < FLAT * extent and np.abs(along - x_axis).max() < FLAT:
-        measure, position, origin = "x", places[:, 0], origin * (1 - x_axis)
+        measure, position, origin = "x", places[:, 0], np.where(x_axis, 0.0, origin)
     elif len(along) == 2:
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         measure, position = "arc length", np.concatenate([[0.0], np.cumsum(steps)])
