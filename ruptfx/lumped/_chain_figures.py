@@ -102,12 +102,13 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
         inside = (times >= start) & (times <= end)
         blocks, first = np.unique(which[inside], return_index=True)
         events.append(Event(start, end, 0, 0, 0, 0, 0, 0, False, blocks, times[inside][first]))
-    fast = np.minimum(local_speeds(events), 1e2 * speed) / speed
+    fast = local_speeds(events) / speed
     slow = (dataset.slow_front_last_block - dataset.slow_front_first_block) / (
         dataset.slow_front_end - dataset.slow_front_start
     )
     bins = np.geomspace(1e-5, 1e1, 61)
-    ax.hist(fast, bins, color=STEADY, label="within events")
+    beyond = int((fast > bins[-1]).sum())  # blocks that detach at once
+    ax.hist(fast, bins, color=STEADY, label="within events" + (f" (and {beyond} beyond)" if beyond else ""))
     if slow.size:
         ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
                 transform=ax.get_xaxis_transform())

@@ -63,8 +63,10 @@ def cycles(record: Record) -> Figure:
     f_size, f_unit = scale(force, "Pa")  # newton per metre, with the same prefixes
     axes[0, 0].plot(time / t_size, force / f_size, color="#1a1a1a", lw=0.8)
     axes[0, 0].set(xlabel=f"Time ({t_unit})", ylabel=f"Shear force per thickness ({f_unit.replace('Pa', 'N/m')})")
-    peak = np.maximum(rate.max(axis=1), SLOWEST)
-    axes[0, 1].semilogy(time / t_size, peak, color="#c1440e", lw=0.8)
+    peak = rate.max(axis=1)
+    axes[0, 1].semilogy(time / t_size, np.where(peak > 0, peak, np.nan), color="#c1440e", lw=0.8)
+    if peak.min() < SLOWEST < peak.max():
+        axes[0, 1].set_ylim(bottom=SLOWEST)
     axes[0, 1].set(xlabel=f"Time ({t_unit})", ylabel="Peak slip rate (m/s)")
     for ax in axes[0]:
         ax.set_xlim(time[0] / t_size, time[-1] / t_size)

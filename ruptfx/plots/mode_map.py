@@ -57,6 +57,7 @@ QUANTITIES = (
     Quantity("max_slip", "Largest slip", "m"),
     Quantity("frictional_dissipation_share", "Work dissipated by friction", "%", 0.01),
 )
+OF_ANTIPLANE = Quantity("tip_speed_over_c_s", "Tip speed / c_s")
 SHARES = {
     "kinetic_share": "kinetic", "strain_share": "strain", "interface_elastic_share": "interface",
     "frictional_dissipation_share": "friction", "damping_share": "damping",
@@ -92,13 +93,21 @@ class Map:
     @property
     def quantities(self) -> list[Quantity]:
         """Those of the usual ones that the table has; else its first numbers."""
-        has = [q for q in QUANTITIES if any(isinstance(row.get(q.name), float) for row in self.rows)]
+        usual = (OF_ANTIPLANE, *QUANTITIES[1:]) if self.antiplane else QUANTITIES
+        has = [q for q in usual if any(isinstance(row.get(q.name), float) for row in self.rows)]
         if has:
             return [self._in_a_good_unit(quantity) for quantity in has]
         skip = {*(axis.column for axis in self.study.axes), "seconds", "run_time"}
         names = [n for n in (self.rows[0] if self.rows else {}) if n not in skip]
         names = [n for n in names if any(isinstance(row[n], float) for row in self.rows)]
         return [Quantity(name, name.replace("_", " ")) for name in names[:4]]
+
+    @property
+    def antiplane(self) -> bool:
+        """Whether there are no waves but shear waves: tip speeds over c_l, recorded as c_s, are those over c_s."""
+        pairs = [(row.get(QUANTITIES[0].name), row.get(OF_ANTIPLANE.name)) for row in self.rows]
+        known = [pair for pair in pairs if all(isinstance(value, float) for value in pair)]
+        return bool(known) and all(over_c_l == over_c_s for over_c_l, over_c_s in known)
 
     def _in_a_good_unit(self, quantity: Quantity) -> Quantity:
         if quantity.unit != "m":
@@ -309,7 +318,7 @@ def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity
     ax.set_facecolor("#f2f2f2")
     label = quantity.label + (f" ({quantity.unit})" if quantity.unit else "")
     bar = ax.figure.colorbar(
-        ScalarMappable(norm, COLOURS), ax=ax, label=label.replace("c_l", "$c_l$"), pad=0.02, extend=extend
+        ScalarMappable(norm, COLOURS), ax=ax, label=re.sub("c_[ls]", r"$\g<0>$", label), pad=0.02, extend=extend
     )
     bar.ax.tick_params(direction="out")
     if logarithmic:

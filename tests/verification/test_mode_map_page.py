@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,14 @@ def test_the_page_is_one_file_without_links(page):
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert not [url for url in re.findall(r"https?://[^\"' ]+", text) if "www.w3.org/2000/svg" not in url]
     assert "<title>Modes &lt;of&gt; two plates &amp; more</title>" in text
+
+
+def test_antiplane_maps_compare_with_the_shear_wave(page):
+    shown = mode_map.read_map(page.parent)
+    labels = [quantity.label for quantity in shown.quantities]
+    assert labels[0] == "Tip speed / c_l"
+    rows = [row | {"tip_speed_over_c_l": 0.9, "tip_speed_over_c_s": 0.9} for row in shown.rows]
+    assert [quantity.label for quantity in replace(shown, rows=rows).quantities] == ["Tip speed / c_s", *labels[1:]]
 
 
 def test_modes_of_two_studies_side_by_side(page):
