@@ -10,7 +10,8 @@ numbers. The *mode* is not resolved if
 * the median noise behind the tip, over the saved times of its way, is above `NOISE`: the slip rate varies from point
   to point; or
 * zones are less than 8 points wide (`NARROW`, in the median) and no wave carries them: the median front behind the tip
-  is faster than c_p, in either direction. Places then slip in turn, which is chatter.
+  is faster than c_p, in either direction. Places then slip in turn, which is chatter; or
+* nothing slides at the saved times from which the mode is read: the rupture passed between two of them.
 
 The *speed of the tip* is not resolved if
 
@@ -114,7 +115,7 @@ def find_doubts(
     trailing_speeds : ndarray
         Of the fronts behind the tip [m/s].
     zone_points : float
-        Median number of points of a sliding zone.
+        Median number of points of a sliding zone, NaN without any.
     c_p : float, optional
         Of the fastest body [m/s]; without it no speed is too large.
     """
@@ -131,6 +132,8 @@ def find_doubts(
     trailing = np.abs(trailing_speeds[np.isfinite(trailing_speeds)])
     if zone_points < NARROW and len(trailing) and np.median(trailing) > fastest:
         mode.append(f"no wave carries zones of {zone_points:g} points: places slip in turn")
+    if np.isnan(zone_points):
+        mode.append("nothing slides at the saved times: save more of them")
     if tip_noise > NOISE:
         speed.append(f"the slip rate varies from point to point at the tip ({tip_noise:.0%} of its energy)")
     if tip_speed > fastest:

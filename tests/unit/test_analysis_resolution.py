@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
-from small_cases import merged
+from small_cases import SPLIT, merged, plates
 
 from ruptfx.analysis import modes, summarise
 from ruptfx.analysis.resolution import NOISE, peak_is_resolved, roughness
@@ -86,6 +86,14 @@ def test_many_places_at_once(jitter, resolved):
     assert any("in no order" in text for text in found.doubts.speed) != resolved
 
 
+def test_a_rupture_between_two_saved_times():
+    # At rest at 0 and 60 us; at 55 us, the only other time, all points slide.
+    field = synthetic.crack(np.array([0.0, 55e-6, 0.0]), POSITION)
+    found = modes.classify(field, np.array([0.0, 55e-6, 60e-6]), POSITION, V_imp=synthetic.V_IMP)
+    assert found.mode == "not resolved" and found.confidence == 0
+    assert "save more" in found.doubts.mode[0]
+
+
 def test_largest_slip_rate():
     # A parabola over 15 points has no noise to speak of; over three points it is mostly noise.
     wide, narrow = (synthetic.pulses(TIME, POSITION, width=width) for width in (6e-3, 0.75e-3))
@@ -150,3 +158,21 @@ def test_chatter_of_different_materials(damping, tmp_path):
     found = run(table if damping else merged(table, {"damping": None}), tmp_path / "run")
     assert found["mode"] == "not resolved" and found["mode_before_arrest"] == "train"
     assert "places slip in turn" in found["not_resolved"]
+
+
+@pytest.mark.fem
+def test_an_interface_that_slips_in_four_places_at_once(tmp_path):
+    """A plane wave from the top reaches all points together; those with the largest shear stress slip first."""
+    x = np.linspace(0, 32e-3, 401)
+    shear = 3e6 * (0.94 + 0.05 * np.sin(2 * np.pi * x / 8e-3))
+    file = tmp_path / "shear.csv"
+    file.write_text("position,shear\n" + "".join(f"{a},{b}\n" for a, b in zip(x, shear, strict=True)))
+    found = run(plates({
+        "duration": 12e-6, "mesh.length": 32e-3, "mesh.height": 8e-3, "faults.main.contact": SPLIT,
+        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.5},
+        "faults.main.initial_stress": {"normal": 6e6, "shear": {"kind": "table", "file": str(file)}},
+        "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 2.0, "ramp": 4e-6}],
+    }), tmp_path / "run")  # fmt: skip
+    assert found["reach"] > 25e-3 and found["mode"] == "crack"
+    assert found["speed_regime"] == "not resolved" and found["tip_speed"] is None
+    assert "places slip" in found["not_resolved"]
