@@ -207,9 +207,9 @@ def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:
 
 def _shown(part: Part) -> str:
     """The numbers of a part as they are given."""
-    numbers = {name: value for name, value in part if isinstance(value, float | int)}
-    inner = [f"{name} = {{ {_shown(value)} }}" for name, value in part if isinstance(value, Part)]
-    return ", ".join([*(f"{name} = {value:.6g}" for name, value in numbers.items()), *inner])
+    given = [(name, value) for name, value in part if name in part.model_fields_set]
+    numbers = [f"{name} = {value:.6g}" for name, value in given if isinstance(value, float | int)]
+    return ", ".join(numbers + [f"{name} = {{ {_shown(value)} }}" for name, value in given if isinstance(value, Part)])
 
 
 def _shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:

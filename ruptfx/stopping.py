@@ -49,7 +49,15 @@ class StopRules:
             limit = getattr(self._rules, name)
             points = sum(self._outside(fault, name).sum() for fault in model.faults)
             if limit is not None and parallel.total(model.comm, points) == 0:
-                raise CaseError(f"stop_when.{name} = {limit:g}: no interface reaches that position")
+                shared = [parallel.share_rows(model.comm, fault.interface.position) for fault in model.faults]
+                known = [
+                    f"faults.{fault.name} from {x.min():.6g} to {x.max():.6g} m"
+                    for fault, x in zip(model.faults, shared, strict=True)
+                ]
+                raise CaseError(
+                    f"stop_when.{name} = {limit:g}: no interface reaches that position; there are: "
+                    f"{', '.join(known) or 'none'}"
+                )
 
     def _outside(self, fault: Fault, name: str) -> np.ndarray:
         """Points beyond a limit, shape (points,); none without the rule."""
