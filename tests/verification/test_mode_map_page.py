@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -99,6 +100,21 @@ def test_the_page_is_one_file_without_links(page):
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert not [url for url in re.findall(r"https?://[^\"' ]+", text) if "www.w3.org/2000/svg" not in url]
     assert "<title>Modes &lt;of&gt; two plates &amp; more</title>" in text
+
+
+def test_what_is_not_resolved_has_a_colour_of_its_own_and_no_speed(page):
+    shown = mode_map.read_map(page.parent)
+    lost = {"mode": "not resolved", "mode_at_half_threshold": "not resolved", "tip_speed_over_c_l": None}
+    marked = replace(shown, rows=[row | (lost if row["V_imp"] == 8.0 else {}) for row in shown.rows])
+    colours = [colour for colour, _ in marked.look().values()]
+    assert set(marked.look()) == {"crack", "pulse", "not resolved", "failed"} and len(set(colours)) == 4
+    assert marked.look()["not resolved"] == mode_map.MODES["not resolved"]
+    assert f'"not resolved":"{mode_map.MODES["not resolved"][0]}"' in mode_map.page(marked)
+    figure = mode_map.draw(marked)
+    assert "not resolved" in [text.get_text() for text in figure.legends[0].get_texts()]
+    speeds = next(ax for ax in figure.axes if ax.collections and ax.get_title() == "A" and ax.get_facecolor()[0] < 1)
+    # Of the three compressions those at 8 m/s, and the failed point, have no speed.
+    assert np.ma.count(np.ma.masked_invalid(speeds.collections[0].get_array())) == 3 * 4 - 3 - 1
 
 
 def test_antiplane_maps_compare_with_the_shear_wave(page):
