@@ -297,6 +297,8 @@ def case_schema() -> dict[str, Any]:
     schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
     definitions = schema.pop("$defs")
     definitions["case"] = schema
+    bare = find("ruptfx.steppers", "leapfrog").model_json_schema()  # as the case reads one without a kind
+    schema["properties"]["stepper"] = {"anyOf": [{"$ref": "#/$defs/steppers"}, bare]}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ruptfx case",
         "oneOf": [{"$ref": "#/$defs/case"}, {"$ref": "#/$defs/lumped"}], "$defs": definitions,

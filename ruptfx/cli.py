@@ -239,7 +239,7 @@ def bench(
 @app.callback(invoke_without_command=True)
 def main(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
     if version:
-        print(__version__)
+        typer.echo(__version__)
         raise typer.Exit
 
 

@@ -245,6 +245,9 @@ def test_json_schema_accepts_and_refuses() -> None:
     jsonschema = pytest.importorskip("jsonschema")
     validator = jsonschema.Draft202012Validator(file_schema())
     assert validator.is_valid(impact(6e6, 2.0))
+    assert validator.is_valid(merged(impact(6e6, 2.0), {"stepper": {"time_step": 1e-9}}))
+    assert validator.is_valid(merged(impact(6e6, 2.0), {"stepper": {"kind": "quasi_static", "first_step": 1.0}}))
+    assert not validator.is_valid(merged(impact(6e6, 2.0), {"stepper": {"time_stp": 1e-9}}))
     assert not validator.is_valid(merged(impact(6e6, 2.0), {"duratoin": 1.0}))
     for path in DEMOS:  # cases of both kinds, and studies
         table = tomllib.loads(path.read_text())
