@@ -172,12 +172,23 @@ Physical Curve("top") = {{12, 22}}; Physical Curve("bottom") = {{10, 20}};
 """
 
 
-def blocks(folder: Any, bodies: dict[str, str], lines: dict[str, str], sides: dict[str, Any], n: int = 3) -> dict:
-    """Mesh table of four blocks: 1 and 2 below, 3 and 4 above; lines 11 and 21 between them, 31 and 41 across."""
-    groups = [f'Physical Surface("{name}") = {{{which}}};' for name, which in bodies.items()]
-    groups += [f'Physical Curve("{name}") = {{{which}}};' for name, which in lines.items()]
-    path = folder / f"blocks_{'_'.join([*bodies, *lines])}.geo"
-    path.write_text(BLOCKS.format(groups="\n".join(groups), n=n))
+EXTRUDED = """
+For k In {1:4}
+  e[] = Extrude {0, 0, 3 * d} { Surface{k}; Layers{2}; Recombine; };
+  block~{k} = e[1]; top~{k} = e[4];
+EndFor
+Coherence;
+"""
+
+
+def blocks(folder: Any, bodies: dict[str, str], lines: dict[str, str], sides: dict[str, Any], dim: int = 2) -> dict:
+    """Mesh table of four blocks: 1 and 2 below, 3 and 4 above; lines 11 and 21 between them, 31 and 41 across. In 3D
+    they are called block_1 ..., and the surfaces between them top_1 and top_2."""
+    body, line = ("Surface", "Curve") if dim == 2 else ("Volume", "Surface")
+    groups = [f'Physical {body}("{name}") = {{{which}}};' for name, which in bodies.items()]
+    groups += [f'Physical {line}("{name}") = {{{which}}};' for name, which in lines.items()]
+    path = folder / f"blocks_{dim}_{'_'.join([*bodies, *lines])}.geo"
+    path.write_text(BLOCKS.format(groups="\n".join([EXTRUDED] * (dim == 3) + groups), n=3))
     return {"kind": "gmsh_file", "file": str(path), "interfaces": sides}
 
 

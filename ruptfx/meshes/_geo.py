@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ruptfx import RuptfxError
 
-_TOKEN = re.compile(r"""//[^\n]* | /\*.*?\*/ | "[^"]*" | '[^']*' | [A-Za-z_]\w* | \S""", re.S | re.X)
-_WORD = re.compile(r"[A-Za-z_]\w*")
+_TOKEN = re.compile(r"""//[^\n]* | /\*.*?\*/ | "[^"]*" | '[^']*' | [A-Za-z_]\w* | \S""", re.S | re.X | re.A)
+_WORD = re.compile(r"[A-Za-z_]\w*", re.A)
 _REFUSED = re.compile(
-    r"(system\w*|nonblockingsystem\w*|onelab\w*|externalprocess|plugin|save|print|createdir|exit)", re.I
+    r"(system\w*|nonblockingsystem\w*|onelab\w*|externalprocess|plugin|save|print|createdir|exit|\w*filename)", re.I
 )
 _READS = re.compile(r"(include|merge\w*|shapefromfile)", re.I)
 _SCRIPTS = {".geo", ".geo_unrolled", ".opt", ".pos", ".txt"}
@@ -67,7 +67,7 @@ def _scan(path: Path, directory: Path) -> list[Path]:
             raise refuse("quotation marks of both kinds in each other", place)
         for item in _WORD.findall(word) if word.startswith("'") else [word]:
             if _REFUSED.fullmatch(item):
-                raise refuse(f"'{item}' runs commands, writes files or ends the program", place)
+                raise refuse(f"'{item}' may run commands, read or write files or end the program", place)
         if word.lower() == "printf":
             end = next((i for i in range(number, len(tokens)) if tokens[i].group() == ";"), len(tokens))
             if any(item.group() == ">" for item in tokens[number:end]):

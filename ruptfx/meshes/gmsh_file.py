@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
@@ -25,12 +25,18 @@ _CELLS = [
 ]
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad": 2, "triangle": 2, "line": 1}
 
+OneOrMore = Annotated[
+    list[str], Field(min_length=1), BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+]  # fmt: skip
+"""Names of bodies, or the name of one."""
+
 
 class Sides(Part):
     """Which bodies an interface separates, one or several on a side; its normal points from minus to plus."""
 
-    plus: str | list[str]
-    minus: str | list[str]
+    plus: OneOrMore
+    minus: OneOrMore
 
 
 class GmshFile(MeshSource):
@@ -39,7 +45,8 @@ class GmshFile(MeshSource):
     Bodies that share nodes are welded, except along the interfaces: there they are cut apart, and where an interface
     ends inside they stay together. The two sides of an interface may also have their own nodes at the same places.
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
-    interfaces follow each other, the point they share belongs to the one that is listed first.
+    interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
+    where they cross or branch they are refused.
     """
 
     file: CasePath
@@ -81,8 +88,8 @@ class GmshFile(MeshSource):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Facets of both sides, vertex by vertex at the same place."""
         side_of = np.zeros(len(raw.bodies) + 1, dtype=int)  # the last: no body
-        side_of[[raw.bodies.index(body) for body in _listed(sides.plus)]] = 1
-        side_of[[raw.bodies.index(body) for body in _listed(sides.minus)]] = -1
+        side_of[[raw.bodies.index(body) for body in sides.plus]] = 1
+        side_of[[raw.bodies.index(body) for body in sides.minus]] = -1
         body = np.where(cells >= 0, raw.cell_body[cells], -1)
         side = side_of[body]
         between = side[:, 0] * side[:, 1] == -1
@@ -92,7 +99,7 @@ class GmshFile(MeshSource):
             touching = " and ".join(f"'{raw.bodies[b]}'" for b in body[bad] if b >= 0) or "no body"
             raise RuptfxError(
                 f"{self.file}: interface '{name}' has {np.sum(~between & ~alone)} facets that are not between plus "
-                f"({', '.join(_listed(sides.plus))}) and minus ({', '.join(_listed(sides.minus))}), the first at "
+                f"({', '.join(sides.plus)}) and minus ({', '.join(sides.minus)}), the first at "
                 f"{_place(raw, facets[bad])} on {touching}; list these bodies, too, or leave the facets out"
             )
         first = side[:, 0] == 1
@@ -125,10 +132,6 @@ class GmshFile(MeshSource):
         return bool(outside.all())
 
 
-def _listed(bodies: str | list[str]) -> list[str]:
-    return [bodies] if isinstance(bodies, str) else bodies
-
-
 def _place(raw: RawMesh, facet: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in raw.points[facet].mean(axis=0)) + ") m"
 
@@ -137,14 +140,14 @@ def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray
     if name not in named:
         found = ", ".join(sorted(named)) or "none"
         raise RuptfxError(f"{file}: no interface '{name}' among the named facets; it has: {found}")
-    plus, minus = _listed(sides.plus), _listed(sides.minus)
+    plus, minus = sides.plus, sides.minus
     for side in (*plus, *minus):
         if side not in bodies:
             raise RuptfxError(f"{file}: interface '{name}': no body '{side}'; the file has: {', '.join(bodies)}")
-    if not plus or not minus or set(plus) & set(minus):
+    if set(plus) & set(minus):
         raise RuptfxError(
-            f"{file}: interface '{name}': plus ({', '.join(plus)}) and minus ({', '.join(minus)}) need at least one "
-            "body each, and none can be on both sides"
+            f"{file}: interface '{name}': no body can be on both sides, plus ({', '.join(plus)}) and minus "
+            f"({', '.join(minus)})"
         )
 
 

@@ -114,20 +114,43 @@ def test_other_materials_in_the_layers_matter(shared_tmp_path: Path) -> None:
     assert np.abs(layered["slip"] - plain["slip"]).max() > 1e-2 * plain["slip"].max()
 
 
+def points(folder: Path, bodies: dict[str, str], faces: dict[str, str], plus: Any, minus: Any, dim: int) -> np.ndarray:
+    """Place, weight and frame of the points of all interfaces, in the order of their places."""
+    sides = {name: {"plus": plus, "minus": minus} for name in faces}
+    mesh = on_root(lambda: blocks(folder, bodies, faces, sides, dim))
+    parts = distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))
+    space, rows = fem.lagrange(parts.mesh, 2, dim), []
+    for name in faces:
+        face = build_interface(space, parts, name)
+        frame = face.frame.reshape(len(face.plus), dim**2)
+        rows.append(np.column_stack([face.points, face.weight, frame])[face.owned])
+    everything = parallel.share_rows(COMM, np.concatenate(rows))
+    return everything[np.lexsort(np.round(everything[:, :dim], 9).T[::-1])]
+
+
 def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:
     """Welded beyond x = 0: the end has one node and is no point, the weights of the others are those of the whole."""
-    faces = []
-    for lines in ({"main": "11"}, {"main": "11, 21"}):
-        mesh = on_root(lambda: blocks(shared_tmp_path, TWO, lines, {"main": {"plus": "upper", "minus": "lower"}}))  # noqa: B023
-        bodies = distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))
-        face = build_interface(fem.lagrange(bodies.mesh, 2, 2), bodies, "main")
-        rows = np.column_stack([face.number, face.points, face.position, face.weight])[face.owned]
-        rows = parallel.share_rows(COMM, rows)
-        faces.append(rows[np.argsort(rows[:, 0])])
-    half, whole = faces
+    half, whole = (
+        points(shared_tmp_path, TWO, {"main": lines}, "upper", "lower", dim=2) for lines in ("11", "11, 21")
+    )
     # 3 elements of order 2 on each side of x = 0: nodes 0 to 5, the end would be number 6.
     assert len(half) == 6 and len(whole) == 13
     np.testing.assert_allclose(half, whole[:6], rtol=1e-12, atol=1e-15)
+
+
+def test_welded_blocks_in_3d(shared_tmp_path: Path) -> None:
+    """6 x 2 hexahedra of order 2 on each side, 13 x 5 nodes: in two parts, and ending at x = 0."""
+    lower, upper = "block_1, block_2", "block_3, block_4"
+    four = dict(zip("abcd", (lower + ", " + upper).split(", "), strict=True))
+    given = [
+        ({"lower": lower, "upper": upper}, {"main": "top_1, top_2"}, "upper", "lower"),
+        (four, {"west": "top_1", "east": "top_2"}, ["c", "d"], ["a", "b"]),
+        ({"lower": lower, "upper": upper}, {"main": "top_1"}, "upper", "lower"),
+    ]
+    whole, parts, half = (points(shared_tmp_path, *mesh, dim=3) for mesh in given)
+    assert len(whole) == 13 * 5 and whole[:, 3].sum() == pytest.approx(12e-3 * 3e-3, rel=1e-12)
+    np.testing.assert_allclose(parts, whole, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(half, whole[: 6 * 5], rtol=1e-12, atol=1e-15)
 
 
 def test_edges_of_two_bodies_at_the_same_place(shared_tmp_path: Path) -> None:
@@ -164,7 +187,7 @@ CROSSING = {"main": "11, 21", "across": "41"}
         (TWO, {"main": "11", "outer": "12, 30", "left": "30"}, {"main": {"plus": "upper", "minus": "lower"}},
          r"the facet at \(.*\) m belongs to 'left' and 'outer'|belongs to '(top|outer)' and '(top|outer)'"),
         (TWO, {"main": "11"}, {"main": {"plus": ["upper", "lower"], "minus": "lower"}},
-         r"plus \(upper, lower\) and minus \(lower\) need at least one body each, and none can be on both"),
+         r"no body can be on both sides, plus \(upper, lower\) and minus \(lower\)"),
     ],
 )  # fmt: skip
 def test_what_is_refused(bodies: Any, lines: Any, sides: Any, message: str, shared_tmp_path: Path) -> None:

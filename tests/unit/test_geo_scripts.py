@@ -21,7 +21,7 @@ def build(path: Path, **options: bool) -> None:
 
 # What Gmsh does while it opens the script: commands, files, or an end of the process.
 REFUSED = {
-    'SystemCall "touch {hit}";': "'SystemCall' runs commands",
+    'SystemCall "touch {hit}";': "'SystemCall' may run commands",
     'System "touch {hit}";': "'System'",
     'NonBlockingSystemCall "touch {hit}";': "'NonBlockingSystemCall'",
     'x = "a\\"; SystemCall "touch {hit}"; // "': "'SystemCall'",  # no escapes in strings
@@ -35,7 +35,10 @@ REFUSED = {
     'Save "{hit}.msh";': "'Save'",
     'Print "{hit}.msh";': "'Print'",
     'OnelabRun("x", "touch {hit}");': "'OnelabRun'",
+    'General.LogFileName = "{hit}";': "'LogFileName'",
+    'Field[1] = ExternalProcess; Field[1].CommandLine = "touch {hit}"; Background Field = 1;': "'ExternalProcess'",
     "Exit;": "'Exit'",
+    "\ufeffExit;": "'Exit'",
     "x = 'a \"b'; y = 1;": "quotation marks of both kinds",
 }  # fmt: skip
 
