@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import tomli_w
 from compare import largest_difference
-from small_cases import impact, merged, plates, slip_weakening
+from small_cases import HOMALITE, blocks, impact, merged, plates, slip_weakening
 
 pytest.importorskip("dolfinx")
 
@@ -55,6 +55,18 @@ CASES = {
 }  # fmt: skip
 
 
+def welded(folder: Path) -> dict[str, Any]:
+    """Four blocks of two materials, welded but for the fault that crosses both."""
+    pytest.importorskip("gmsh")
+    sides = {"main": {"plus": ["c", "d"], "minus": ["a", "b"]}}
+    soft = {**HOMALITE, "young_modulus": 3e9}
+    return slip_weakening({
+        "duration": 4e-6, "order": 3, "materials": {"default": HOMALITE, "b": soft, "d": soft},
+        "mesh": blocks(folder, {"a": "1", "b": "2", "c": "3", "d": "4"}, {"main": "11, 21"}, sides),
+        "positions": "x", "faults.main.initial_stress.shear.center": 0.0,
+    })  # fmt: skip
+
+
 def write(folder: Path, table: dict[str, Any]) -> Path:
     path = folder / "case.toml"
     path.write_text(tomli_w.dumps(table))
@@ -87,9 +99,10 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [*CASES, "welded"])
 def test_files_from_1_2_and_3_ranks(name: str, tmp_path: Path) -> None:
-    case = write(tmp_path, merged(CASES[name], {"output": OUTPUT}))
+    table = CASES[name] if name in CASES else welded(tmp_path)
+    case = write(tmp_path, merged(table, {"output": OUTPUT}))
     for ranks in (1, 2, 3):
         code, text = finish(start(case, tmp_path / str(ranks), ranks, "--quiet"))
         assert code == 0, text

@@ -42,7 +42,7 @@ def table(folder: Path, bodies: dict[str, str], faults: dict[str, str], plus: An
     for name in faults:
         whole["faults"][name] = {
             "contact": SPLIT, "friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-6},
-            "initial_stress": {"normal": 6e6, "shear": 3.2e6 if name == "east" else patch},
+            "initial_stress": {"normal": 6e6, "shear": patch},
         }  # fmt: skip
     return whole
 
