@@ -128,6 +128,16 @@ def points(folder: Path, bodies: dict[str, str], faces: dict[str, str], plus: An
     return everything[np.lexsort(np.round(everything[:, :dim], 9).T[::-1])]
 
 
+def test_shared_nodes_belong_to_the_first_body(shared_tmp_path: Path) -> None:
+    """On any number of ranks: a (0) before b, c (2) before d; 3 elements of order 3 and one node more on x = 0."""
+    model = Model(parse_case(table(shared_tmp_path, *VARIANTS["two materials"])))
+    on_line = np.abs(model.coordinates[:, 0]) < 1e-9
+    assert set(model.node_body[on_line]) <= {0, 2}
+    for body in (0, 2):
+        count = np.sum((model.node_body == body)[: model.owned_nodes] & on_line[: model.owned_nodes])
+        assert parallel.total(COMM, count) == 10
+
+
 def test_an_interface_may_end_inside(shared_tmp_path: Path) -> None:
     """Welded beyond x = 0: the end has one node and is no point, the weights of the others are those of the whole."""
     half, whole = (
