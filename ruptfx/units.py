@@ -26,6 +26,8 @@ Stress = Annotated[float, Unit("Pa")]
 Modulus = Annotated[float, Field(gt=0), Unit("Pa")]
 Density = Annotated[float, Field(gt=0), Unit("kg/m3")]
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5), Unit("1")]
+ContractionRatio = Annotated[float, Unit("1")]  # Poisson's ratio of an anisotropic body, which has other bounds
+Angle = Annotated[float, Unit("rad")]
 FringeConstant = Annotated[float, Field(gt=0), Unit("N/m")]
 Stiffness = Annotated[float, Field(gt=0), Unit("Pa/m")]
 Rate = Annotated[float, Field(ge=0), Unit("1/s")]

@@ -7,8 +7,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from ruptfx.schema import Part, alternatives, unit_of
+from ruptfx.schema import CaseError, Part, alternatives, unit_of
 
 Array = np.ndarray
 
@@ -89,6 +90,26 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         elif "default" not in schema:
             raise NotImplementedError(f"{cls.__name__}.{name}: examples.py knows no value for {schema}")
     return result
+
+
+def material(kind: str, plain: bool = False) -> Any:
+    """An example material: with the first numbers that it accepts, some describe no body.
+
+    Parameters
+    ----------
+    kind : str
+    plain : bool
+        Give only what has no default.
+    """
+    cls = alternatives("ruptfx.materials")[kind]
+    for seed in range(1000):
+        values = table(cls, seed)
+        chosen = {name: value for name, value in values.items() if not plain or cls.model_fields[name].is_required()}
+        try:
+            return cls.model_validate(chosen)
+        except (CaseError, ValidationError):
+            continue
+    raise NotImplementedError(f"examples.py finds no numbers that '{kind}' accepts")
 
 
 def holds(cls: type[Part]) -> bool:

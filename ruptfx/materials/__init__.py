@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.materials._stiffness import tangent_stiffness
+from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent_stiffness
 from ruptfx.schema import Alternative, alternative
 from ruptfx.units import Density, FringeConstant
 
@@ -16,8 +16,8 @@ Plane = Literal["stress", "strain", "antiplane", "solid"]
 
 
 class WaveSpeeds(NamedTuple):
-    """Body and Rayleigh wave speeds [m/s]; `c_p` is the plate speed c_l in plane stress, and in antiplane both equal
-    c_s."""
+    """Body and Rayleigh wave speeds [m/s] along x, the usual direction of an interface, which matters in anisotropic
+    bodies only; `c_p` is the plate speed c_l in plane stress, and in antiplane both equal c_s."""
 
     c_p: float
     c_s: float
@@ -42,9 +42,31 @@ class Material(Alternative):
         """
         raise NotImplementedError
 
+    def lame(self, plane: Plane) -> tuple[float, float] | None:
+        """Lamé parameters lambda and G [Pa] of a linear isotropic material, the effective lambda in plane stress; None
+        of any other.
+
+        Who knows isotropic bodies only, such as the `matrix_free` operator, asks here.
+        """
+        return None
+
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
-        """Speeds of small waves about the initial state [m/s]."""
-        raise NotImplementedError
+        """Speeds of small waves about the initial state [m/s].
+
+        Here from the second derivative of the energy: the fastest and the slowest plane wave, and the wave along a free
+        surface, whose normal is y.
+
+        Raises
+        ------
+        RuptfxError
+            A stiffness that does not follow from the energy alone, or that is not positive.
+        """
+        along_x = np.eye(3 if plane == "solid" else 2)[0]
+        speeds = np.linalg.eigvalsh(self.impedance(along_x, plane)) / self.density
+        if plane == "antiplane":
+            return WaveSpeeds(*np.repeat(speeds, 3).tolist())
+        surface = surface_wave_speed(tangent_stiffness(self, plane), self.density)
+        return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
 
     def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
         """Traction per velocity of plane waves that travel along a direction [Pa s/m].
@@ -69,12 +91,7 @@ class Material(Alternative):
         RuptfxError
             A stiffness that does not follow from the energy alone, or that is not positive.
         """
-        stiffness = tangent_stiffness(self, plane)
-        if plane == "antiplane":
-            christoffel = np.einsum("...j,jl,...l", normal, stiffness, normal)[..., None, None]
-        else:
-            christoffel = np.einsum("...j,ijkl,...l->...ik", normal, stiffness, normal)
-        modulus, direction = np.linalg.eigh(christoffel)
+        modulus, direction = np.linalg.eigh(christoffel(tangent_stiffness(self, plane), normal))
         if np.any(modulus <= 0):
             raise RuptfxError(f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa")
         return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)

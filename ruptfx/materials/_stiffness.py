@@ -1,4 +1,4 @@
-"""The tangent stiffness of a material from its energy."""
+"""The tangent stiffness of a material from its energy, and the waves that belong to it."""
 
 from __future__ import annotations
 
@@ -46,13 +46,59 @@ def tangent_stiffness(material: Any, plane: str) -> np.ndarray:
     except Exception as error:
         raise RuptfxError(
             f"material '{material.kind()}': its stiffness does not follow from its energy alone ({error}), which "
-            "absorbing edges and radiation damping need; define its method `impedance`"
+            "absorbing edges and radiation damping need; define its methods `impedance` and `wave_speeds`"
         ) from None
     if stiffness.ndim == 4:
         stiffness = 0.5 * (stiffness + stiffness.swapaxes(0, 1))
         stiffness = 0.5 * (stiffness + stiffness.swapaxes(2, 3))
     stiffness.setflags(write=False)
     return stiffness
+
+
+def christoffel(stiffness: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Christoffel tensor n_j C_ijkl n_l [Pa], shape (..., components, components)."""
+    if stiffness.ndim == 2:
+        return np.einsum("...j,jl,...l", normal, stiffness, normal)[..., None, None]
+    return np.einsum("...j,ijkl,...l->...ik", normal, stiffness, normal)
+
+
+def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
+    """Speed along x of the wave at a free surface with normal y [m/s]; where there is none, that of the slowest bulk
+    wave.
+
+    Motion a exp(i k (x + p y - v t)) solves (Q - rho v^2 + p (R + R') + p^2 T) a = 0 with Q = C_i1k1, R = C_i1k2,
+    T = C_i2k2, and exerts the traction i k (R' + p T) a. Of motions that decay away from the surface, the matrix Z from
+    motion to traction is Hermitian; its eigenvalues are positive at rest and fall with v, and where the first one is
+    zero a wave needs no traction.
+    Source: Lothe and Barnett (1976), J. Appl. Phys. 47; Ting (1996), Anisotropic elasticity, chapters 5 and 12.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape (d, d, d, d)
+        [Pa].
+    density : float
+        [kg/m3].
+    """
+    Q, R, T = stiffness[:, 0, :, 0], stiffness[:, 0, :, 1], stiffness[:, 1, :, 1]
+    one = np.eye(len(Q))
+
+    def slower(speed: float) -> bool:
+        """Whether the free surface has its wave above this speed."""
+        inverse = np.linalg.inv(T)
+        companion = np.block([[0 * one, one], [-inverse @ (Q - density * speed**2 * one), -inverse @ (R + R.T)]])
+        p, motion = np.linalg.eig(companion)
+        decaying = p.imag > 1e-9
+        if np.count_nonzero(decaying) < len(Q):
+            return False  # a bulk wave leaves the surface
+        a = motion[: len(Q), decaying]
+        impedance = -1j * (R.T @ a + T @ a * p[decaying]) @ np.linalg.inv(a)
+        return float(np.linalg.eigvalsh(impedance)[0]) > 0
+
+    low, high = 0.0, float(np.sqrt(np.linalg.eigvalsh(Q)[0] / density))
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if slower(middle) else (low, middle)
+    return low
 
 
 def _refuse_places(expression: Any) -> None:

@@ -30,6 +30,9 @@ class IsotropicElastic(Material):
             return self.young_modulus * nu / (1 - nu**2)
         return self.young_modulus * nu / ((1 + nu) * (1 - 2 * nu))
 
+    def lame(self, plane: Plane) -> tuple[float, float]:
+        return self.lame_lambda(plane), self.shear_modulus
+
     def energy_density(self, strain: Any, plane: Plane) -> Any:
         """lambda tr(e)^2 / 2 + G e:e; in antiplane G |grad w|^2 / 2."""
         import ufl

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ruptfx import RuptfxError, fem
-from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
 
 BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS = range(5)  # kinds of a batch, as in the C source
@@ -40,7 +39,7 @@ def numbers(
     width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind % VISCOUS]
     start = np.r_[0, np.cumsum(width + 2 + kind // VISCOUS)].astype(np.int64)
     number = aligned((int(start[-1]), lanes))
-    moduli = np.array([_moduli(material, bulk.plane) for material in bulk.materials])
+    moduli = np.array([material.lame(bulk.plane) for material in bulk.materials])
     for value in np.unique(kind):
         batches = np.flatnonzero(kind == value)
         for part in _slices(len(batches)):
@@ -57,10 +56,6 @@ def numbers(
 def _slices(count: int) -> list[slice]:
     """Parts of a long range: what they need at a time stays small."""
     return [slice(first, first + 4096) for first in range(0, count, 4096)]
-
-
-def _moduli(material: Any, plane: Plane) -> tuple[float, float]:
-    return 0.0 if plane == "antiplane" else material.lame_lambda(plane), material.shear_modulus
 
 
 def _geometry(space: Any, cells: np.ndarray, kind: int, permutation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

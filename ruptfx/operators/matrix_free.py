@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ruptfx import RuptfxError, fem, native
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.operators import Bulk
 from ruptfx.operators._geometry import geometry_element, is_tensor, numbers
 
@@ -212,7 +211,7 @@ class MatrixFree:
 def _refuse_unknown(bulk: Bulk) -> None:
     remedy = "operator = 'ufl_form' handles it"
     for material in bulk.materials:
-        if type(material) is not IsotropicElastic:
+        if material.lame(bulk.plane) is None:
             raise RuptfxError(f"matrix_free knows isotropic elasticity only, not '{material.kind()}'; {remedy}")
     cell, order = bulk.space.mesh.basix_cell().name, bulk.space.element.basix_element.degree
     limit = 8 if is_tensor(bulk.space.mesh) else 1

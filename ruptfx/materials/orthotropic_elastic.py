@@ -1,0 +1,88 @@
+"""Orthotropic linear elasticity."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from ruptfx.materials import Material, Plane
+from ruptfx.units import Angle, ContractionRatio, Modulus
+
+
+class OrthotropicElastic(Material):
+    """Orthotropic linear elasticity: rolled, layered, woven or fibre-reinforced bodies, with three planes of symmetry.
+
+    Axes 1 and 2 lie in the plane, turned by `angle` from x and y; axis 3 is z. Five constants describe a body that is
+    isotropic across axis 1, such as one with fibres along it; the others are for bodies that are not.
+    """
+
+    E_1: Modulus
+    E_2: Modulus
+    nu_12: ContractionRatio
+    """Contraction along 2 over the stretch, under stress along 1; nu_21 is nu_12 E_2 / E_1."""
+    nu_23: ContractionRatio
+    G_12: Modulus
+    E_3: Modulus | None = None
+    """By default E_2."""
+    nu_13: ContractionRatio | None = None
+    """By default nu_12."""
+    G_13: Modulus | None = None
+    """By default G_12."""
+    G_23: Modulus | None = None
+    """By default E_2 / (2 (1 + nu_23))."""
+    angle: Angle = 0.0
+    """From the x axis to axis 1 [rad], anticlockwise."""
+
+    @model_validator(mode="after")
+    def _is_stable(self) -> Self:
+        lowest = np.linalg.eigvalsh(self._compliance()).min()
+        if lowest <= 0:
+            raise ValueError(
+                "these Poisson's ratios and Young's moduli let some strain release energy; |nu_ij| must stay below "
+                "sqrt(E_i / E_j), and all three well below it together"
+            )
+        return self
+
+    def _compliance(self) -> np.ndarray:
+        """Strains e_11, e_22, e_33 and 2 e_23, 2 e_13, 2 e_12 over stresses [1/Pa]; shape (6, 6)."""
+        E_3 = self.E_2 if self.E_3 is None else self.E_3
+        nu_13 = self.nu_12 if self.nu_13 is None else self.nu_13
+        G_13, G_23 = self._antiplane()
+        compliance = np.diag(1 / np.array([self.E_1, self.E_2, E_3, G_23, G_13, self.G_12]))
+        compliance[0, 1] = compliance[1, 0] = -self.nu_12 / self.E_1
+        compliance[0, 2] = compliance[2, 0] = -nu_13 / self.E_1
+        compliance[1, 2] = compliance[2, 1] = -self.nu_23 / self.E_2
+        return compliance
+
+    def _antiplane(self) -> tuple[float, float]:
+        """G_13 and G_23 [Pa]."""
+        G_23 = self.E_2 / (2 * (1 + self.nu_23)) if self.G_23 is None else self.G_23
+        return self.G_12 if self.G_13 is None else self.G_13, G_23
+
+    def _stiffness(self, plane: Plane) -> np.ndarray:
+        """Stresses over strains along the axes of the material [Pa], in the order of `_compliance`; in plane 11, 22,
+        12. In plane stress the compliance is cut, in plane strain the stiffness."""
+        inside = np.ix_([0, 1, 5], [0, 1, 5])
+        if plane == "antiplane":
+            return np.diag(self._antiplane())
+        if plane == "stress":
+            return np.linalg.inv(self._compliance()[inside])
+        stiffness = np.linalg.inv(self._compliance())
+        return stiffness if plane == "solid" else stiffness[inside]
+
+    def energy_density(self, strain: Any, plane: Plane) -> Any:
+        """e' C e / 2 with the strain along the axes of the material, shear counted twice."""
+        import ufl
+
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        turn = [[c, s], [-s, c]] if plane != "solid" else [[c, s, 0], [-s, c, 0], [0, 0, 1]]
+        turn = ufl.as_matrix(np.array(turn).tolist())
+        if plane == "antiplane":
+            e = turn * strain
+        else:
+            turned = turn * strain * turn.T
+            places = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)] if plane == "solid" else [(0, 0), (1, 1), (0, 1)]
+            e = ufl.as_vector([turned[i, j] if i == j else 2 * turned[i, j] for i, j in places])
+        return 0.5 * ufl.inner(e, ufl.as_matrix(self._stiffness(plane).tolist()) * e)
