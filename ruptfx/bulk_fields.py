@@ -138,8 +138,9 @@ class BulkFields:
     def gather(self, state: State) -> dict[str, np.ndarray]:
         """All fields at all points on rank 0; collective."""
         model, c = self.model, self.model.components
-        stress = self._stress(state.displacement)
-        columns = np.column_stack([state.velocity.reshape(-1, c), state.displacement.reshape(-1, c), stress])
+        _, displacement = state.at_velocity()
+        stress = self._stress(displacement)
+        columns = np.column_stack([state.velocity.reshape(-1, c), displacement.reshape(-1, c), stress])
         rows = model.gather_nodes(columns.ravel())
         if len(rows) == 0:
             return {}

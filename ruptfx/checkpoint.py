@@ -89,7 +89,7 @@ class Checkpoints:
         manifest = {
             "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
             "time": state.time, "numbers": state.numbers, "fields": list(state.fields),
-            "next": self._recorder.next, "records": self._recorder.records,
+            "next": self._recorder.next, "last": self._recorder.last, "records": self._recorder.records,
             "largest_work": self._recorder.largest_work,
             "files": {path.name: _checksum(path) for path in sorted(temporary.iterdir())},
         }  # fmt: skip

@@ -119,6 +119,7 @@ class Solution:
         state.displacement[:] = self.displacement
         state.time += self.dt
         state.step += 1
+        state.numbers["dt_before"] = self.dt
         for name, answer in self._answers.items():
             answer.commit(state, self.faults[name], self.dt)
 
@@ -429,7 +430,8 @@ class _Task:
     def _respond(self, fault: Fault, u: np.ndarray) -> Response:
         fields = self.multipliers[fault.name]
         return self._equilibrium._answers[fault.name](
-            self._state.faults[fault.name], fault.interface.jump(u), self.dt, self.time,
+            self._state.faults[fault.name], fault.interface.jump(u), self.dt,
+            self._state.numbers.get("dt_before", 0.0), self.time,
             (fields["normal_stress"], fault.components(fields, "shear_traction")), self._body[fault.name],
         )  # fmt: skip
 

@@ -1,5 +1,8 @@
 """A fault: an interface with its contact method, friction law and initial stress, advanced one explicit step.
 
+A step knows the displacement at the time t of the traction and the velocity half a step before. It finds the traction at
+t, and with it the velocity half a step later; `FaultState` is then that of time t, all of it.
+
 `FaultStep` is generated C (`fault.c` filled with the traced contact method and law); `advance_reference` is the same
 step written with arrays, which tests compare it to.
 """
@@ -87,7 +90,7 @@ class Fault:
         return shear
 
     def traced_law(self) -> TracedLaw:
-        """The friction law as the contact method sees it."""
+        """The friction law as the contact method sees it in explicit steps."""
         return TracedLaw(self.friction, self.contact.traction_ends_slip)
 
     @property
@@ -114,6 +117,7 @@ class Fault:
             for name, value in (
                 ("slip", np.zeros(n)),
                 ("slip_rate", creep * direction[:, k]),
+                ("mean_slip_rate", creep * direction[:, k]),
                 ("shear_traction", now[:, k]),
             ):
                 state[component_names(name, self.tangents)[k]] = value.copy()
@@ -127,19 +131,24 @@ class Fault:
         """Shear components of a field, shape (n, tangents)."""
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
-    def elastic_energy(self, state: FaultState, added: np.ndarray, time: float) -> float:
-        """Energy held in the interface beyond that of the initial stress, points of this rank [J].
+    def elastic_energy(self, state: FaultState, added: np.ndarray, ahead: float, time: float) -> tuple[float, float]:
+        """Energy held in the interface beyond that of the initial stress, and what friction takes, points of this rank
+        [J], at a time that is `ahead` [s] of the tractions.
 
-        `added` is the displacement, shape (nodes * components,), since the tractions were computed at `time` [s].
+        `added` is the displacement, shape (nodes * components,), since the tractions at `time` [s].
         """
         face = self.interface
-        opening, slip = face.split(face.jump(added))
-        shear = self.components(state, "shear_traction")
+        opening, jump = face.split(face.jump(added))
+        traction = self.components(state, "shear_traction")
+        # Between two tractions slip goes on as it does at the first. Split nodes have counted that already.
+        slip = ahead * self.components(state, "slip_rate") * self.contact.traction_ends_slip
+        shear = traction.copy()
         if self.is_loaded:
-            shear[:, 0] -= self.load(max(time, 0.0))
-        now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list(slip.T))
+            shear[:, 0] -= self.load(time)
+        now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list((jump - slip).T))
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
-        return float(np.sum(face.owned * face.weight * (now - before)))
+        area = face.owned * face.weight
+        return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
 
     def preload_work(self, displacement: np.ndarray) -> float:
         """Work of the initial stress on the displacement jump, points of this rank [J]."""
@@ -156,21 +165,51 @@ class Fault:
         raise explain(self.friction, int(self.interface.number[point]), where, values | known)
 
 
-def impedances(interface: Interface, inverse_mass: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Normal and shear impedance 1 / (dt w (1/m+ + 1/m-)) of every point [Pa s/m].
+def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> tuple[np.ndarray, np.ndarray]:
+    """Normal and shear impedance 1 / (kick w (1/m+ + 1/m-)) of every point [Pa s/m], shapes (n,) and (n, tangents).
 
     Parameters
     ----------
     inverse_mass : ndarray, shape (nodes * components,)
         Inverse lumped mass of every degree of freedom [1/kg]; zero where the motion is prescribed.
+    kick : float
+        Time the traction acts for [s].
     """
     inverse = inverse_mass.reshape(-1, interface.frame.shape[2])
     both = inverse[interface.plus] + (0 if interface.one_sided else inverse[interface.minus])
     mobility = np.einsum("ikc,ic->ik", interface.rows**2, both)
-    # Where both sides are driven nothing yields: any large impedance will do.
-    mobility = np.maximum(mobility, 1e-12 * mobility.max(initial=1e-300))
-    z = 1 / (dt * interface.weight[:, None] * mobility)
-    return (z[:, 0], z[:, -1])
+    # Where both sides are driven nothing yields. An impedance 1e8 times that of others will do: the traction is a small
+    # difference of what it multiplies.
+    mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-300))
+    z = 1 / (kick * interface.weight[:, None] * mobility)
+    return z[:, 0], z[:, interface.frame.shape[1] - interface.tangents :]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Times of an explicit step [s].
+
+    Attributes
+    ----------
+    dt : float
+        Between displacements.
+    kick : float
+        How long the traction acts on the velocity: `dt`, at the start half of it.
+    since : float
+        Time since the traction before: `dt`, at the start zero.
+    extrapolation : float
+        Of `TracedLaw`: 1/2, in the step after the start 1.
+    """
+
+    dt: float
+    kick: float
+    since: float
+    extrapolation: float
+
+    @classmethod
+    def of_step(cls, dt: float, number: int = 2) -> Clock:
+        """The step with this number after a start from one time for all: 0, 1, and all others."""
+        return cls(dt, 0.5 * dt if number == 0 else dt, 0.0 if number == 0 else dt, 1.0 if number == 1 else 0.5)
 
 
 def advance_reference(
@@ -181,40 +220,50 @@ def advance_reference(
     velocity: np.ndarray,
     force: np.ndarray,
     inverse_mass: np.ndarray,
-    dt: float,
+    clock: Clock,
     time: float,
     threshold: float,
 ) -> float:
     """The explicit step in arrays; changes `state`, `velocity` and `force`, returns the energy dissipated on this
     rank [J]."""
-    face = fault.interface
+    face, since, at_end = fault.interface, clock.since, fault.contact.traction_ends_slip
     opening, slip_jump = face.split(face.jump(displacement))
     opening_velocity, slip_velocity = face.split(face.jump(velocity))
-    z_n, z_s = impedances(face, inverse_mass, dt)
+    z_n, z_s = impedances(face, inverse_mass, clock.kick)
     slip, shear_0 = fault.components(state, "slip"), fault.driving_shear(time)
     trial = fault.contact.trial(Point(
         normal_stress_0=fault.normal_stress_0, shear_traction_0=list(shear_0.T),
         opening_jump=fault.opening(opening), slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
-        slip_velocity=list(slip_velocity.T), slip=list(slip.T), dt=dt, normal_impedance=z_n, shear_impedance=z_s,
+        slip_velocity=list(slip_velocity.T), slip=list(slip.T), since=since, dt=clock.dt, normal_impedance=z_n,
+        shear_impedance=list(z_s.T),
     ))  # fmt: skip
-    rate_old = fault.components(state, "slip_rate")
-    traction_old = fault.components(state, "shear_traction")
+    mean_old, traction_old = fault.components(state, "mean_slip_rate"), fault.components(state, "shear_traction")
     before = {name: state[name] for name in (*law.state_names, "normal_stress")}
     done = project(
         law, before, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
-        trial.impedance, dt, np.linalg.norm(rate_old, axis=1), f"of fault '{fault.name}' at time {time:.6g} s",
+        np.stack([np.broadcast_to(z, z_n.shape) for z in trial.impedance], axis=1), since, mean_old,
+        clock.extrapolation, guess=np.linalg.norm(mean_old, axis=1), where=f"of fault '{fault.name}' at time {time:.6g} s",
     )  # fmt: skip
-    power = fault.contact.dissipated(traction_old, done.shear_traction, rate_old, done.slip_rate).sum(axis=1)
-    speed = np.linalg.norm(done.slip_rate, axis=1)
+    mean, now = done.mean_slip_rate, done.slip_rate
+    if at_end and since == 0:
+        mean, now = mean_old, fault.components(state, "slip_rate")
+    # Bodies start from rest, also where the interface creeps.
+    power = fault.contact.dissipated(traction_old, done.shear_traction, mean_old * (since > 0), mean).sum(axis=1)
+    speed = np.linalg.norm(now, axis=1)
+    state["opening"][:] = (
+        (done.normal_stress - trial.normal_stress) * trial.normal_compliance if at_end
+        else np.where(state["normal_stress"] > 0, 0.0, np.maximum(fault.opening(opening), 0.0))
+    )  # fmt: skip
     state["normal_stress"][:] = done.normal_stress
-    state["opening"][:] = (done.normal_stress - trial.normal_stress) * trial.normal_compliance
     # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
     state["peak_slip_rate"][:] = np.maximum(state["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0))
-    state["rupture_time"][np.isnan(state["rupture_time"]) & (speed > threshold)] = time
+    was = np.linalg.norm(fault.components(state, "slip_rate"), axis=1)
+    state["rupture_time"][:] = first_passing(state["rupture_time"], was, speed, threshold, time, since)
     for k in range(fault.tangents):
         for name, value in (
-            ("slip", slip + dt * done.slip_rate),
-            ("slip_rate", done.slip_rate),
+            ("slip", slip + since * (mean if at_end else mean_old)),
+            ("slip_rate", now),
+            ("mean_slip_rate", mean),
             ("shear_traction", done.shear_traction),
         ):
             state[component_names(name, fault.tangents)[k]][:] = value[:, k]
@@ -223,9 +272,27 @@ def advance_reference(
     change = [done.shear_traction - shear_0]
     if face.has_normal:
         change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
-    face.add_force(velocity, dt * np.concatenate(change, axis=1), scale=inverse_mass)
+    face.add_force(velocity, clock.kick * np.concatenate(change, axis=1), scale=inverse_mass)
     face.add_force(force, np.concatenate(change, axis=1), scale=np.ones_like(force))
-    return float(np.sum(face.owned * face.weight * power) * dt)
+    return float(np.sum(face.owned * face.weight * power) * (since if at_end else clock.kick))
+
+
+def first_passing(
+    passed: np.ndarray, was: np.ndarray, speed: np.ndarray, threshold: float, time: float, since: float
+) -> np.ndarray:
+    """Time at which the slip rate first passed a threshold [s], between two of its values where it did so now.
+
+    Parameters
+    ----------
+    passed : ndarray, shape (n,)
+        So far [s], not a number where it has not.
+    was, speed : ndarray, shape (n,)
+        Slip rate `since` [s] before `time` [s], and then [m/s].
+    """
+    first = np.isnan(passed) & (speed > threshold)
+    between = first & (was < threshold)
+    part = np.where(between, speed - threshold, 0.0) / np.where(between, speed - was, 1.0)
+    return np.where(first, time - since * part, passed)
 
 
 class FaultStep:
@@ -236,23 +303,22 @@ class FaultStep:
     fault : Fault
     inverse_mass : ndarray, shape (nodes * components,)
         As for `impedances`.
-    dt : float
-        Time step [s].
+    clock : Clock
     threshold : float
         Slip rate [m/s] whose first passing is the rupture time.
     """
 
-    def __init__(self, fault: Fault, inverse_mass: np.ndarray, dt: float, threshold: float) -> None:
-        self.fault, self.dt, self.threshold = fault, dt, threshold
+    def __init__(self, fault: Fault, inverse_mass: np.ndarray, clock: Clock, threshold: float) -> None:
+        self.fault, self.clock, self.threshold = fault, clock, threshold
         self.law = fault.traced_law()
         face = fault.interface
-        normal_impedance, shear_impedance = impedances(face, inverse_mass, dt)
+        normal_impedance, shear_impedance = impedances(face, inverse_mass, clock.kick)
         contact_values, traced_contact = parameters_as_symbols(fault.contact, "c_")
         given = self.law.parameters | contact_values
         shape = face.weight.shape
         self._fixed = {
-            "weight": face.weight, "q_normal_stress_0": fault.normal_stress_0,
-            "q_normal_impedance": normal_impedance, "q_shear_impedance": shear_impedance,
+            "weight": face.weight, "q_normal_stress_0": fault.normal_stress_0, "q_normal_impedance": normal_impedance,
+            **{f"q_shear_impedance_{k}": shear_impedance[:, k] for k in range(fault.tangents)},
             **{f"q_shear_traction_0_{k}": fault.shear_traction_0[:, k] for k in range(fault.tangents)},
             **({} if fault.gap is None else {"gap": fault.gap}),
             **{name: value for name, value in given.items() if isinstance(value, np.ndarray)},
@@ -264,6 +330,9 @@ class FaultStep:
         self._function = native.load("fault", source).update
         self._function.restype = None
         self._numbers = np.array([*numbers.values(), 0.0])
+        self._times = [ctypes.c_double(v) for v in (
+            clock.dt, clock.kick, clock.since, clock.extrapolation, self.law.carried(clock.extrapolation),
+        )]  # fmt: skip
         self._result = np.zeros(6)
         self._owned = face.owned.astype(float)
         self._inverse_mass = inverse_mass
@@ -275,7 +344,7 @@ class FaultStep:
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
         """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""
-        is_open = self.fault.interface.has_normal and bool(state["opening"].any())
+        is_open = self.fault.interface.has_normal and bool(np.any(state["normal_stress"] <= 0))
         collides, self._was_open = is_open or self._was_open, is_open
         return self.fault.interface.split(self.fault.interface.jump(velocity))[0] if collides else None
 
@@ -286,7 +355,7 @@ class FaultStep:
         face = self.fault.interface
         rate, _ = face.split(face.jump(velocity))
         power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, rate)
-        return float(self._owned @ (face.weight * power)) * self.dt
+        return float(self._owned @ (face.weight * power)) * self.clock.kick
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
@@ -328,13 +397,13 @@ class FaultStep:
         if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
             self._bind(*given)
         n = len(self._owned)
-        loaded = self.fault.is_loaded
+        loaded, since = self.fault.is_loaded, self.clock.since
         if loaded:
-            name = component_names("slip_rate", self.fault.tangents)[0]
-            load, rate_old = self.fault.load(time), state[name].copy()
+            name = component_names("mean_slip_rate", self.fault.tangents)[0]
+            load, rate_old = self.fault.load(time), state[name] * (since > 0)
             self._fixed["q_shear_traction_0_0"][:] = self.fault.shear_traction_0[:, 0] + load
         self._function(
-            ctypes.c_long(n), ctypes.c_double(self.dt), ctypes.c_double(time), ctypes.c_double(self.threshold),
+            ctypes.c_long(n), *self._times, ctypes.c_double(time), ctypes.c_double(self.threshold),
             *self._pointers, *self._tail,
         )  # fmt: skip
         if self._result[1] >= 0:
@@ -342,9 +411,10 @@ class FaultStep:
             values = dict(zip(names, map(float, self._result[2:]), strict=True))
             self.fault.fail(state, int(self._result[1]), time, values)
         if loaded:
-            load_old = self.fault.load(max(time - self.dt, 0.0))
-            power = self.fault.contact.dissipated(load_old, load, rate_old, state[name])
-            self.work = float(self._owned @ (self.fault.interface.weight * power)) * self.dt
+            contact = self.fault.contact
+            power = contact.dissipated(self.fault.load(time - since), load, rate_old, state[name])
+            work = float(self._owned @ (self.fault.interface.weight * power))
+            self.work = work * (since if contact.traction_ends_slip else self.clock.kick)
         return float(self._result[0])
 
 
@@ -361,7 +431,8 @@ def _trace_contact(contact: ContactMethod, tangents: int, has_normal: bool) -> t
         normal_stress_0=symbol("q_normal_stress_0"), shear_traction_0=each("shear_traction_0"),
         opening_jump=normal("opening_jump"), slip_jump=each("slip_jump"),
         opening_velocity=normal("opening_velocity"), slip_velocity=each("slip_velocity"), slip=each("slip"),
-        dt=symbol("dt"), normal_impedance=symbol("q_normal_impedance"), shear_impedance=symbol("q_shear_impedance"),
+        since=symbol("since"), dt=symbol("dt"), normal_impedance=symbol("q_normal_impedance"),
+        shear_impedance=each("shear_impedance"),
     ))  # fmt: skip
     power = contact.dissipated(*map(symbol, ("traction_old", "traction", "rate_old", "rate")))
     return trial, power
@@ -371,9 +442,12 @@ def _source(
     fault: Fault, law: TracedLaw, contact: ContactMethod, fixed: list[str], numbers: list[str], state: list[str]
 ) -> str:
     """`fault.c` with its blanks filled."""
-    tangents, has_normal = fault.tangents, fault.interface.has_normal
+    tangents, has_normal, at_end = fault.tangents, fault.interface.has_normal, fault.contact.traction_ends_slip
     trial, power = _trace_contact(contact, tangents, has_normal)
-    fields = {name: component_names(name, tangents) for name in ("slip", "slip_rate", "shear_traction")}
+    pointers = {
+        "rates": "slip_rate", "means": "mean_slip_rate", "tractions": "shear_traction", "slips": "slip",
+    }  # fmt: skip
+    fields = {name: component_names(name, tangents) for name in pointers.values()}
     # Symbol of the traced code -> the array it is loaded from.
     loaded = {name: name for name in fixed if name != "weight"}
     loaded |= {f"q_slip_{k}": fields["slip"][k] for k in range(tangents)}
@@ -389,36 +463,39 @@ def _source(
         jumps |= {"q_opening_jump": f"jump_u[0][l]{gap}", "q_opening_velocity": "jump_v[0][l]"}
     bind = [f"const double {name} = L_{name}[l];" for name in loaded]
     targets = {
-        "trial_n[l]": trial.normal_stress, "compliance[l]": trial.normal_compliance, "z[l]": trial.impedance,
+        "trial_n[l]": trial.normal_stress, "compliance[l]": trial.normal_compliance,
         **{f"trial_s[{k}][l]": shear for k, shear in enumerate(trial.shear_traction)},
+        **{f"z[{k}][l]": impedance for k, impedance in enumerate(trial.impedance)},
     }  # fmt: skip
-    pointers = {"rates": "slip_rate", "tractions": "shear_traction", "slips": "slip"}
     load = [f"double L_{name}[LANES];" for name in loaded]
     load += [f"double *{name}[TANGENTS][LANES];" for name in pointers]
-    load += ["double guess_rate[LANES], normal_stress_0[LANES], initial[TANGENTS][LANES];"]
+    load += ["double old[TANGENTS][LANES], was[LANES], normal_stress_0[LANES], initial[TANGENTS][LANES];"]
     load += ["for (int l = 0; l < LANES; l++) {"]
     load += [f"    L_{name}[l] = A_{source}[at[l]];" for name, source in loaded.items()]
     load += ["    normal_stress_0[l] = A_q_normal_stress_0[at[l]];", "    double square = 0;"]
     for k in range(tangents):
         load += [f"    {name}[{k}][l] = A_{fields[field][k]} + at[l];" for name, field in pointers.items()]
         load += [f"    initial[{k}][l] = A_q_shear_traction_0_{k}[at[l]];"]
+        load += [f"    old[{k}][l] = *means[{k}][l];"]
         load += [f"    square += *rates[{k}][l] * *rates[{k}][l];"]
-    load += ["    guess_rate[l] = sqrt(square);", "}"]
+    load += ["    was[l] = sqrt(square);", "}"]
     unpack = [f"double *const A_{name} = array[{i}];" for i, name in enumerate([*fixed, *state])]
     unpack += [f"const double {name} = number[{i}];" for i, name in enumerate(numbers)]
+    solved = {name: law.outputs[name] for name in ("strength", "slope", "rate_now", "rate_slope")}
+    new_state = {f"N_{name}[l]": law.outputs[f"n_{name}"] for name in law.state_names}
     text = files("ruptfx").joinpath("fault.c").read_text()
     return Template(text).substitute(
         components=fault.interface.frame.shape[2], local=fault.interface.frame.shape[1], tangents=tangents,
-        has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), tolerance=repr(TOLERANCE),
+        has_normal=int(has_normal), one_sided=int(fault.interface.one_sided), at_end=int(at_end),
+        tolerance=repr(TOLERANCE),
         max_iterations=MAX_ITERATIONS,
         bisect_every=BISECT_EVERY,
-        unpack=lines(unpack), load=lines(load),
+        unpack=lines(unpack), load=lines(load), gap="" if fault.gap is None else " + L_gap[l]",
         bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
         trial=to_c(_expressions(targets)), bind_law=lines(bind),
-        law_strength=to_c({"strength": law.outputs["strength"]}),
-        law_slope=to_c({name: law.outputs[name] for name in ("strength", "slope")}),
+        law_strength=to_c({"strength": law.outputs["strength"]}), law_solved=to_c(solved),
         declare_new=lines(f"double N_{name}[LANES];" for name in law.state_names),
-        law_state=to_c(_expressions({f"N_{name}[l]": law.outputs[f"n_{name}"] for name in law.state_names})),
+        law_state=to_c(_expressions({"now[l]": law.outputs["rate_now"], **new_state})),
         dissipated=to_c(_expressions({"power +": power})).replace("power + =", "power +="),
         store_new=lines(f"A_{name}[i] = N_{name}[l];" for name in law.state_names),
     )  # fmt: skip

@@ -26,7 +26,7 @@ _FIELDS = {
 _TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
 _ONCE = {
     "peak_slip_rate": ("m/s", "largest slip rate of all steps while closed"),
-    "rupture_time": ("s", "first time the slip rate passed rupture_threshold"),
+    "rupture_time": ("s", "first time the slip rate passed rupture_threshold, linear between steps"),
 }
 
 
@@ -90,7 +90,7 @@ class InterfaceFile:
             begin = file.dimensions["time"].size
             file.resize_dimension("time", begin + len(self._waiting))
             file["time"][begin:] = [now for now, _ in self._waiting]
-            for name in self._waiting[0][1]:
+            for name in self._waiting[0][1].keys() & file.variables.keys():
                 if name in _ONCE:
                     file[name][:] = self._waiting[-1][1][name]
                 else:

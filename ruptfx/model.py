@@ -65,9 +65,9 @@ class State:
     time, step : float, int
         Time [s] of the displacement and number of steps done.
     displacement, velocity, force : ndarray, shape (nodes * components,)
-        Velocity is half a step behind the displacement in explicit runs; `force` is internal force under way.
+        Velocity is half of `lag` behind the displacement; `force` is internal force under way.
     faults : dict of str to dict of ndarray
-        Fields of every fault by name.
+        Fields of every fault by name, `lag` behind the displacement.
     energy : dict of str to float
         Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
     fields : dict of str to ndarray, shape (nodes * components,)
@@ -87,6 +87,21 @@ class State:
     )
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def lag(self) -> float:
+        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in explicit
+        runs, else zero."""
+        return self.numbers.get("lag", 0.0)
+
+    def at_faults(self) -> tuple[float, np.ndarray]:
+        """Time of the fields of the faults [s], and the displacement then."""
+        return self.time - self.lag, self.displacement - self.lag * self.velocity if self.lag else self.displacement
+
+    def at_velocity(self) -> tuple[float, np.ndarray]:
+        """Time of the velocity [s], where explicit steps balance energy, and the displacement then."""
+        half = 0.5 * self.lag
+        return self.time - half, self.displacement - half * self.velocity if half else self.displacement
 
 
 class Model:
@@ -476,25 +491,27 @@ class Model:
         """2 where the bodies have a mirror image, which holds and loses what the meshed half does."""
         return 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
 
-    def energies(self, state: State, dt: float) -> dict[str, float]:
-        """Energy budget over all ranks [J, per metre of thickness in 2D].
+    def energies(self, state: State) -> dict[str, float]:
+        """Energy budget over all ranks [J, per metre of thickness in 2D] at the time of the velocity.
 
-        Velocity and tractions lag behind the displacement by `dt`: the budget is that in the middle of the last step,
-        where the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. Schemes that have all at the same
-        time pass zero. `boundary_work` is that of driven edges, tractions and the initial stress.
+        In the middle of a step the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. `boundary_work` is
+        that of driven edges, tractions and the initial stress.
         """
-        half = 0.5 * dt * state.velocity
-        earlier, middle = state.displacement - 2 * half, state.displacement - half
+        half = 0.5 * state.lag
         force = self.internal_force(state.displacement, state.velocity)
+        time, earlier = state.at_faults()
+        held = taken = 0.0
+        for fault in self.faults:
+            found = fault.elastic_energy(state.faults[fault.name], half * state.velocity, half, time)
+            held, taken = held + found[0], taken + found[1]
         here = {
             "kinetic": 0.5 * self.owned_dot(state.velocity, self.mass * state.velocity),
             "strain": -0.5 * self.owned_dot(earlier, force),
-            "interface_elastic": sum(
-                fault.elastic_energy(state.faults[fault.name], half, state.time - dt) for fault in self.faults
-            ),
-            "frictional_dissipation": state.energy["frictional_dissipation"],
+            "interface_elastic": held,
+            "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
             "damping": state.energy["damping"],
-            "boundary_work": state.energy["boundary_work"] + sum(fault.preload_work(middle) for fault in self.faults),
+            "boundary_work": state.energy["boundary_work"]
+            + sum(fault.preload_work(state.at_velocity()[1]) for fault in self.faults),
         }
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))

@@ -1,17 +1,23 @@
 """Trial traction -> admissible traction and slip rate: one scalar solve, shared by every law and contact method.
 
     normal:  sigma = max(trial_n, 0); the rest opens the gap
-    shear:   find V >= 0 with |trial_s| - Z V = strength(V, sigma, state seen), the state advanced with V and sigma;
-             the traction is parallel to trial_s
+    shear:   find V >= 0 with T + Z V = trial, T parallel to the slip rate at its own time and |T| = strength there
 
-Advancing the state inside the solve makes stiff laws stable at the bulk time step; `TracedLaw` says which state is
-seen. The root is bracketed by V = 0 and V = |trial_s| / Z and found by Newton steps in V or log V, whichever fits,
-with bisection as the way out. The same algorithm exists twice, for arrays here and in `fault.c` for the explicit hot
-path; both evaluate the traced law (`TracedLaw`).
+V is the mean slip rate of one step; the strength sees slip rate, state and normal stress at the time of the traction
+(`TracedLaw` says how, to second order). The root is bracketed by V = 0 and by the V that leaves no traction, and found
+by Newton steps in V or in the logarithm of the rate that the law sees, whichever fits, with bisection as the way out.
+The same algorithm exists twice, for arrays here and in `fault.c` for the explicit hot path; both evaluate the traced
+law.
+
+With two tangents the slip rate may turn, and each may have its own impedance. What the step before carries over is
+added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the unit
+vector d along the traction: N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1 is the scalar equation. Where k
+is negative and the trial hardly more than what it takes away, the direction is that of the trial alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,7 +27,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
-from ruptfx.tracing import Expression, constant, depends, derivative, symbol, to_c, to_numpy
+from ruptfx.tracing import Expression, constant, derivative, symbol, to_numpy
 
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
@@ -52,93 +58,142 @@ def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]
 
 
 class TracedLaw:
-    """A law recorded once: its strength in a step, the exact derivatives and the new state.
+    """A law recorded once: its strength at the time of the traction, the exact derivatives and the state there.
 
     Parameters
     ----------
     law : FrictionLaw
-        With profiles already evaluated at the points (`law.at(position)`).
     at_end : bool
-        Whether the traction belongs to the end of the slip that the step adds, or to its beginning.
-    explicit : bool
-        Whether time has gone on to that of the traction before the step.
+        Whether the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
+        contact, implicit steps) or of the step around whose beginning it acts (split nodes).
 
     Notes
     -----
-    At the end of the slip the strength sees the `new` state: backward Euler. At its beginning it sees `old` +
-    (1 - dnew/dold) (`new` - `old`). Slip has dnew/dold = 1 and enters with its value at the time of the traction:
-    weakening one step early would make rupture fronts too fast, by an amount of first order in the step. A variable
-    that relaxes has dnew/dold = exp(-x) for a step of x relaxation times: short steps, x << 1, see `old` but for terms
-    of second order; long ones see `new`, where each step ends at its own steady state and nothing can overshoot.
-    `advance` being exact, a step never has to be divided, whatever the slip rate; slip rates keep their sign within a
-    step, and the normal stress enters with its mean. The slip rate itself is that of the middle of the step: where the
-    strength depends on it, steps are of first order. Clocks, which nothing but time drives, tell the time of
-    the traction before explicit steps.
+    Split nodes: velocities belong to the middle of steps, so the slip rate at the traction is (V_before + V) / 2, with
+    which leapfrog balances energy. At the end of a step it is V + e (V - V_before), e = dt / (dt + dt_before): BDF2 for
+    the slip, second order and free of oscillations. Where sliding stops within a step it is not less than V / 2; where
+    it begins, or more than doubles, not more than V + e V_before, lest it overshoot.
+
+    The state goes from one traction to the next with the slip rate of the middle of the step and the mean normal
+    stress: second order, and exact for slip and clocks. A variable that relaxes within the step, x relaxation times
+    long, follows its goal instead: by the part 1 - exp(-x) that it forgets, it is what slip rate and normal stress at
+    the traction make of it. For short steps that changes nothing to second order; long ones end at their own steady
+    state, and nothing can overshoot. `advance` being exact, a step never has to be divided, whatever the slip rate.
     """
 
-    def __init__(self, law: FrictionLaw, at_end: bool = False, explicit: bool = True) -> None:
-        self.law = law
+    def __init__(self, law: FrictionLaw, at_end: bool = False) -> None:
+        self.law, self.at_end = law, at_end
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
-        self.slip_rate, self.normal_stress, self.dt = map(symbol, ("slip_rate", "normal_stress", "dt"))
+        rate, before = symbol("slip_rate"), symbol("rate_before")
+        stress, dt = symbol("normal_stress"), symbol("since")
+        if at_end:
+            ahead = symbol("extrapolation") * np.minimum(rate - before, before)
+            middle, now = rate, np.maximum(rate + ahead, 0.5 * rate)
+        else:
+            middle, now = symbol("speed_before"), 0.5 * (before + rate)
         old = {name: symbol(f"s_{name}") for name in self.state_names}
-        stress, before = self.normal_stress, symbol("normal_stress_before")
-        if explicit:  # the mean while it slips: between the last two or, at the beginning, half a step beyond
-            stress = 0.5 * (before + stress) if at_end else np.maximum(1.5 * stress - 0.5 * before, 0.0)
-        new = traced.advance(old, self.slip_rate, stress, self.dt)
-        seen = dict(new)
+        known = traced.advance(old, middle, 0.5 * (symbol("normal_stress_before") + stress), dt)
+        felt = traced.advance(old, now, stress, dt)
+        new = {}
         for name, value in old.items():
-            if explicit and not depends(new[name], (self.slip_rate, self.normal_stress)):
-                seen[name] = value
-            elif not at_end:
-                relaxed = np.minimum(np.maximum(1 - derivative(new[name], value), 0.0), 1.0)
-                seen[name] = value + (new[name] - value) * relaxed
-        strength = traced.strength(self.slip_rate, self.normal_stress, seen)
-        if not isinstance(strength, Expression):
-            strength = constant(strength)
+            forgotten = 1 - derivative(_traced(felt[name]), value)
+            new[name] = known[name] + (felt[name] - known[name]) * np.minimum(np.maximum(forgotten, 0.0), 1.0)
+        strength = _traced(traced.strength(now, stress, new) + symbol("radiation") * now)
         self.outputs = {
             "strength": strength,
-            "slope": derivative(strength, self.slip_rate),
-            **{f"n_{name}": new[name] for name in self.state_names},
+            "slope": derivative(strength, rate),
+            "rate_now": now,
+            "rate_slope": derivative(now, rate),
+            **{f"n_{name}": _traced(new[name]) for name in self.state_names},
         }
-        self._stress_slope = derivative(strength, self.normal_stress)
+        self._more = {"stress_slope": derivative(strength, stress), "before_slope": derivative(strength, before)}
+
+    def carried(self, extrapolation: float) -> float:
+        """k: what of V_before the slip rate at the traction contains, over what it contains of V."""
+        return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
 
     @property
     def inputs(self) -> list[str]:
-        given = "slip_rate", "normal_stress", "normal_stress_before", "dt"
-        return [*given, *(f"s_{name}" for name in self.state_names), *self.parameters]
+        return [*GIVEN, *(f"s_{name}" for name in self.state_names), *self.parameters]
 
     @cached_property
     def _function(self) -> Any:
-        return to_numpy({**self.outputs, "stress_slope": self._stress_slope}, self.inputs)
-
-    def code(self) -> str:
-        """C statements assigning strength, slope and the new states."""
-        return to_c(self.outputs)
+        return to_numpy({**self.outputs, **self._more}, self.inputs)
 
     def __call__(
-        self,
-        slip_rate: np.ndarray,
-        normal_stress: np.ndarray,
-        state: dict[str, np.ndarray],
-        dt: float,
-        points: Any = slice(None),
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Strength [Pa] in a step, its derivatives with respect to slip rate [Pa s/m] and normal stress, and the new
-        state. `state` may hold the `normal_stress` before the step; without it, it is the same. `points` selects from
-        parameters and state when only some points are evaluated."""
+        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
+        points: Any = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
+        extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
+    ) -> Evaluated:  # fmt: skip
+        """Evaluate at some points.
+
+        Parameters
+        ----------
+        slip_rate, normal_stress : ndarray, shape (k,)
+            V [m/s] and the normal stress at the traction [Pa].
+        state : dict of ndarray, shape (n,)
+            At the traction before; it may hold its `normal_stress`, without which that is the same as now.
+        dt : float
+            Time since then [s].
+        points : index
+            Which of the n points; parameters, state and what follows are given for all.
+        before, speed_before : ndarray, shape (n,)
+            Mean slip rate of the step before [m/s]: along V, and its size.
+        extrapolation : float
+            e above; without it, the strength sees V itself.
+        radiation : ndarray, shape (n,)
+            Traction per slip rate [Pa s/m] on top of the strength.
+        """
 
         def pick(value: Any) -> Any:
-            return value[points] if isinstance(value, np.ndarray) else value
+            return value[points] if isinstance(value, np.ndarray) and value.ndim else value
 
         values = [pick(value) for value in (*(state[name] for name in self.state_names), *self.parameters.values())]
-        before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
+        stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
+        given = (slip_rate, pick(before), pick(speed_before), normal_stress, stress_before, dt, extrapolation,
+                 pick(radiation))  # fmt: skip
         with np.errstate(all="ignore"):
-            strength, slope, *new, stress_slope = self._function(slip_rate, normal_stress, before, dt, *values)
+            found = self._function(*given, *values)
         shape = np.shape(slip_rate)
-        states = {name: np.broadcast_to(v, shape) for name, v in zip(self.state_names, new, strict=True)}
-        strength, slope, stress_slope = (np.broadcast_to(v, shape) for v in (strength, slope, stress_slope))
-        return strength, slope, stress_slope, states
+        named = {k: np.broadcast_to(v, shape) for k, v in zip((*self.outputs, *self._more), found, strict=True)}
+        new = {name: named.pop(f"n_{name}") for name in self.state_names}
+        return Evaluated(**named, state=new)
+
+
+# What a traced law takes besides state and parameters, by name.
+GIVEN = (
+    "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since", "extrapolation",
+    "radiation",
+)  # fmt: skip
+
+
+def _traced(value: Any) -> Expression:
+    return value if isinstance(value, Expression) else constant(value)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A law in a step.
+
+    Attributes
+    ----------
+    strength : ndarray, shape (n,) [Pa]
+    slope, stress_slope, before_slope : ndarray, shape (n,)
+        Derivatives of the strength with respect to V, the normal stress and V_before.
+    rate_now, rate_slope : ndarray, shape (n,)
+        Slip rate at the time of the traction [m/s], and its derivative with respect to V.
+    state : dict of ndarray, shape (n,)
+        At the time of the traction.
+    """
+
+    strength: np.ndarray
+    slope: np.ndarray
+    rate_now: np.ndarray
+    rate_slope: np.ndarray
+    stress_slope: np.ndarray
+    before_slope: np.ndarray
+    state: dict[str, np.ndarray]
 
 
 @dataclass
@@ -149,14 +204,19 @@ class Projected:
     ----------
     normal_stress : ndarray, shape (n,) [Pa]
     shear_traction : ndarray, shape (n, tangents) [Pa]
-    slip_rate : ndarray, shape (n, tangents) [m/s]
+    mean_slip_rate : ndarray, shape (n, tangents)
+        V, of the step [m/s].
+    slip_rate : ndarray, shape (n, tangents)
+        At the time of the traction [m/s].
     state : dict of ndarray, shape (n,)
+        At the time of the traction.
     tangent : Tangent or None
         Where it was asked for.
     """
 
     normal_stress: np.ndarray
     shear_traction: np.ndarray
+    mean_slip_rate: np.ndarray
     slip_rate: np.ndarray
     state: dict[str, np.ndarray]
     tangent: Tangent | None = None
@@ -171,9 +231,9 @@ class Tangent:
     stress : ndarray, shape (n,)
         d normal_stress / d trial_normal: 1 where closed, 0 where open.
     rate_by_shear : ndarray, shape (n, tangents, tangents)
-        d slip_rate / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
+        d V / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
     rate_by_normal : ndarray, shape (n, tangents)
-        d slip_rate / d trial_normal [m/s/Pa]: more pressure, more strength, less slip.
+        d V / d trial_normal [m/s/Pa]: more pressure, more strength, less slip.
     """
 
     stress: np.ndarray
@@ -197,11 +257,14 @@ def explain(law: FrictionLaw, point: int, where: str, values: dict[str, float]) 
 
 def project(
     law: TracedLaw,
-    state: dict[str, np.ndarray],
+    state: Mapping[str, np.ndarray],
     trial_normal: np.ndarray,
     trial_shear: np.ndarray,
     impedance: np.ndarray,
     dt: float,
+    before: np.ndarray | None = None,
+    extrapolation: float = 0.0,
+    radiation: np.ndarray | float = 0.0,
     guess: np.ndarray | None = None,
     where: str = "",
     tangent: bool = False,
@@ -212,15 +275,19 @@ def project(
     ----------
     law : TracedLaw
     state : dict of ndarray, shape (n,)
-        State of the law, and normal stress where it matters that it changes, at the beginning of the step.
+        State of the law, and normal stress where it matters that it changes, at the traction before.
     trial_normal, trial_shear : ndarray, shapes (n,) and (n, tangents)
         Trial tractions [Pa]; compression positive.
-    impedance : ndarray, shape (n,)
-        Z > 0 [Pa s/m].
+    impedance : ndarray, shape (n,) or (n, tangents)
+        Z [Pa s/m], not negative; where it is zero the step has no length and nothing slips.
     dt : float
-        Time step [s].
+        Time since the traction before [s].
+    before : ndarray, shape (n, tangents), optional
+        Mean slip rate of the step before [m/s].
+    extrapolation, radiation
+        As for `TracedLaw`.
     guess : ndarray, shape (n,), optional
-        Slip rates to begin with [m/s].
+        Sizes of V to begin with [m/s].
     where : str
         Added to the message of an error, e.g. the time.
     tangent : bool
@@ -232,91 +299,151 @@ def project(
         A trial that is not finite, or a law without a root.
     """
     sigma = np.maximum(trial_normal, 0.0)
-    trial = np.sqrt(np.sum(trial_shear**2, axis=1))
-    impedance = np.broadcast_to(impedance, sigma.shape)
-    rate = _solve(law, state, sigma, trial, impedance, dt, guess)
+    shape = trial_shear.shape
+    z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
+    before = np.zeros(shape) if before is None else before
+    # What slid the other way has come to rest before it turns.
+    kept = before * (np.sum(before * trial_shear, axis=1) > 0)[:, None]
+    k = law.carried(extrapolation)
+    large = 2 * np.linalg.norm(k * z * kept, axis=1) > np.linalg.norm(trial_shear, axis=1)
+    turning = k * np.where(large[:, None] & (k < 0), 0.0, kept)
+    shifted = trial_shear + z * turning
+    size = np.linalg.norm(shifted, axis=1)
+    direction = _unit(shifted, size)
+    along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
+    known: dict[str, Any] = {
+        "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
+        "radiation": radiation,
+    }  # fmt: skip
+    rate, direction = _solve(law, state, sigma, shifted, z, carried, dt, guess, known)
     bad = ~np.isfinite(rate)
     if np.any(bad):
         i = int(np.flatnonzero(bad)[0])
-        values = {"trial_shear_traction": trial[i], "trial_normal_stress": trial_normal[i], "Z": impedance[i]}
+        values = {"trial_shear_traction": size[i], "trial_normal_stress": trial_normal[i], "Z": z[i].max()}
         raise explain(law.law, i, where, values | {name: state[name][i] for name in law.state_names})
-    _, slope, stress_slope, new = law(rate, sigma, state, dt)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        direction = np.where(trial[:, None] > 0, trial_shear / trial[:, None], 0.0)
+    found = law(rate, sigma, state, dt, **known)
+    stuck = ((rate == 0) & (sigma > 0))[:, None]
+    mean = np.where(stuck, 0.0, (rate + carried)[:, None] * direction - turning)
+    now = np.where(stuck, 0.5 * before * (not law.at_end), found.rate_now[:, None] * direction)
     return Projected(
         normal_stress=sigma,
-        shear_traction=trial_shear - (impedance * rate)[:, None] * direction,
-        slip_rate=rate[:, None] * direction,
-        state={name: np.array(value) for name, value in new.items()},
-        tangent=_tangent(sigma, trial, rate, direction, impedance, slope, stress_slope) if tangent else None,
+        shear_traction=np.where((sigma > 0)[:, None], trial_shear - z * mean, 0.0),
+        mean_slip_rate=mean,
+        slip_rate=now,
+        state={name: np.array(value) for name, value in found.state.items()},
+        tangent=_tangent(sigma, size, rate, direction, z[:, 0], kept, turning, found) if tangent else None,
     )
 
 
+def _unit(vector: np.ndarray, size: np.ndarray) -> np.ndarray:
+    return vector / np.where(size > 0, size, 1.0)[:, None]
+
+
 def _tangent(
-    sigma: np.ndarray, trial: np.ndarray, rate: np.ndarray, direction: np.ndarray, impedance: np.ndarray,
-    slope: np.ndarray, stress_slope: np.ndarray,
+    sigma: np.ndarray, size: np.ndarray, rate: np.ndarray, direction: np.ndarray, z: np.ndarray, kept: np.ndarray,
+    turning: np.ndarray, found: Evaluated,
 ) -> Tangent:  # fmt: skip
-    """Derivative of |trial| - Z V = strength(V, sigma), and of the direction, which turns with the trial."""
+    """Derivative of t - Z V = strength(V, sigma, b), t and b the parts of trial and V_before along the traction, and of
+    the direction d, which turns with the trial: V = (V + c) d - k V_before with c the part of k V_before along it. One
+    impedance for all tangents."""
     closed, sliding = sigma > 0, rate > 0
+    carried = np.sum(turning * direction, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # (Z + dstrength/dV) dV = d|trial| - dstrength/dsigma dsigma; an open interface has no strength
-        by_size = np.where(sliding, 1 / (impedance + np.where(closed, slope, 0.0)), 0.0)
-        by_normal = np.where(sliding & closed, -by_size * stress_slope, 0.0)
-        turning = np.where(sliding, rate / trial, 0.0)
-    along = direction[:, :, None] * direction[:, None, :]
-    across = np.eye(direction.shape[1]) - along
+        bend = np.where(sliding, 1 / size, 0.0)[:, None]
+        # (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
+        yielding = np.where(sliding, 1 / (z + np.where(closed, found.slope, 0.0)), 0.0)
+        by_normal = np.where(sliding & closed, -yielding * found.stress_slope, 0.0)
+    # d(b) / d(trial) and d(c) / d(trial): what is across the direction, over the size of trial'.
+    db, dc = (bend * (v - np.sum(v * direction, axis=1)[:, None] * direction) for v in (kept, turning))
+    before_slope = np.where(closed, found.before_slope, 0.0)[:, None]
+    by_size = yielding[:, None] * (direction - z[:, None] * dc - before_slope * db)
+    plane = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
+    by_shear = direction[:, :, None] * (by_size + dc)[:, None, :]
+    by_shear += ((rate + carried)[:, None] * bend)[:, :, None] * plane
     return Tangent(
         stress=closed.astype(float),
-        rate_by_shear=by_size[:, None, None] * along + turning[:, None, None] * across,
+        rate_by_shear=by_shear,
         rate_by_normal=by_normal[:, None] * direction,
     )
 
 
 def _solve(
     law: TracedLaw,
-    state: dict[str, np.ndarray],
+    state: Mapping[str, np.ndarray],
     sigma: np.ndarray,
     trial: np.ndarray,
-    impedance: np.ndarray,
+    z: np.ndarray,
+    carried: np.ndarray,
     dt: float,
     guess: np.ndarray | None,
-) -> np.ndarray:
-    """Slip rate of every point, shape (n,); not a number where there is none."""
-    at_rest, *_ = law(np.zeros_like(trial), sigma, state, dt)
-    rate = np.where(np.isfinite(trial) & np.isfinite(at_rest), 0.0, np.nan)
-    closed, open_ = sigma > 0, sigma <= 0  # neither, where sigma is not a number
-    rate[open_] = (trial / impedance)[open_]  # an open interface carries no shear
-    todo = np.flatnonzero(closed & (trial > at_rest))
-    low, high = np.zeros(len(todo)), trial[todo] / impedance[todo]
-    v = (trial[todo] - at_rest[todo]) / impedance[todo]
+    known: dict[str, Any],
+) -> tuple[np.ndarray, np.ndarray]:
+    """V of every point, not a number where there is none, and the direction of the traction.
+
+    `trial` is trial', shape (n, tangents); `carried` is what of k V_before is along it, shape (n,).
+    """
+    size = np.linalg.norm(trial, axis=1)
+    direction = _unit(trial, size)
+    mean_z = np.sum(z * direction**2, axis=1)
+    at_rest = law(np.zeros_like(size), sigma, state, dt, **known).strength
+    rate = np.where(np.isfinite(size) & np.isfinite(at_rest), 0.0, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        loose = np.where(z > 0, trial / z, 0.0)
+    speed = np.linalg.norm(loose, axis=1)
+    free = np.where(speed > 0, speed - carried, 0.0)  # leaves no traction
+    open_ = sigma <= 0  # not where sigma is not a number
+    rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
+    begin = size - mean_z * carried - at_rest
+    todo = np.flatnonzero((sigma > 0) & (begin > 0) & (free > 0))
+    low, high = np.zeros(len(todo)), free[todo]
+    v = np.minimum(begin[todo] / mean_z[todo], high)
     if guess is not None:
         v = np.where((guess[todo] > 0) & (guess[todo] < high), guess[todo], v)
     for iteration in range(MAX_ITERATIONS):
         if len(todo) == 0:
-            return rate
-        z, t = impedance[todo], trial[todo]
-        strength, slope, *_ = law(v, sigma[todo], state, dt, todo)
-        residual, slope = t - z * v - strength, z + slope
+            break
+        found = law(v, sigma[todo], state, dt, todo, **known)
+        residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
         low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
-        done = (np.abs(residual) <= TOLERANCE * t) | (high - low <= 1e-15 * high)
+        done = (np.abs(residual) <= TOLERANCE * size[todo]) | (high - low <= 1e-15 * high)
         rate[todo[done]] = v[done]
         go = ~done & np.isfinite(residual)
         rate[todo[~done & ~go]] = np.nan
+        spread = (found.rate_now / found.rate_slope)[go]
         todo, low, high, v = todo[go], low[go], high[go], v[go]
-        v = _next(v, low, high, residual[go], slope[go], z[go], iteration % BISECT_EVERY == BISECT_EVERY - 1)
+        bisect = iteration % BISECT_EVERY == BISECT_EVERY - 1
+        v = _next(v, low, high, residual[go], slope[go], mean_z[todo], spread, bisect)
     rate[todo] = np.nan
-    return rate
+    return rate, direction
+
+
+def _residual(
+    trial: np.ndarray, z: np.ndarray, sliding: np.ndarray, found: Evaluated
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Q (N - 1), minus its derivative, and the direction; Q = |trial'| where the impedances are equal."""
+    strengths = found.strength[:, None] + z * sliding[:, None]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        if trial.shape[1] == 1:
+            slope = found.slope + z[:, 0]
+            return np.abs(trial[:, 0]) - strengths[:, 0], slope, np.sign(trial)
+        ratio = trial / strengths
+        norm = np.linalg.norm(ratio, axis=1)
+        direction = ratio / norm[:, None]
+        mean = np.sum(direction**2 * strengths, axis=1)
+        slope = mean * np.sum(direction**2 * (found.slope[:, None] + z) / strengths, axis=1)
+    return mean * (norm - 1), slope, direction
 
 
 def _next(
     v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
-    bisect: bool,
+    spread: np.ndarray, bisect: bool,
 ) -> np.ndarray:  # fmt: skip
-    """Newton in V where the impedance rules, in log V where the law does; bisection (in log V when the bracket spans
-    decades) where that leaves the bracket, and now and then: the two sorts of steps may lead to each other for ever."""
+    """Newton in V where the impedance rules, in the logarithm of the rate that the law sees where the law does
+    (`spread` is dV over its change); bisection (in log V when the bracket spans decades) where that leaves the bracket,
+    and now and then: the two sorts of steps may lead to each other for ever."""
     with np.errstate(all="ignore"):
         linear = v + residual / slope
-        logarithmic = v * np.exp(residual / (slope * v))
+        logarithmic = v + spread * np.expm1(residual / (slope * spread))
     step = np.where(slope > 2 * z, logarithmic, linear)
     middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
     return np.where((step > low) & (step < high) & (not bisect), step, middle)

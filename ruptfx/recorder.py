@@ -39,7 +39,9 @@ class Recorder:
     """Writes the files of one run; a context manager that leaves readable files however the run ends.
 
     Records are evenly spaced in time: each is made after the first step that reaches its time. The first state and
-    the last are recorded, too.
+    the last are recorded, too. All fields of a record have one time, which is the one it is labelled with: for interfaces
+    that of the traction, in explicit runs a step before the displacement that is known by then; for bodies and energies
+    that of the velocity, half a step before it.
 
     Parameters
     ----------
@@ -62,6 +64,7 @@ class Recorder:
         # The next of these times, by number: a bulk snapshot of the start would show nothing.
         self.next = dict(resume.manifest["next"]) if resume else {"interface": 0, "bulk": 1}
         self.records = resume.manifest["records"] if resume else 0
+        self.last = resume.manifest["last"] if resume else -1.0  # time of the last interface record [s]
         self.largest_work = resume.manifest["largest_work"] if resume else 0.0
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
@@ -76,7 +79,7 @@ class Recorder:
 
     def finished(self, state: State) -> bool:
         """Whether the state has reached the duration of the case."""
-        return bool(state.time >= self._times["interface"][-1])
+        return bool(state.at_faults()[0] >= self._times["interface"][-1])
 
     def __enter__(self) -> Recorder:
         places = [
@@ -100,7 +103,8 @@ class Recorder:
         self._table = csv.writer(self._energy)
         if not self._resume:
             self._energy.write(
-                "# time in s, energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
+                "# time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
+                "energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
             )
             self._table.writerow(["time", *ENERGIES, "closure"])
         for fault, place in zip(self.model.faults, places, strict=True):
@@ -131,7 +135,10 @@ class Recorder:
             "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
             "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
-            "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0, **versions(),
+            "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0,
+            "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
+            "laws of contact and friction there",
+            **versions(),
         }  # fmt: skip
 
     def write_on_root(self, write: Callable[[], None]) -> None:
@@ -153,15 +160,18 @@ class Recorder:
         return self._reached("interface", state) or self._reached("bulk", state)
 
     def _reached(self, what: str, state: State) -> bool:
-        every = self.model.case.output.interface_steps
-        if what == "interface" and every is not None and state.step % every == 0:
-            return True
+        every, now = self.model.case.output.interface_steps, state.at_faults()[0]
+        if what == "interface":
+            if now <= self.last:  # the first explicit step only completes the state at the start
+                return False
+            if every is not None and state.step % every == 0:
+                return True
         times, number = self._times[what], self.next[what]
-        return number < len(times) and bool(state.time >= times[number])
+        return number < len(times) and bool(now >= times[number])
 
     def _passed(self, what: str, state: State) -> None:
         """A long step may pass several times at once."""
-        self.next[what] = int(np.searchsorted(self._times[what], state.time, side="right"))
+        self.next[what] = int(np.searchsorted(self._times[what], state.at_faults()[0], side="right"))
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
@@ -169,22 +179,26 @@ class Recorder:
             self._passed("interface", state)
             fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
             energy = self._motion.energies(state)
-            self.write_on_root(lambda: self._append(state.time, fields, energy))
+            self.last = state.at_faults()[0]
+            self.write_on_root(lambda: self._append(self.last, fields, state.at_velocity()[0], energy))
             self.records += 1
         if self._reached("bulk", state):
             self._passed("bulk", state)
             snapshot = self._bulk.gather(state)
-            self.write_on_root(lambda: self._bulk.append(state.time, snapshot))
+            self.write_on_root(lambda: self._bulk.append(state.at_velocity()[0], snapshot))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Every field of a fault in order along the interface, on rank 0."""
         fields = dict(state.faults[fault.name])
-        _, jump = fault.interface.split(fault.interface.jump(state.displacement))
+        _, jump = fault.interface.split(fault.interface.jump(state.at_faults()[1]))
         fields |= dict(zip(component_names("displacement_jump", fault.tangents), jump.T, strict=True))
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 
-    def _append(self, time: float, faults: dict[str, dict[str, np.ndarray]], energy: dict[str, float]) -> None:
+    def _append(
+        self, time: float, faults: dict[str, dict[str, np.ndarray]], balanced: float, energy: dict[str, float]
+    ) -> None:
+        """Fields of the interfaces at one time [s], the energy budget at another."""
         rates = [np.abs(v).max() for fields in faults.values() for k, v in fields.items() if k.startswith("slip_rate")]
         self.peak_slip_rate = float(max(rates, default=0.0))
         for name, fields in faults.items():
@@ -192,7 +206,7 @@ class Recorder:
         lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
         self.largest_work = max(self.largest_work, abs(energy["boundary_work"]))
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
-        self._table.writerow([repr(v) for v in (time, *(energy[name] for name in ENERGIES), closure)])
+        self._table.writerow([repr(v) for v in (balanced, *(energy[name] for name in ENERGIES), closure)])
         self._energy.flush()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:

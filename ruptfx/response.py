@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx.contact import Point, Trial
-from ruptfx.fault import Fault, FaultState, component_names
+from ruptfx.fault import Fault, FaultState, component_names, first_passing
 from ruptfx.projection import Projected, TracedLaw, project
 
 if TYPE_CHECKING:
@@ -49,13 +49,14 @@ class FaultResponse:
 
     def __init__(self, fault: Fault, threshold: float, radiation: float | np.ndarray = 0.0) -> None:
         self.fault, self.threshold, self.radiation = fault, threshold, radiation
-        self.law = TracedLaw(fault.friction, at_end=True, explicit=False)
+        self.law = TracedLaw(fault.friction, at_end=True)
 
     def __call__(
         self,
         state: FaultState,
         jump: np.ndarray,
         dt: float,
+        dt_before: float,
         time: float,
         multiplier: tuple[np.ndarray, np.ndarray],
         body_stiffness: np.ndarray,
@@ -68,8 +69,8 @@ class FaultResponse:
             At the beginning of the step; left alone.
         jump : ndarray, shape (n, local)
             Displacement jump at the end of the step [m].
-        dt, time : float
-            Length of the step and the time of its end [s].
+        dt, dt_before, time : float
+            Lengths of the step and of the one before, zero at the start, and the time of its end [s].
         multiplier : (ndarray, ndarray), shapes (n,) and (n, tangents)
             Normal stress and shear traction of the last outer iteration [Pa].
         body_stiffness : ndarray, shape (n,)
@@ -87,13 +88,13 @@ class FaultResponse:
             body_stiffness=body_stiffness,
         )  # fmt: skip
         normal, shear = trial.normal_stress, np.stack(trial.shear_traction, axis=1)
-        relief = np.broadcast_to(trial.impedance, normal.shape)  # shear traction per slip rate
+        relief = np.broadcast_to(trial.impedance[0], normal.shape)  # shear traction per slip rate
+        before = fault.components(state, "mean_slip_rate")
         done = project(
-            self.law, {name: state[name] for name in self.law.state_names}, normal, shear, relief + self.radiation, dt,
-            np.linalg.norm(fault.components(state, "slip_rate"), axis=1),
+            self.law, {name: state[name] for name in (*self.law.state_names, "normal_stress")}, normal, shear, relief,
+            dt, before, dt / (dt + dt_before), self.radiation, np.linalg.norm(before, axis=1),
             f"of fault '{fault.name}' at time {time:.6g} s", tangent=True,
         )  # fmt: skip
-        done.shear_traction = shear - relief[:, None] * done.slip_rate
         change = [done.shear_traction - initial]
         if fault.interface.has_normal:
             change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
@@ -122,15 +123,18 @@ class FaultResponse:
 
     def _new_state(self, old: FaultState, done: Projected, gap: np.ndarray, dt: float, time: float) -> FaultState:
         tangents = self.fault.tangents
-        speed = np.linalg.norm(done.slip_rate, axis=1)
-        first = np.isnan(old["rupture_time"]) & (speed > self.threshold)
+        was, speed = (
+            np.linalg.norm(rate, axis=1) for rate in (self.fault.components(old, "slip_rate"), done.slip_rate)
+        )
         state: FaultState = {
             "normal_stress": done.normal_stress, "opening": gap,
             "peak_slip_rate": np.maximum(old["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0)),
-            "rupture_time": np.where(first, time, old["rupture_time"]), **done.state,
+            "rupture_time": first_passing(old["rupture_time"], was, speed, self.threshold, time, dt), **done.state,
         }  # fmt: skip
-        slip = self.fault.components(old, "slip") + dt * done.slip_rate
-        for name, value in (("slip", slip), ("slip_rate", done.slip_rate), ("shear_traction", done.shear_traction)):
+        for name, value in (
+            ("slip", self.fault.components(old, "slip") + dt * done.mean_slip_rate), ("slip_rate", done.slip_rate),
+            ("mean_slip_rate", done.mean_slip_rate), ("shear_traction", done.shear_traction),
+        ):  # fmt: skip
             state |= dict(zip(component_names(name, tangents), value.T.copy(), strict=True))
         return state
 
@@ -140,8 +144,8 @@ class FaultResponse:
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
-        was, rate_old = fault.components(old, "shear_traction"), fault.components(old, "slip_rate")
-        now, rate = fault.components(new, "shear_traction"), fault.components(new, "slip_rate")
+        was, rate_old = fault.components(old, "shear_traction"), fault.components(old, "mean_slip_rate")
+        now, rate = fault.components(new, "shear_traction"), fault.components(new, "mean_slip_rate")
         dissipated = float(area @ fault.contact.dissipated(was, now, rate_old, rate).sum(axis=1)) * dt
         # The mean pressure on what the gap grew.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
@@ -149,7 +153,7 @@ class FaultResponse:
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
         worked = 0.0
         if fault.is_loaded:
-            load_old, load = fault.load(max(time - dt, 0.0)), fault.load(time)
+            load_old, load = fault.load(time - dt), fault.load(time)
             worked = float(area @ fault.contact.dissipated(load_old, load, rate_old[:, 0], rate[:, 0])) * dt
         state.energy["frictional_dissipation"] += dissipated
         state.energy["damping"] += impact
@@ -179,7 +183,7 @@ def closed_and_stuck(
     trial = fault.contact.trial(Point(
         normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
         opening_jump=fault.opening(normal_jump), slip_jump=list(slip_jump.T), opening_velocity=unknown,
-        slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), dt=dt, normal_impedance=unknown,
-        shear_impedance=unknown, **of_iteration,
+        slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), since=dt, dt=dt, normal_impedance=unknown,
+        shear_impedance=[unknown] * fault.tangents, **of_iteration,
     ))  # fmt: skip
     return replace(trial, normal_stress=np.broadcast_to(trial.normal_stress, unknown.shape))

@@ -96,7 +96,7 @@ class Rupture:
 
 
 def rupture(
-    table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None, sudden: bool = False
+    table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None
 ) -> Rupture:
     """Run a case in memory on one rank.
 
@@ -108,30 +108,26 @@ def rupture(
         Steps between samples of the slip rate.
     energies : int
         How often the energy budget is looked at.
-    sudden : bool
-        The load acts in full from the first instant. The first step then moves the bodies from rest as if it had acted
-        for a whole step, not for half of one: the run is half a step ahead of its clock.
     """
     case = parse_case(table)
     model = Model(case, comm or fem.MPI.COMM_SELF)
     motion = case.stepper.bind(model)
     state = model.initial_state()
     fault = model.faults[0]
-    steps = int(np.ceil(case.duration / motion.dt * (1 - 1e-9)))
+    steps = int(np.ceil(case.duration / motion.dt * (1 - 1e-9))) + 1  # tractions are a step behind
     zero = np.zeros(len(fault.interface.position))
     times, rates, gaps, lost, scale = [0.0], [zero], [zero], [0.0], 1e-300
-    early = 0.0 if sudden else 0.5 * motion.dt
     seconds = 0.0
     for step in range(1, steps + 1):
         began = time.process_time()
         motion.step(state)
         seconds += time.process_time() - began
         if step % stride == 0:
-            times.append(state.time - early)
+            times.append(state.at_faults()[0])
             rates.append(fault.components(state.faults[fault.name], "slip_rate")[:, 0].copy())
             gaps.append(state.faults[fault.name]["opening"].copy())
         if step % max(1, steps // energies) == 0 or step == steps:
-            energy = model.energies(state, motion.dt)
+            energy = model.energies(state)
             lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
             scale = max(scale, *map(abs, energy.values()))
     fields = {name: value.copy() for name, value in state.faults[fault.name].items()}

@@ -83,7 +83,7 @@ def surface(size: float) -> tuple[np.ndarray, np.ndarray, float]:
         if state.step % 10 == 0:
             times.append(state.time)
             found.append(state.displacement.reshape(-1, 2)[nodes].copy())
-    energy = model.energies(state, motion.dt)
+    energy = model.energies(state)
     lost = 2 * energy["boundary_work"] - sum(energy.values())
     return np.array(times), np.array(found), abs(lost / energy["boundary_work"])
 

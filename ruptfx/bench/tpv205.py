@@ -73,7 +73,7 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
 
 def run(fine: bool, comm: Any) -> Outcome:
     """Stations, speed at 100 m, and convergence."""
-    main = rupture(case(100.0), comm=comm, sudden=True)
+    main = rupture(case(100.0), comm=comm)
     x = main.position
     arrival = main.rupture_time(1e-3)
     slip = np.abs(main.fields["slip"])
@@ -113,7 +113,7 @@ def _convergence(fine: bool) -> dict[str, Any]:
     stations = stations[(np.abs(stations) > 3e3) & ~np.isin(np.abs(stations), (6e3, 9e3))]
     columns = []
     for spacing in spacings:
-        run = rupture(case(spacing, duration, half, 6e3), energies=1, sudden=True)
+        run = rupture(case(spacing, duration, half, 6e3), energies=1)
         peak, slip = run.mean_peak(100.0 / C_S), np.abs(run.fields["slip"])
         of_points = run.rupture_time(1e-3), run.slip_time(0.5 * D_C), peak, slip
         columns.append(np.array([np.interp(stations, run.position, values) for values in of_points]))

@@ -28,11 +28,11 @@ class Point:
     opening_velocity, slip_velocity :
         Velocity jump [m/s] half a step later if the interface carried its initial stress only.
     slip :
-        Inelastic slip so far [m].
-    dt :
-        Time step [s].
+        Inelastic slip at the traction before [m].
+    since, dt :
+        Time since the traction before, and until the displacement is known again [s].
     normal_impedance, shear_impedance :
-        Traction per velocity jump over the step [Pa s/m], 1 / (dt w (1/m+ + 1/m-)).
+        Traction per velocity jump over the coming step [Pa s/m], 1 / (dt w (1/m+ + 1/m-)).
     normal_multiplier, shear_multiplier :
         Normal stress and shear traction [Pa] of the last outer iteration (implicit steps only).
     body_stiffness :
@@ -48,9 +48,10 @@ class Point:
     opening_velocity: Array
     slip_velocity: list[Array]
     slip: list[Array]
+    since: Array
     dt: Array
     normal_impedance: Array
-    shear_impedance: Array
+    shear_impedance: list[Array]
     normal_multiplier: Array = 0.0
     shear_multiplier: list[Array] = field(default_factory=list)
     body_stiffness: Array = 0.0
@@ -65,26 +66,27 @@ class Trial:
     normal_stress : trial normal stress [Pa], negative where the interface would be pulled.
     shear_traction : trial shear traction [Pa], one entry per tangent.
     normal_compliance : opening per normal stress that cannot be carried [m/Pa].
-    impedance : Z, shear traction relieved per slip rate [Pa s/m].
+    impedance : Z, shear traction relieved per slip rate [Pa s/m], one entry per tangent.
     """
 
     normal_stress: Array
     shear_traction: list[Array]
     normal_compliance: Array
-    impedance: Array
+    impedance: list[Array]
 
 
 class ContactMethod(Alternative):
     """The contract of a contact method.
 
     Implicit steps differentiate the trial: opening changes the normal stress by -1 / `normal_compliance`, slip the
-    shear traction by `impedance` / dt, and nothing else may depend on the displacement.
+    shear traction by `impedance` / since, alike for all tangents, and nothing else may depend on the displacement.
     """
 
     explicit: ClassVar[bool] = True
     """Whether explicit steps can use it."""
     traction_ends_slip: ClassVar[bool] = False
-    """Whether the traction of an explicit step belongs to the end of the slip that it adds, or to its beginning."""
+    """Whether the slip rate that an explicit step solves for is that of the step which ends with the traction, or of the
+    one that begins with it."""
     implicit: ClassVar[bool] = False
     """Whether implicit steps can use it."""
 
@@ -98,7 +100,13 @@ class ContactMethod(Alternative):
         raise NotImplementedError
 
     def dissipated(self, traction_old: Array, traction: Array, rate_old: Array, rate: Array) -> Array:
-        """Frictional power [W/m2] of one shear component over the step that ends with this update."""
+        """Frictional power [W/m2] of one shear component over the step that `traction_ends_slip` names.
+
+        Parameters
+        ----------
+        traction_old, traction : at the traction before, and now [Pa].
+        rate_old, rate : mean slip rates of the step before, and of this one [m/s].
+        """
         raise NotImplementedError
 
     def lost_in_impact(self, normal_stress: Array, rate_old: Array, rate: Array) -> Array:
@@ -119,7 +127,7 @@ class ContactMethod(Alternative):
         normal_stress, shear_traction :
             Tractions [Pa], at the time of the last update.
         opening, slip :
-            Jumps added since then [m]: kinetic and strain energy belong to the middle of the following step.
+            Elastic jumps added since then [m]: kinetic and strain energy belong to the middle of the following step.
         """
         return 0.0 * normal_stress
 

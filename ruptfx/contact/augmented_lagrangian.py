@@ -37,7 +37,7 @@ class AugmentedLagrangian(ContactMethod):
             normal_stress=point.normal_multiplier - k * point.opening_jump,
             shear_traction=[shear + k * (jump - slip) for shear, jump, slip in stretch],
             normal_compliance=1 / k,
-            impedance=k * point.dt,
+            impedance=[k * point.since for _ in point.slip],
         )
 
     def multiplier_tolerance(self) -> float | None:

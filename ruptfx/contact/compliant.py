@@ -26,7 +26,7 @@ class Compliant(ContactMethod):
             normal_stress=point.normal_stress_0 - self.C_n * point.opening_jump,
             shear_traction=[tau_0 + self.C_s * (jump - slip) for tau_0, jump, slip in stretch],
             normal_compliance=1 / self.C_n,
-            impedance=point.dt * self.C_s,
+            impedance=[self.C_s * point.since for _ in point.slip],
         )
 
     def dissipated(self, traction_old: Array, traction: Array, rate_old: Array, rate: Array) -> Array:

@@ -127,7 +127,7 @@ class GeneralizedAlphaMotion:
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the last step."""
-        return self.model.energies(state, 0.0)
+        return self.model.energies(state)
 
     def _advance(self, state: State, dt: float, carried: np.ndarray) -> None:
         """One step of size `dt` from `carried`, the forces at its beginning."""

@@ -137,8 +137,9 @@ class HybridMotion:
     def _switch(self, state: State, to: float, why: str) -> None:
         """Hand the state over; collective."""
         before = _missing(self.energies(state))
-        (self._bring_faults_up if to == SLOW else self._take_faults_back)(state)
-        state.numbers |= {"fast": to, "calm_since": state.time, "dt": self._fast.dt}
+        (self._bring_faults_up if to == SLOW else self._start)(state)
+        state.numbers |= {"fast": to, "calm_since": state.time, "dt": self._fast.dt, "dt_before": self._fast.dt}
+        state.numbers["lag"] = 0.0
         state.fields.clear()
         after = self.energies(state)
         lost = _missing(after) - before
@@ -150,30 +151,20 @@ class HybridMotion:
             kind, state.time, state.step, why, after["kinetic"], lost,
         )  # fmt: skip
 
-    def _take_faults_back(self, state: State) -> None:
-        """Explicit tractions are a step behind the displacement, and so is the slip they depend on."""
+    def _start(self, state: State) -> None:
+        """Explicit steps start from one time for all; slip goes on at the rate it has."""
         from ruptfx.fault import component_names
-        from ruptfx.response import closed_and_stuck
 
-        dt = self._fast.dt
-        earlier, time = state.displacement - dt * state.velocity, max(state.time - dt, 0.0)
         for fault in self.model.faults:
-            fields, face = state.faults[fault.name], fault.interface
-            rate, shear = fault.components(fields, "slip_rate"), fault.components(fields, "shear_traction")
-            slip = fault.components(fields, "slip") - dt * rate
-            trial = closed_and_stuck(fault, face.jump(earlier), slip, dt, time)
-            normal = np.maximum(trial.normal_stress, 0.0)
-            stuck = np.stack(trial.shear_traction, axis=1) * (normal > 0)[:, None]
-            power = fault.contact.dissipated(stuck, shear, rate, rate).sum(axis=1)
-            state.energy["frictional_dissipation"] -= float(np.sum(face.owned * face.weight * power)) * dt
-            fields["normal_stress"][:] = normal
-            fields["opening"][:] = (normal - trial.normal_stress) * trial.normal_compliance
-            for k in range(fault.tangents):
-                fields[component_names("slip", fault.tangents)[k]][:] = slip[:, k]
-                fields[component_names("shear_traction", fault.tangents)[k]][:] = stuck[:, k]
+            fields = state.faults[fault.name]
+            for mean, now in zip(
+                component_names("mean_slip_rate", fault.tangents), component_names("slip_rate", fault.tangents),
+                strict=True,
+            ):  # fmt: skip
+                fields[mean][:] = fields[now]
 
     def _bring_faults_up(self, state: State) -> None:
-        """The way back: one more fault step, with the displacement as it is."""
+        """Explicit fields of the faults are a step behind: one more fault step, with the displacement as it is."""
         from ruptfx.response import FaultResponse
 
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
@@ -184,7 +175,7 @@ class HybridMotion:
             unknown = np.full(len(fault.interface.weight), np.nan)
             try:
                 jump = fault.interface.jump(state.displacement)
-                new = answer(fields, jump, dt, state.time, multiplier, unknown).state
+                new = answer(fields, jump, dt, dt, state.time, multiplier, unknown).state
             except ProjectionError as caught:
                 error = caught
                 continue

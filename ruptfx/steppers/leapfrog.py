@@ -59,19 +59,16 @@ def what_limits(model: Model, stable: float) -> str:
 class LeapfrogMotion:
     """Leapfrog bound to a model and a time step.
 
-    Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here.
+    Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here. Where all is
+    known at the same time, at the start, velocities first take half a step: `State.lag` is zero then.
     """
 
     collective = False
 
     def __init__(self, model: Model, dt: float) -> None:
         self.model, self.dt = model, dt
-        c, mass = model.components, model.mass
-        loads = model.loads
-        decay = 0.5 * dt * (loads.dashpot + model.case.damping.mass * mass)
-        effective = 1 / (mass + decay)
-        prescribed = loads.prescribed
-        held = np.repeat(model.shared_nodes, c) | loads.acting
+        c = model.components
+        held = np.repeat(model.shared_nodes, c) | model.loads.acting
         for fault in model.faults:
             for side in (fault.interface.plus, fault.interface.minus):
                 held.reshape(-1, c)[side] = True
@@ -82,31 +79,18 @@ class LeapfrogMotion:
         self._fused = hasattr(operator, "prepare_step")
         if self._fused:
             operator.prepare_step(held_nodes)
-            # Plain nodes have no dashpot: half a step of mass damping is the same part of the mass everywhere.
-            rate = model.case.damping.mass
-            self._plain_decay = (1 - 0.5 * dt * rate) / (1 + 0.5 * dt * rate)
-            self._plain_loss = rate * dt / (1 + 0.5 * dt * rate)
-            self._plain_inverse_mass = np.ascontiguousarray(1 / mass.reshape(-1, c)[:, 0]) / (1 + 0.5 * dt * rate)
         else:
             held_nodes[:] = True
-        dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
-        self._dofs = dofs
-        self._keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]
-        self._push = np.where(prescribed, 0.0, dt * effective)[dofs]
-        self._mass, self._dashpot = mass[dofs], (2 * decay / dt)[dofs]
-        self._driven = prescribed[dofs].astype(float)
+        self._dofs = dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
+        self._mass, self._driven = model.mass[dofs], model.loads.prescribed[dofs].astype(float)
+        self._dashpot = (model.loads.dashpot + model.case.damping.mass * model.mass)[dofs]
         self._owned = (dofs < model.owned_nodes * c).astype(float)
         if model.viscosity is not None:
             self._viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
             self._viscous_among_held = np.searchsorted(dofs, self._viscous)
-            self._viscous_force = np.zeros(len(mass))
+            self._viscous_force = np.zeros(len(model.mass))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
-        # Contact feels the mass with the dashpots in it, and cannot move what is driven.
-        self._inverse_mass = np.where(prescribed, 0.0, effective)
-        from ruptfx.fault import FaultStep  # not at the top: cases are read also where there is no DOLFINx
-
-        threshold = model.case.output.rupture_threshold
-        self._faults = [(f.name, FaultStep(f, self._inverse_mass, dt, threshold)) for f in model.faults]
+        self._kicks = [_Kick(model, dofs, dt, number) for number in range(3)]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
     def step(self, state: State) -> None:
@@ -117,46 +101,55 @@ class LeapfrogMotion:
         ProjectionError
             On the rank that owns the failing interface point; the clock goes on, as on the other ranks.
         """
+        number = 0 if state.lag == 0 else 1 if state.numbers.pop("started", 0.0) else 2
         try:
-            self._advance(state)
+            self._advance(state, self._kicks[number])
         finally:
             state.step += 1
             state.time += self.dt
+            state.numbers["lag"] = self.dt
+        if number == 0:
+            state.numbers["started"] = 1.0
+            # Half a step from rest covers a quarter of what the new velocity covers in a step, not a half.
+            beyond = 0.25 * self.dt * state.velocity
+            state.energy["boundary_work"] -= sum(
+                fault.preload_work(beyond) for fault in self.model.faults if not fault.contact.traction_ends_slip
+            )
 
-    def _advance(self, state: State) -> None:
-        self._bulk(state)
+    def _advance(self, state: State, kick: _Kick) -> None:
+        self._bulk(state, kick)
         for force, load in self.model.loads.force:
             # Work of the load by the mean velocity is added once the new one is known.
             state.force += load.factor(state.time) * force
-        moving = [fault_step.opening_rate(state.faults[name], state.velocity) for name, fault_step in self._faults]
+        moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
         n = ctypes.c_long(len(self._dofs))
         self._library.kick(
-            n, pointer(self._dofs), pointer(self._keep), pointer(self._push), pointer(state.force),
+            n, pointer(self._dofs), pointer(kick.keep), pointer(kick.push), pointer(state.force),
             pointer(state.velocity), pointer(self._velocity_old),
         )  # fmt: skip
         self.model.loads.drive(state.velocity, state.time + 0.5 * self.dt)
-        for (name, fault_step), rate_old in zip(self._faults, moving, strict=True):
-            state.energy["frictional_dissipation"] += fault_step(
+        for (name, fault), rate_old in zip(kick.faults, moving, strict=True):
+            state.energy["frictional_dissipation"] += fault(
                 state.faults[name], state.displacement, state.velocity, state.force, state.time
             )
-            state.energy["boundary_work"] += fault_step.work
-            state.energy["damping"] += fault_step.impact_loss(state.faults[name], state.velocity, rate_old)
-        self._load_work(state)
+            state.energy["boundary_work"] += fault.work
+            state.energy["damping"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
+        self._load_work(state, kick)
         self._library.drift(
-            n, pointer(self._dofs), ctypes.c_double(self.dt), pointer(self._mass), pointer(self._dashpot),
-            pointer(self._driven), pointer(self._owned), pointer(self._velocity_old), pointer(state.velocity),
-            pointer(state.displacement), pointer(state.force), pointer(self._work),
+            n, pointer(self._dofs), ctypes.c_double(self.dt), ctypes.c_double(kick.length), pointer(self._mass),
+            pointer(self._dashpot), pointer(self._driven), pointer(self._owned), pointer(self._velocity_old),
+            pointer(state.velocity), pointer(state.displacement), pointer(state.force), pointer(self._work),
         )  # fmt: skip
-        state.energy["damping"] += self._work[0] + self._viscous_work(state)
+        state.energy["damping"] += self._work[0] + self._viscous_work(state, kick)
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""
-        return self.model.energies(state, self.dt)
+        return self.model.energies(state)
 
-    def _bulk(self, state: State) -> None:
+    def _bulk(self, state: State, kick: _Kick) -> None:
         """Internal force at held nodes, complete over ranks; plain nodes advanced on the way.
 
         The elements at nodes of other ranks come first; their contributions travel while the others are computed.
@@ -165,7 +158,7 @@ class LeapfrogMotion:
         arrays = (state.displacement, state.velocity, state.force)
         plain = 0.0
         if self._fused:
-            plain += operator.step_boundary(*arrays, self._plain_inverse_mass, self.dt, self._plain_decay)
+            plain += operator.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep)
         else:
             operator.add_internal_force(*arrays)
         viscosity = self.model.viscosity
@@ -177,22 +170,57 @@ class LeapfrogMotion:
             state.force[dofs] += force[dofs]
         self.model.force.begin()
         if self._fused:
-            plain += operator.step_interior(*arrays, self._plain_inverse_mass, self.dt, self._plain_decay)
-            state.energy["damping"] += self._plain_loss * plain
+            plain += operator.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep)
+            state.energy["damping"] += kick.plain_loss * plain
         self.model.force.end()
 
-    def _viscous_work(self, state: State) -> float:
+    def _viscous_work(self, state: State, kick: _Kick) -> float:
         """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""
         if self.model.viscosity is None:
             return 0.0
         mean = 0.5 * (self._velocity_old[self._viscous_among_held] + state.velocity[self._viscous])
-        return -float(self._viscous_force[self._viscous] @ mean) * self.dt
+        return -float(self._viscous_force[self._viscous] @ mean) * kick.length
 
-    def _load_work(self, state: State) -> None:
+    def _load_work(self, state: State, kick: _Kick) -> None:
         for force, load in self.model.loads.force:
             mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
             share = force[self._dofs] * self._owned
-            state.energy["boundary_work"] += float(share @ mean) * load.factor(state.time) * self.dt
+            state.energy["boundary_work"] += float(share @ mean) * load.factor(state.time) * kick.length
+
+
+class _Kick:
+    """What forces do to velocities in step 0, 1 or any later one.
+
+    Attributes
+    ----------
+    length : float
+        Time the forces act for [s]: half a step in step 0.
+    keep, push : ndarray, shape (held degrees of freedom,)
+        v = keep v_before + push force.
+    plain_keep, plain_push, plain_loss : float, ndarray of shape (nodes,), float
+        The same for plain nodes, whose only damping is that of the mass, with the push over the time step; and what
+        that damping takes of the sum of squares that the kernel returns.
+    faults : list of (str, FaultStep)
+    """
+
+    def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
+        from ruptfx.fault import Clock, FaultStep  # not at the top: cases are read also where there is no DOLFINx
+
+        clock = Clock.of_step(dt, number)
+        self.length = clock.kick
+        mass, rate = model.mass, model.case.damping.mass
+        decay = 0.5 * self.length * (model.loads.dashpot + rate * mass)
+        effective, prescribed = 1 / (mass + decay), model.loads.prescribed
+        self.keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]
+        self.push = np.where(prescribed, 0.0, self.length * effective)[dofs]
+        lost = 0.5 * self.length * rate
+        self.plain_keep, self.plain_loss = (1 - lost) / (1 + lost), 2 * lost / (1 + lost) * self.length / dt
+        nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
+        self.plain_push = self.length / dt * nodal / (1 + lost)
+        # Contact feels the mass with the dashpots in it, and cannot move what is driven.
+        inverse_mass = np.where(prescribed, 0.0, effective)
+        threshold = model.case.output.rupture_threshold
+        self.faults = [(f.name, FaultStep(f, inverse_mass, clock, threshold)) for f in model.faults]
 
 
 def _pointer(array: np.ndarray) -> Any:

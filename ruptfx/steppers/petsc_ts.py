@@ -245,7 +245,7 @@ class PetscTsMotion:
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the last step."""
-        return self.model.energies(state, 0.0)
+        return self.model.energies(state)
 
     def _put(self, state: State) -> None:
         """The state into TS, with the velocity that driven edges have."""

@@ -25,10 +25,11 @@ EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which
 
 
 class QuasiStatic(Stepper):
-    """Equilibrium at the end of every step: K u + J' W (T - T_0) = F, slip and state by backward Euler.
+    """Equilibrium at the end of every step: K u + J' W (T - T_0) = F, slip and state to second order (BDF2).
 
-    The step follows the error of slip, half the difference between the explicit and the implicit Euler step,
-    dt |V - V_old| / 2 < slip_tolerance + rate_tolerance dt V, and the number of Newton iterations. First order.
+    The step follows half the difference between the explicit and the implicit Euler step, dt |V - V_old| / 2 <
+    slip_tolerance + rate_tolerance dt V with V the mean slip rates of two steps, more than the error of slip, and the
+    number of Newton iterations.
     Where slip becomes unstable the next equilibrium is far away, or there is none: steps fall to `smallest_step`, jump
     to it and the log says so, or the run stops. `radiation_damping` carries off what waves would (quasi-dynamic;
     Source: Rice 1993); kind = "hybrid" computes them.
@@ -120,7 +121,7 @@ class QuasiStaticMotion:
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the step."""
-        return self.model.energies(state, 0.0)
+        return self.model.energies(state)
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """The equilibrium, or None where there is none and a smaller step may help."""
@@ -146,7 +147,9 @@ class QuasiStaticMotion:
         """Error of slip over what is tolerated, the largest of all points."""
         worst, dt = 0.0, solution.dt
         for fault in self.model.faults:
-            old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
+            old, new = (
+                fault.components(fields[fault.name], "mean_slip_rate") for fields in (state.faults, solution.faults)
+            )
             speed = np.maximum(np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1))
             error = 0.5 * dt * np.linalg.norm(new - old, axis=1)
             error = error / (self.slip_tolerance + self._stepper.rate_tolerance * dt * speed)
@@ -183,7 +186,8 @@ class QuasiStaticMotion:
 
     def _radiated(self, fault: Fault, state: State, solution: Solution) -> float:
         old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
-        power = 0.5 * self._radiation[fault.name] * np.sum((old + new) * new, axis=1)
+        mean = fault.components(solution.faults[fault.name], "mean_slip_rate")
+        power = 0.5 * self._radiation[fault.name] * np.sum((old + new) * mean, axis=1)
         return float(np.sum(fault.interface.owned * fault.interface.weight * power)) * solution.dt
 
     def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:

@@ -23,7 +23,7 @@ every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(Non
 def one(law: FrictionLaw, trial_normal: float, trial_shear: Any, Z: float = 1e6, **options: Any) -> Any:
     """Project a single point."""
     shear = np.atleast_2d(np.asarray(trial_shear, float))
-    return project(TracedLaw(law), {}, np.array([trial_normal], float), shear, np.array([Z]), 1e-8, **options)
+    return project(TracedLaw(law, at_end=True), {}, np.array([trial_normal], float), shear, np.array([Z]), 1e-8, **options)
 
 
 @every_law
@@ -40,11 +40,12 @@ def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: boo
     dt = 1e-8
     state = law.initial_state(sigma, 0.3 * sigma, np.full(N, 0.1))
     state = {name: value + np.zeros(N) for name, value in state.items()}
-    traced = TracedLaw(law)
+    traced = TracedLaw(law, at_end=True)
     # Without a root the slope Z + dstrength/dV cannot stay positive; that is an error, and another test's.
     done = project(traced, state, sigma, trial, Z, dt, guess=random.uniform(0, 10, N))
-    rate, carried = np.abs(done.slip_rate[:, 0]), np.abs(done.shear_traction[:, 0])
-    strength, slope, *_ = traced(rate, sigma, state, dt)
+    rate, carried = np.abs(done.mean_slip_rate[:, 0]), np.abs(done.shear_traction[:, 0])
+    found = traced(rate, sigma, state, dt)
+    strength, slope = found.strength, found.slope
     size = np.abs(trial[:, 0])
     # The residual is below 1e-13 of the trial, or the bracket is as narrow as doubles go (1e-15 V).
     residual = np.abs(size - Z * rate - strength)
@@ -53,7 +54,8 @@ def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: boo
     assert np.all(size[~slips] <= strength[~slips] * (1 + 1e-12))
     np.testing.assert_allclose(carried, size - Z * rate, rtol=0, atol=1e-12 * size.max())
     assert np.all(done.slip_rate * trial >= 0)
-    # The returned state is the one after a step at the returned slip rate.
+    # Without extrapolation the law sees V itself, and the returned state is the one after a step at V.
+    np.testing.assert_array_equal(done.slip_rate, done.mean_slip_rate)
     for name, value in law.advance(state, rate, sigma, dt).items():
         np.testing.assert_allclose(done.state[name], value + 0 * rate, rtol=1e-12)
 
@@ -76,9 +78,9 @@ def test_a_guess_changes_nothing_but_the_number_of_steps() -> None:
     random = np.random.default_rng(3)
     sigma, trial, Z = 10 ** random.uniform(5, 7, N), 10 ** random.uniform(5, 7, (N, 1)), np.full(N, 1e6)
     state = law.initial_state(sigma, 0.3 * sigma, np.zeros(N))
-    without = project(TracedLaw(law), state, sigma, trial, Z, 1e-8)
+    without = project(TracedLaw(law, at_end=True), state, sigma, trial, Z, 1e-8)
     for guess in (np.full(N, 1e-30), np.full(N, 1e30), np.full(N, np.nan), without.slip_rate[:, 0]):
-        again = project(TracedLaw(law), state, sigma, trial, Z, 1e-8, guess=guess)
+        again = project(TracedLaw(law, at_end=True), state, sigma, trial, Z, 1e-8, guess=guess)
         np.testing.assert_allclose(again.slip_rate, without.slip_rate, rtol=1e-9, atol=1e-12)
 
 
@@ -129,7 +131,7 @@ def test_rate_strengthening_limit_of_small_impedance() -> None:
     law = friction("rate_and_state_ageing")
     state = {"theta": np.array([1e-3])}
     tiny = 1e-30
-    done = project(TracedLaw(law), state, np.array([1e6]), np.array([[0.4e6]]), np.array([1e-9]), tiny)
+    done = project(TracedLaw(law, at_end=True), state, np.array([1e6]), np.array([[0.4e6]]), np.array([1e-9]), tiny)
     # tau = a sigma asinh(V / (2 V_0) exp((f_0 + b ln(V_0 theta / D_c)) / a)), solved for V.
     exponent = (law.f_0 + law.b * np.log(law.V_0 * 1e-3 / law.D_c)) / law.a
     expected = 2 * law.V_0 * np.sinh(0.4 / law.a) * np.exp(-exponent)
@@ -148,7 +150,7 @@ def test_failure_names_law_point_and_state() -> None:
     state = {"theta": np.array([1.0, np.nan])}
     message = r"rate_and_state_ageing: no slip rate balances .*interface point 1 .*traction = 1e\+06.*theta = nan"
     with pytest.raises(ProjectionError, match=message):
-        project(TracedLaw(law), state, np.full(2, 1e6), np.full((2, 1), 1e6), np.full(2, 1e6), 1e-8)
+        project(TracedLaw(law, at_end=True), state, np.full(2, 1e6), np.full((2, 1), 1e6), np.full(2, 1e6), 1e-8)
 
 
 def test_ill_posed_steps_still_end() -> None:

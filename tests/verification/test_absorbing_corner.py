@@ -35,7 +35,7 @@ def run(left: float, length: float, duration: float) -> tuple[np.ndarray, dict[s
     state = model.initial_state()
     for _ in range(round(duration / motion.dt)):
         motion.step(state)
-    energy = model.energies(state, motion.dt)
+    energy = model.energies(state)
     return model.faults[0].interface.position, state.faults["main"], energy
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
+from small_cases import COMPLIANT, HOMALITE, SPLIT, march, merged, plates
 
 from ruptfx.case import parse_case
 from ruptfx.model import Model, State
@@ -56,7 +56,7 @@ def test_antisymmetric_half_is_half_of_the_whole(contact: dict, plane: str) -> N
     for name, value in there.faults["main"].items():
         np.testing.assert_allclose(here.faults["main"][name], value, rtol=0, atol=1e-11 * np.nanmax(np.abs(value)))
     assert np.abs(here.faults["main"]["slip"]).max() > 1e-6
-    energy, same = part.energies(here, dt), whole.energies(there, dt)
+    energy, same = part.energies(here), whole.energies(there)
     largest = max(map(abs, same.values()))
     assert all(abs(energy[name] - same[name]) < 1e-10 * largest for name in same)
 
@@ -90,9 +90,11 @@ def test_block_slides_on_a_rigid_base() -> None:
         "faults.main.contact": SPLIT, "faults.main.friction": {"kind": "coulomb", "mu_d": friction},
         "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "z", "velocity": tau_i / z}],
     })  # fmt: skip
-    _, state, _ = run(table, 1.6 * height / c_s)
-    rate = state.faults["main"]["slip_rate"]
-    np.testing.assert_allclose(rate, (2 * tau_i - friction * sigma) / z, rtol=2e-2)
+    arrival, rates = height / c_s, []
+    march(parse_case(table), 1.9 * arrival, lambda now: rates.append((now.time, now.faults["main"]["slip_rate"].copy())))
+    # On average over the ringing of single elements behind a sudden front.
+    mean = np.mean([rate for time, rate in rates if time > 1.3 * arrival], axis=0)
+    np.testing.assert_allclose(mean, (2 * tau_i - friction * sigma) / z, rtol=5e-3)
 
 
 def test_viscous_layer_damps_noise_and_its_loss_is_accounted_for() -> None:
@@ -102,7 +104,7 @@ def test_viscous_layer_damps_noise_and_its_loss_is_accounted_for() -> None:
     results = []
     for table in (bare, viscous, {**viscous, "operator": "ufl_form"}):
         model, state, dt = run(table)
-        energy = model.energies(state, dt)
+        energy = model.energies(state)
         lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
         assert abs(lost) < 1e-10 * energy["frictional_dissipation"]
         results.append((model, state.faults["main"]["slip_rate"], energy, dt))

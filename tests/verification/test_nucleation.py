@@ -47,7 +47,7 @@ def test_nucleation_starts_a_rupture_and_its_work_is_accounted_for(kind: str, co
     slip = np.abs(state.faults["main"]["slip"])
     position = model.faults[0].interface.position
     assert slip[np.argmin(np.abs(position - 6e-3))] > 1e-7
-    energy = model.energies(state, dt)
+    energy = model.energies(state)
     lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
     assert abs(lost) < 1e-10 * abs(energy["frictional_dissipation"])
 
