@@ -12,7 +12,8 @@
 #define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
 // What a traced law takes, for a trial slip rate.
 #define GIVEN(rate) const double slip_rate = rate, rate_before = along[l], speed_before = faster[l], \
-    normal_stress = sigma[l], radiation = 0; (void)rate_before; (void)speed_before; (void)radiation;
+    speed_then = was[l], normal_stress = sigma[l], radiation = 0; \
+    (void)slip_rate; (void)rate_before; (void)speed_before; (void)speed_then; (void)normal_stress; (void)radiation;
 
 static const double tolerance = $tolerance;
 enum { max_iterations = $max_iterations, bisect_every = $bisect_every };
@@ -95,6 +96,12 @@ $trial
                 mean_z[l] += way[k][l] * way[k][l] * z[k][l];
             }
             free_rate[l] = loose > 0 ? sqrt(loose) - taken[l] : 0;
+        }
+$declare_start
+        EACH_LANE {
+            GIVEN(0)
+$bind_start
+$law_start
         }
         EACH_LANE {
             double strength;

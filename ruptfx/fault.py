@@ -1,7 +1,7 @@
 """A fault: an interface with its contact method, friction law and initial stress, advanced one explicit step.
 
-A step knows the displacement at the time t of the traction and the velocity half a step before. It finds the traction at
-t, and with it the velocity half a step later; `FaultState` is then that of time t, all of it.
+A step knows the displacement at the time t of the traction and the velocity half a step before. It finds the traction
+at t, and with it the velocity half a step later; `FaultState` is then that of time t, all of it.
 
 `FaultStep` is generated C (`fault.c` filled with the traced contact method and law); `advance_reference` is the same
 step written with arrays, which tests compare it to.
@@ -242,7 +242,9 @@ def advance_reference(
     done = project(
         law, before, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
         np.stack([np.broadcast_to(z, z_n.shape) for z in trial.impedance], axis=1), since, mean_old,
-        clock.extrapolation, guess=np.linalg.norm(mean_old, axis=1), where=f"of fault '{fault.name}' at time {time:.6g} s",
+        np.linalg.norm(fault.components(state, "slip_rate"), axis=1), clock.extrapolation,
+        guess=np.linalg.norm(mean_old, axis=1),
+        where=f"of fault '{fault.name}' at time {time:.6g} s",
     )  # fmt: skip
     mean, now = done.mean_slip_rate, done.slip_rate
     if at_end and since == 0:
@@ -462,6 +464,8 @@ def _source(
         gap = "" if fault.gap is None else " + L_gap[l]"
         jumps |= {"q_opening_jump": f"jump_u[0][l]{gap}", "q_opening_velocity": "jump_v[0][l]"}
     bind = [f"const double {name} = L_{name}[l];" for name in loaded]
+    begin = to_c({f"H_{name}[l]": law.start[f"h_{name}"] for name in law.state_names})
+    half_way = [f"const double h_{name} = H_{name}[l];" for name in law.state_names]
     targets = {
         "trial_n[l]": trial.normal_stress, "compliance[l]": trial.normal_compliance,
         **{f"trial_s[{k}][l]": shear for k, shear in enumerate(trial.shear_traction)},
@@ -492,7 +496,8 @@ def _source(
         bisect_every=BISECT_EVERY,
         unpack=lines(unpack), load=lines(load), gap="" if fault.gap is None else " + L_gap[l]",
         bind_trial=lines(bind + [f"const double {name} = {value};" for name, value in jumps.items()]),
-        trial=to_c(_expressions(targets)), bind_law=lines(bind),
+        trial=to_c(_expressions(targets)), bind_law=lines(bind + half_way), bind_start=lines(bind),
+        law_start=begin, declare_start=lines(f"double H_{name}[LANES];" for name in law.state_names),
         law_strength=to_c({"strength": law.outputs["strength"]}), law_solved=to_c(solved),
         declare_new=lines(f"double N_{name}[LANES];" for name in law.state_names),
         law_state=to_c(_expressions({"now[l]": law.outputs["rate_now"], **new_state})),

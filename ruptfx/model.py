@@ -90,8 +90,8 @@ class State:
 
     @property
     def lag(self) -> float:
-        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in explicit
-        runs, else zero."""
+        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in
+        explicit runs, else zero."""
         return self.numbers.get("lag", 0.0)
 
     def at_faults(self) -> tuple[float, np.ndarray]:
@@ -494,8 +494,8 @@ class Model:
     def energies(self, state: State) -> dict[str, float]:
         """Energy budget over all ranks [J, per metre of thickness in 2D] at the time of the velocity.
 
-        In the middle of a step the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. `boundary_work` is
-        that of driven edges, tractions and the initial stress.
+        In the middle of a step the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. `boundary_work`
+        is that of driven edges, tractions and the initial stress.
         """
         half = 0.5 * state.lag
         force = self.internal_force(state.displacement, state.velocity)

@@ -116,7 +116,7 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
     state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
     zero = np.zeros(len(face.plus))
-    strength = TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0)[0]
+    strength = TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0).strength
     slips = shear > strength * (1 + 1e-12)
     distance = np.abs(face.position - 0.5 * (face.line.first + face.line.last))
     middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))

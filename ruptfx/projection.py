@@ -74,18 +74,19 @@ class TracedLaw:
     the slip, second order and free of oscillations. Where sliding stops within a step it is not less than V / 2; where
     it begins, or more than doubles, not more than V + e V_before, lest it overshoot.
 
-    The state goes from one traction to the next with the slip rate of the middle of the step and the mean normal
-    stress: second order, and exact for slip and clocks. A variable that relaxes within the step, x relaxation times
-    long, follows its goal instead: by the part 1 - exp(-x) that it forgets, it is what slip rate and normal stress at
-    the traction make of it. For short steps that changes nothing to second order; long ones end at their own steady
-    state, and nothing can overshoot. `advance` being exact, a step never has to be divided, whatever the slip rate.
+    What the law adds up, like slip or time, goes from one traction to the next with the mean slip rate between them:
+    exact. All other state goes, at split nodes, half of the way with slip rate and normal stress of the traction before
+    and half with those of the new one. At the end of a step, where slip rates may jump, it goes with the means, and by
+    the part that it forgets within the step it is what slip rate and normal stress at the traction make of it. Either
+    is of second order, exact at constant rates, and at the new steady state after long steps, so that nothing can
+    overshoot. `advance` being exact, a step never has to be divided, whatever the slip rate.
     """
 
     def __init__(self, law: FrictionLaw, at_end: bool = False) -> None:
         self.law, self.at_end = law, at_end
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
-        rate, before = symbol("slip_rate"), symbol("rate_before")
+        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Any, Any
         stress, dt = symbol("normal_stress"), symbol("since")
         if at_end:
             ahead = symbol("extrapolation") * np.minimum(rate - before, before)
@@ -93,12 +94,23 @@ class TracedLaw:
         else:
             middle, now = symbol("speed_before"), 0.5 * (before + rate)
         old = {name: symbol(f"s_{name}") for name in self.state_names}
-        known = traced.advance(old, middle, 0.5 * (symbol("normal_stress_before") + stress), dt)
-        felt = traced.advance(old, now, stress, dt)
-        new = {}
-        for name, value in old.items():
-            forgotten = 1 - derivative(_traced(felt[name]), value)
-            new[name] = known[name] + (felt[name] - known[name]) * np.minimum(np.maximum(forgotten, 0.0), 1.0)
+        mean_stress = 0.5 * (symbol("normal_stress_before") + stress)
+        by_means = {name: _traced(v) for name, v in traced.advance(old, middle, mean_stress, dt).items()}
+        sums = {name for name in old if derivative(by_means[name], old[name]) is constant(1)}
+        known = {name: symbol(f"h_{name}") for name in self.state_names}
+        new = dict(known)
+        if at_end:
+            self.start = {f"h_{name}": old[name] for name in old}
+            summed, felt = traced.advance(known, middle, mean_stress, dt), traced.advance(known, now, stress, dt)
+            for name in old:
+                forgotten: Any = 1 - derivative(_traced(felt[name]), known[name])
+                part = np.minimum(np.maximum(forgotten, 0.0), 1.0)
+                new[name] = summed[name] + (felt[name] - summed[name]) * part
+        else:
+            begun = traced.advance(old, symbol("speed_then"), symbol("normal_stress_before"), 0.5 * dt)
+            self.start = {f"h_{name}": _traced((by_means if name in sums else begun)[name]) for name in old}
+            ended = traced.advance(known, now, stress, 0.5 * dt)
+            new |= {name: ended[name] for name in old if name not in sums}
         strength = _traced(traced.strength(now, stress, new) + symbol("radiation") * now)
         self.outputs = {
             "strength": strength,
@@ -113,18 +125,19 @@ class TracedLaw:
         """k: what of V_before the slip rate at the traction contains, over what it contains of V."""
         return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
 
-    @property
-    def inputs(self) -> list[str]:
-        return [*GIVEN, *(f"s_{name}" for name in self.state_names), *self.parameters]
-
     @cached_property
-    def _function(self) -> Any:
-        return to_numpy({**self.outputs, **self._more}, self.inputs)
+    def _functions(self) -> tuple[Any, Any]:
+        """From the state at the traction before to what is known of the step, and from there to the outputs."""
+        given = [*GIVEN, *self.parameters]
+        return (
+            to_numpy(self.start, [*given, *(f"s_{name}" for name in self.state_names)]),
+            to_numpy({**self.outputs, **self._more}, [*given, *self.start]),
+        )
 
     def __call__(
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
         points: Any = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
-        extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
+        speed_then: np.ndarray | float = 0.0, extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
         """Evaluate at some points.
 
@@ -140,6 +153,8 @@ class TracedLaw:
             Which of the n points; parameters, state and what follows are given for all.
         before, speed_before : ndarray, shape (n,)
             Mean slip rate of the step before [m/s]: along V, and its size.
+        speed_then : ndarray, shape (n,)
+            Slip rate at the traction before [m/s].
         extrapolation : float
             e above; without it, the strength sees V itself.
         radiation : ndarray, shape (n,)
@@ -149,12 +164,12 @@ class TracedLaw:
         def pick(value: Any) -> Any:
             return value[points] if isinstance(value, np.ndarray) and value.ndim else value
 
-        values = [pick(value) for value in (*(state[name] for name in self.state_names), *self.parameters.values())]
         stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
-        given = (slip_rate, pick(before), pick(speed_before), normal_stress, stress_before, dt, extrapolation,
-                 pick(radiation))  # fmt: skip
+        given = (slip_rate, pick(before), pick(speed_before), pick(speed_then), normal_stress, stress_before, dt,
+                 extrapolation, pick(radiation), *map(pick, self.parameters.values()))  # fmt: skip
+        begin, finish = self._functions
         with np.errstate(all="ignore"):
-            found = self._function(*given, *values)
+            found = finish(*given, *begin(*given, *(pick(state[name]) for name in self.state_names)))
         shape = np.shape(slip_rate)
         named = {k: np.broadcast_to(v, shape) for k, v in zip((*self.outputs, *self._more), found, strict=True)}
         new = {name: named.pop(f"n_{name}") for name in self.state_names}
@@ -163,8 +178,8 @@ class TracedLaw:
 
 # What a traced law takes besides state and parameters, by name.
 GIVEN = (
-    "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since", "extrapolation",
-    "radiation",
+    "slip_rate", "rate_before", "speed_before", "speed_then", "normal_stress", "normal_stress_before", "since",
+    "extrapolation", "radiation",
 )  # fmt: skip
 
 
@@ -263,6 +278,7 @@ def project(
     impedance: np.ndarray,
     dt: float,
     before: np.ndarray | None = None,
+    then: np.ndarray | None = None,
     extrapolation: float = 0.0,
     radiation: np.ndarray | float = 0.0,
     guess: np.ndarray | None = None,
@@ -284,6 +300,8 @@ def project(
         Time since the traction before [s].
     before : ndarray, shape (n, tangents), optional
         Mean slip rate of the step before [m/s].
+    then : ndarray, shape (n,), optional
+        Slip rate at the traction before [m/s].
     extrapolation, radiation
         As for `TracedLaw`.
     guess : ndarray, shape (n,), optional
@@ -313,7 +331,7 @@ def project(
     along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
     known: dict[str, Any] = {
         "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
-        "radiation": radiation,
+        "speed_then": np.zeros(len(size)) if then is None else then, "radiation": radiation,
     }  # fmt: skip
     rate, direction = _solve(law, state, sigma, shifted, z, carried, dt, guess, known)
     bad = ~np.isfinite(rate)

@@ -39,9 +39,9 @@ class Recorder:
     """Writes the files of one run; a context manager that leaves readable files however the run ends.
 
     Records are evenly spaced in time: each is made after the first step that reaches its time. The first state and
-    the last are recorded, too. All fields of a record have one time, which is the one it is labelled with: for interfaces
-    that of the traction, in explicit runs a step before the displacement that is known by then; for bodies and energies
-    that of the velocity, half a step before it.
+    the last are recorded, too. All fields of a record have one time, which is the one it is labelled with: for
+    interfaces that of the traction, in explicit runs a step before the displacement that is known by then; for bodies
+    and energies that of the velocity, half a step before it.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class FaultResponse:
         before = fault.components(state, "mean_slip_rate")
         done = project(
             self.law, {name: state[name] for name in (*self.law.state_names, "normal_stress")}, normal, shear, relief,
-            dt, before, dt / (dt + dt_before), self.radiation, np.linalg.norm(before, axis=1),
+            dt, before, None, dt / (dt + dt_before), self.radiation, np.linalg.norm(before, axis=1),
             f"of fault '{fault.name}' at time {time:.6g} s", tangent=True,
         )  # fmt: skip
         change = [done.shear_traction - initial]

@@ -212,8 +212,8 @@ def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[.
         else:
             names[node] = f"e{len(lines)}"
             lines.append(f"    {names[node]} = np.{node.op}({', '.join(names[arg] for arg in node.args)})")
-    returned = ", ".join(names[node] for node in outputs.values())
-    source = "\n".join([f"def function({', '.join(inputs)}):", *lines, f"    return ({returned},)"])
+    returned = "".join(f"{names[node]}, " for node in outputs.values())
+    source = "\n".join([f"def function({', '.join(inputs)}):", *lines, f"    return ({returned})"])
     scope: dict[str, Any] = {"np": np}
     exec(source, scope)
     return scope["function"]

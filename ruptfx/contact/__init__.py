@@ -85,8 +85,8 @@ class ContactMethod(Alternative):
     explicit: ClassVar[bool] = True
     """Whether explicit steps can use it."""
     traction_ends_slip: ClassVar[bool] = False
-    """Whether the slip rate that an explicit step solves for is that of the step which ends with the traction, or of the
-    one that begins with it."""
+    """Whether the slip rate that an explicit step solves for is that of the step which ends with the traction, or that
+    of the one which begins with it."""
     implicit: ClassVar[bool] = False
     """Whether implicit steps can use it."""
 

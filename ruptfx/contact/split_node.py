@@ -17,7 +17,9 @@ class SplitNode(ContactMethod):
         z_n, z_s = point.normal_impedance, point.shear_impedance
         return Trial(
             normal_stress=point.normal_stress_0 - z_n * (point.opening_velocity + point.opening_jump / point.dt),
-            shear_traction=[t + z * v for t, z, v in zip(point.shear_traction_0, z_s, point.slip_velocity, strict=True)],
+            shear_traction=[
+                tau_0 + z * v for tau_0, z, v in zip(point.shear_traction_0, z_s, point.slip_velocity, strict=True)
+            ],
             normal_compliance=point.dt / z_n,
             impedance=z_s,
         )

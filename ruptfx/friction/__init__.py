@@ -20,7 +20,7 @@ from ruptfx.schema import Alternative, alternative
 LawState = dict[str, Any]
 Array = Any  # ndarray of shape (n,), a float, or a traced expression
 
-_TANGENTIAL = ("slip", "slip_rate", "shear_traction", "displacement_jump")
+_TANGENTIAL = ("slip", "slip_rate", "mean_slip_rate", "shear_traction", "displacement_jump")
 RESERVED = frozenset(
     [name + end for name in _TANGENTIAL for end in ("", "_1", "_2")]
     + ["normal_stress", "opening", "peak_slip_rate", "rupture_time", "weight", "gap"]

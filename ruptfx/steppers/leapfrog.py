@@ -59,8 +59,8 @@ def what_limits(model: Model, stable: float) -> str:
 class LeapfrogMotion:
     """Leapfrog bound to a model and a time step.
 
-    Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here. Where all is
-    known at the same time, at the start, velocities first take half a step: `State.lag` is zero then.
+    Plain nodes are updated inside the bulk kernel where the operator can do that (`step`), all others here. Where all
+    is known at the same time, at the start, velocities first take half a step: `State.lag` is zero then.
     """
 
     collective = False

@@ -61,7 +61,7 @@ def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> t
     inverse = np.repeat(random.uniform(1e4, 1e5, 2 * POINTS), components)
     driven = fault.interface.plus[random.random(POINTS) < 0.1] * components
     inverse[driven] = 0  # driven nodes, on one side and in one direction
-    clocks, law = [Clock.of_step(dt, number) for number in range(6)], fault.traced_law()
+    clocks, law = [Clock.of_step(dt, number) for number in range(8)], fault.traced_law()
     compiled = [FaultStep(fault, inverse, clock, threshold) for clock in clocks]
     ours, theirs = fault.initial_state(), fault.initial_state()
     worst, opened, slid = 0.0, 0.0, np.zeros(POINTS, dtype=bool)

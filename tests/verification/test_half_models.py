@@ -91,7 +91,10 @@ def test_block_slides_on_a_rigid_base() -> None:
         "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "z", "velocity": tau_i / z}],
     })  # fmt: skip
     arrival, rates = height / c_s, []
-    march(parse_case(table), 1.9 * arrival, lambda now: rates.append((now.time, now.faults["main"]["slip_rate"].copy())))
+    march(
+        parse_case(table), 1.9 * arrival,
+        lambda now: rates.append((now.time, now.faults["main"]["slip_rate"].copy())),
+    )  # fmt: skip
     # On average over the ringing of single elements behind a sudden front.
     mean = np.mean([rate for time, rate in rates if time > 1.3 * arrival], axis=0)
     np.testing.assert_allclose(mean, (2 * tau_i - friction * sigma) / z, rtol=5e-3)

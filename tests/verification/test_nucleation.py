@@ -43,7 +43,7 @@ def loaded(contact: dict, nucleation: dict | list) -> Case:
 @pytest.mark.parametrize("contact", [SPLIT, STIFF], ids=lambda contact: contact["kind"])
 @pytest.mark.parametrize("kind", NUCLEATIONS)
 def test_nucleation_starts_a_rupture_and_its_work_is_accounted_for(kind: str, contact: dict) -> None:
-    model, state, dt = run(loaded(contact, {"kind": kind, **NUCLEATIONS[kind]}))
+    model, state, _ = run(loaded(contact, {"kind": kind, **NUCLEATIONS[kind]}))
     slip = np.abs(state.faults["main"]["slip"])
     position = model.faults[0].interface.position
     assert slip[np.argmin(np.abs(position - 6e-3))] > 1e-7
