@@ -249,11 +249,15 @@ def two_boxes(n: int = 2) -> Given:
         facets = [face[i, j].ravel() for j in (first, last) for i in (first, last)]
         return points, np.stack(corners, axis=1), np.stack(facets, axis=1)
 
+    def right(cells: np.ndarray, points: np.ndarray) -> np.ndarray:
+        return cells[:, 1::2][np.all(points[cells[:, 1::2], 0] > 4e-3 * (1 - 1e-9), axis=1)]
+
     upper, lower = grid(np.linspace(0, 2e-3, n + 1)), grid(np.linspace(-2e-3, 0, n + 1))
     shift = len(upper[0])
     return Given(RawMesh(
         cell="hexahedron", points=np.concatenate([upper[0], lower[0]]),
         cells=np.concatenate([upper[1], lower[1] + shift]),
-        bodies=["upper", "lower"], cell_body=np.repeat([0, 1], len(upper[1])), edges={},
+        bodies=["upper", "lower"], cell_body=np.repeat([0, 1], len(upper[1])),
+        edges={"upper.right": right(upper[1], upper[0]), "lower.right": right(lower[1], lower[0]) + shift},
         interfaces={"main": (upper[2], lower[2] + shift)},
     ))  # fmt: skip

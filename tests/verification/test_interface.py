@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from small_cases import HOMALITE, SPLIT, advance, case, memory_friction
+from small_cases import HOMALITE, SPLIT, advance, case, memory_friction, two_boxes
 from test_waves import guided
 
 pytest.importorskip("dolfinx")
@@ -168,3 +168,32 @@ def test_normal_stress_memory_relaxes_over_slip(steps: int) -> None:
         state = law.advance(state, V, sigma, slip / V / steps)
     expected = 8e6 + (0.16e6 - 8e6) * np.exp(-1.5)
     np.testing.assert_allclose(state["theta_p"], expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("edge", [
+    {"kind": "absorbing"}, {"kind": "driven", "component": "x", "velocity": 0.0},
+    {"kind": "driven", "component": "y", "velocity": 0.0},
+], ids=["absorbing", "roller", "held across"])  # fmt: skip
+def test_an_interface_in_3d_meets_an_edge(edge: dict[str, Any]) -> None:
+    """Dashpots and rollers differ between the tangents there, and so do their impedances: stable, and nothing is lost.
+
+    The traction has components along both tangents and is above the strength everywhere from the start.
+    """
+    pressed = case({
+        "plane": "solid", "order": 2, "duration": 30e-6, "faults.main.contact": SPLIT,
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.3, "mu_d": 0.2, "D_c": 1e-6},
+        "faults.main.initial_stress": {"tensor": [0.0, 0.0, -6e6, 0.0, 1.2e6, 1.7e6]},
+        "boundaries": [{**edge, "edge": f"{body}.right"} for body in ("upper", "lower")],
+    }).substituted({"mesh": two_boxes()})  # fmt: skip
+    model = Model(pressed)
+    motion, state, face = pressed.stepper.bind(model), model.initial_state(), model.faults[0].interface
+    for _ in range(150):
+        motion.step(state)
+        mean = model.faults[0].components(state.faults["main"], "mean_slip_rate")
+        # What the friction law was asked for is what the bodies do.
+        np.testing.assert_allclose(face.split(face.jump(state.velocity))[1], mean, rtol=0, atol=1e-6)
+    energy = model.energies(state)
+    lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+    assert abs(lost) < 1e-10 * energy["boundary_work"]
+    # The boxes are thin: 2 (tau_0 - mu_d sigma) / (rho h) = 0.7 km/s2 for 150 steps, and waves on top of it.
+    assert 1 < np.abs(mean).max() < 60

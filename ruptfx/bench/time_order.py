@@ -1,0 +1,176 @@
+"""Order in time of every friction law, at split nodes and in compliant contact, and a rupture at the usual step.
+
+Two plates slide on each other under a load that grows smoothly; slip rate, state and all other fields of the interface
+are compared, at the end, with those of a step sixteen times as short. Second order: halving the step divides the
+difference by four. Compliant interfaces have no mass, so that without a direct effect their slip rate jumps where
+sliding begins; the end is when all of them slide. Exponential velocity weakening is left out there: without mass,
+state or a direct effect nothing limits its slip rate.
+
+The rupture is an in-plane one with the ageing law, nodes 100 m apart, at the step that the case chooses by itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._rupture import elastic, rupture
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+
+DURATION = 8e-6
+STEPS = 160, 320, 2560
+HOMALITE = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
+CONTACTS = {"split_node": {"kind": "split_node"}, "compliant": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}}
+NORMAL, CREEPING_SHEAR = 6e6, 1.8e6  # Pa; laws that creep carry any shear stress at some slip rate
+
+_COULOMB = {"kind": "coulomb", "mu_d": 0.3}
+_CREEPING = {"a": 0.01, "b": 0.015, "D_c": 20e-6, "f_0": 0.3, "V_0": 1e-3, "V_initial": 1e-3}
+_WEAKENING = {"mu_s": 0.35, "mu_d": 0.25}
+_POWER_LAW = {
+    "kind": "rate_and_state_power_law", "mu_s": 0.6, "mu_d": 0.4, "V_0": 100.0, "V_1": 29.0, "p": 1.2, "m": 5.0,
+    "L_0": 10e-6, "theta_0_initial": 2e-4,
+}  # fmt: skip
+LAWS: dict[str, dict[str, Any]] = {
+    "coulomb": _COULOMB,
+    "linear_slip_weakening": {"kind": "linear_slip_weakening", **_WEAKENING, "D_c": 200e-6},
+    "exponential_slip_weakening": {"kind": "exponential_slip_weakening", **_WEAKENING, "D_c": 20e-6},
+    "velocity_weakening": {"kind": "velocity_weakening", **_WEAKENING, "V_w": 1.0},
+    "rate_and_state_ageing": {"kind": "rate_and_state_ageing", **_CREEPING},
+    "rate_and_state_slip": {"kind": "rate_and_state_slip", **_CREEPING},
+    "rate_and_state_saturating": {"kind": "rate_and_state_saturating", **_CREEPING, "theta_c": 1e-5},
+    "rate_and_state_flash_heating": {"kind": "rate_and_state_flash_heating", **_CREEPING, "f_w": 0.15, "V_w": 1.0},
+    "rate_and_state_power_law": {**_POWER_LAW, "V_0": 5.0},
+    "time_weakening": {"kind": "time_weakening", **_WEAKENING, "arrival": 0.0, "t_w": 2 * DURATION},
+    "forced_weakening": {
+        "kind": "forced_weakening", "mu_d": 0.25, "arrival": 0.0, "t_w": 2 * DURATION, "law": _COULOMB,
+    },
+    "cohesion": {"kind": "cohesion", "c": 0.3e6, "D_cohesion": 100e-6, "law": _COULOMB},
+    "memory_constant_time": {"kind": "memory_constant_time", "t_c": 2e-6, "law": _COULOMB},
+    "prakash_clifton": {"kind": "prakash_clifton", "L_p": 40e-6, "theta_p_ratio": 0.1, "law": _POWER_LAW},
+    "prakash_clifton_two": {"kind": "prakash_clifton_two", "L_1": 40e-6, "L_2": 10e-6, "law": _COULOMB},
+    "prakash_clifton, ageing": {
+        "kind": "prakash_clifton", "L_p": 40e-6, "law": {"kind": "rate_and_state_ageing", **_CREEPING},
+    },
+}  # fmt: skip
+NOT_SMOOTH = {("velocity_weakening", "compliant")}
+FIELDS_OF_STEPS = ("peak_slip_rate", "rupture_time", "mean_slip_rate", "opening")  # not of one time, or zero
+
+
+def plates(law: dict[str, Any], contact: dict[str, Any], steps: int) -> dict[str, Any]:
+    """Two plates under a growing shear traction and pressure; the interface is at the limit of sticking."""
+    table: dict[str, Any] = {
+        "plane": "stress", "order": 2, "duration": DURATION,
+        "mesh": {"kind": "two_plates", "length": 12e-3, "height": 4e-3, "element_size": 2e-3},
+        "materials": {"default": HOMALITE},
+        "faults": {"main": {"contact": contact, "friction": law, "initial_stress": {"normal": NORMAL}}},
+        "boundaries": [
+            {"kind": "traction", "edge": edge, "traction": [sign * 4e6, -sign * 1e6], "ramp": 2 * DURATION}
+            for edge, sign in (("upper.top", 1), ("lower.bottom", -1))
+        ],
+        "stepper": {"kind": "leapfrog", "time_step": DURATION / steps},
+    }  # fmt: skip
+    friction = parse_case(table).faults["main"].friction
+    sigma, zero = np.array([NORMAL]), np.zeros(1)
+    at_rest = friction.strength(zero, sigma, friction.initial_state(sigma, zero, zero))
+    table["faults"]["main"]["initial_stress"]["shear"] = float(at_rest[0]) or CREEPING_SHEAR
+    return table
+
+
+def fields(
+    law: dict[str, Any], contact: dict[str, Any], steps: int, stepper: dict[str, Any] | None = None
+) -> dict[str, np.ndarray]:
+    """Fields of the interface at the end."""
+    table = plates(law, contact, steps)
+    case = parse_case({**table, "stepper": {**table["stepper"], **(stepper or {})}})
+    model = Model(case, fem.MPI.COMM_SELF)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    while state.at_faults()[0] < DURATION * (1 - 1e-9):
+        motion.step(state)
+    return {name: value.copy() for name, value in state.faults["main"].items() if name not in FIELDS_OF_STEPS}
+
+
+def orders(
+    law: dict[str, Any], contact: dict[str, Any], steps: tuple[int, int, int] = STEPS,
+    stepper: dict[str, Any] | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """Observed order of every field: the difference from the shortest step makes 2.02 of second order."""
+    coarse, middle, fine = (fields(law, contact, number, stepper) for number in steps)
+
+    def error(run: dict[str, np.ndarray], name: str) -> float:
+        return float(np.linalg.norm(run[name] - fine[name]))
+
+    # A field that does not change, like the clock of a law, has no error to fall.
+    moving = [name for name in fine if error(coarse, name) > 1e-11 * np.linalg.norm(fine[name])]
+    return {name: float(np.log2(error(coarse, name) / error(middle, name))) for name in moving}
+
+
+def ageing_rupture(factor: float, step: float | None = None) -> Any:
+    """A rupture with the ageing law that overstress starts at once, `factor` times as short as the step [s]."""
+    table = {
+        "plane": "strain", "order": 4, "duration": 1.2,
+        "mesh": {"kind": "half_plate", "length": 8e3, "height": 3.2e3, "element_size": 400.0},
+        "materials": {"default": elastic(6000.0, 3464.0, 2670.0)},
+        "damping": {"kelvin_voigt": {"eta": 7e-4}},  # 0.1 of the stable step; the same in all runs
+        "faults": {"main": {
+            "contact": {"kind": "split_node"},
+            "friction": {
+                "kind": "rate_and_state_ageing", "a": 0.008, "b": 0.012, "D_c": 0.02, "f_0": 0.6, "V_0": 1e-6,
+                "V_initial": 1e-12,
+            },
+            "initial_stress": {"normal": 120e6, "shear": 75e6},
+            "nucleation": {
+                "kind": "overstress",
+                "extra": {"kind": "boxcar", "center": 0.0, "half_width": 1.5e3, "inside": 50e6, "outside": 0.0},
+            },
+        }},
+        "boundaries": [
+            {"kind": "driven", "edge": "upper.left", "component": "y", "velocity": 0.0},
+            {"kind": "absorbing", "edge": "upper.right"}, {"kind": "absorbing", "edge": "upper.top"},
+        ],
+        "stepper": {"kind": "leapfrog", **({} if step is None else {"time_step": step / factor})},
+    }  # fmt: skip
+    return rupture(table, energies=2)
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    """Orders of all laws; arrival, slip rate and peak of the rupture at 3 km."""
+    del fine, comm
+    checks = []
+    for kind, contact in CONTACTS.items():
+        for name, law in LAWS.items():
+            if (name, kind) in NOT_SMOOTH:
+                continue
+            found = orders(law, contact)
+            least = min(found, key=lambda field: found[field])
+            checks.append(Check(f"{name}, {kind}", 1.9, found[least], 0, "1", f"least order: {least}", "at least"))
+    usual = ageing_rupture(1.0)
+    step = float(usual.time[2] - usual.time[1])
+    short = ageing_rupture(16.0, step)
+    at = usual.at(3e3)
+    arrivals = [r.rupture_time(1.0)[at] for r in (usual, short)]
+    rates = [np.abs(r.slip_rate[:, at]) for r in (usual, short)]
+    resampled = np.interp(short.time, usual.time, rates[0])
+    misfit = float(np.linalg.norm(resampled - rates[1]) / np.linalg.norm(rates[1]))
+    own = f"own step of {step / 16:.3g} s"
+    checks += [
+        Check("ageing rupture: arrival at 3 km", arrivals[1], arrivals[0], 4e-3, "s", own),
+        Check("ageing rupture: misfit of the slip rate at 3 km", 0.0, misfit, 0.1, "1", own),
+        Check("ageing rupture: peak at 3 km", rates[1].max(), rates[0].max(), 0.05, "m/s", own, relative=True),
+        usual.budget(),
+    ]
+    return Outcome(checks, lambda: _draw([usual, short], at, step))
+
+
+def _draw(runs: list[Any], at: int, step: float) -> Any:
+    from matplotlib import pyplot as plt
+
+    figure, ax = plt.subplots(figsize=(5, 3.2), layout="constrained")
+    for result, style, length in zip(runs, ("C0-", "k:"), (step, step / 16), strict=True):
+        ax.plot(result.time, np.abs(result.slip_rate[:, at]), style, label=f"step {length:.3g} s")
+    ax.set(xlabel="Time (s)", ylabel="Slip rate at 3 km (m/s)", xlim=(0.4, 1.2), title="Ageing law, nodes 100 m apart")
+    ax.legend(frameon=False)
+    return figure
