@@ -85,7 +85,7 @@ $trial
                 shifted[k][l] = trial_s[k][l] + z[k][l] * turning[k][l];
                 length += shifted[k][l] * shifted[k][l];
                 const double part = z[k][l] > 0 ? shifted[k][l] / z[k][l] : 0;
-                loose += part * part;
+                loose += TANGENTS == 1 ? fabs(part) : part * part;
             }
             size[l] = TANGENTS == 1 ? fabs(shifted[0][l]) : sqrt(length);
             along[l] = taken[l] = mean_z[l] = 0;
@@ -95,7 +95,7 @@ $trial
                 taken[l] += turning[k][l] * way[k][l];
                 mean_z[l] += way[k][l] * way[k][l] * z[k][l];
             }
-            free_rate[l] = loose > 0 ? sqrt(loose) - taken[l] : 0;
+            free_rate[l] = loose > 0 ? (TANGENTS == 1 ? loose : sqrt(loose)) - taken[l] : 0;
         }
 $declare_start
         EACH_LANE {

@@ -32,6 +32,7 @@ from ruptfx.tracing import Expression, constant, derivative, symbol, to_numpy
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
 BISECT_EVERY = 8
+OVERFLOW = 1e50  # Pa
 
 
 def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]:
@@ -263,8 +264,9 @@ class ProjectionError(RuptfxError):
 def explain(law: FrictionLaw, point: int, where: str, values: dict[str, float]) -> ProjectionError:
     """The error for one failing interface point."""
     listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
-    if not np.isfinite(values["trial_shear_traction"] + values["trial_normal_stress"]):
-        reason = "the trial traction is not a number (the bodies' motion is: reduce the time step)"
+    size = abs(values["trial_shear_traction"]) + abs(values["trial_normal_stress"])
+    if not size < OVERFLOW:
+        reason = "the trial traction is not a number or overflows (the motion of the bodies does: reduce the time step)"
     else:
         reason = "no slip rate balances the trial traction (is the step well-posed, Z + dstrength/dV > 0?)"
     return ProjectionError(f"{law.kind()}: {reason}; interface point {point} {where}: {listed}")

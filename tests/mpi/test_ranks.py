@@ -202,7 +202,7 @@ def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkey
     def once(self: FaultStep, state: Any, displacement: Any, velocity: Any, force: Any, time: float) -> float:
         result = plain(self, state, displacement, velocity, force, time)
         point = np.flatnonzero(self.fault.interface.owned & (self.fault.interface.number == 5))
-        if round(time / self.dt) == steps and len(point):
+        if round(time / self.clock.dt) == steps and len(point):
             self.fault.fail(state, int(point[0]), time, {"trial_shear_traction": 1.0, "trial_normal_stress": 2.0})
         return result
 

@@ -194,6 +194,7 @@ def test_an_interface_in_3d_meets_an_edge(edge: dict[str, Any]) -> None:
         np.testing.assert_allclose(face.split(face.jump(state.velocity))[1], mean, rtol=0, atol=1e-6)
     energy = model.energies(state)
     lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
-    assert abs(lost) < 1e-10 * energy["boundary_work"]
+    # What cannot move has 1e-8 of the mobility of others.
+    assert abs(lost) < (1e-10 if edge["kind"] == "absorbing" else 1e-7) * energy["boundary_work"]
     # The boxes are thin: 2 (tau_0 - mu_d sigma) / (rho h) = 0.7 km/s2 for 150 steps, and waves on top of it.
     assert 1 < np.abs(mean).max() < 60
