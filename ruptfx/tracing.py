@@ -4,44 +4,86 @@ A friction law or a contact method is called with `Expression` objects instead o
 ``np.exp(x) * y`` into a graph. From the graph come the derivative with respect to any symbol, a NumPy function and C
 statements. Equal subexpressions are one node, so that nothing is computed twice.
 
-Supported are arithmetic, comparisons, ``np.where`` and the functions of `_RULES`; a Python ``if`` on a value cannot
-be recorded and says so.
+Supported are arithmetic, also in place, comparisons, logic, ``np.where``, ``np.select``, ``np.clip`` and NumPy's
+pointwise functions; what needs a number, like a Python ``if``, cannot be recorded and says so. `record` adds where.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from typing import Any
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn
 
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.schema import Alternative
 
 Derivatives = tuple[Any, ...]
+
+
+def _refuse(what: str, instead: str) -> Callable[..., NoReturn]:
+    """A special method of a value that is not known yet."""
+
+    def method(self: Any, *args: Any, **options: Any) -> NoReturn:
+        raise RuptfxError(f"{what}: {instead}")
+
+    return method
+
+
+_number = _refuse(
+    "a number is needed here, but a law is recorded before there are any",
+    "use numpy's functions instead of those of math, float, int or round",
+)
+_points = _refuse("a law acts point by point and cannot pick points", "use numpy.where(condition, value, other)")
 
 
 class Expression(np.lib.mixins.NDArrayOperatorsMixin):
     """A node of the graph: an operation and its arguments; compares by identity of structure."""
 
-    __slots__ = ("args", "op")
+    __slots__ = ("args", "is_condition", "op")
     op: str
     args: tuple[Any, ...]
+    is_condition: bool
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        if method != "__call__" or options:
-            return NotImplemented
+        name = f"numpy.{ufunc.__name__}"
+        if method != "__call__":
+            raise RuptfxError(f"{name}.{method} cannot be traced: use pointwise functions")
+        if "out" in options and "where" not in options:
+            raise RuptfxError(f"{name} into an array or with out= cannot be traced: write x = x + y instead")
+        if options:
+            raise RuptfxError(f"{name} with {', '.join(options)}= cannot be traced: use numpy.where")
         return apply(ufunc.__name__, *inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
-        if function is np.where and len(args) == 3:
-            return apply("where", *args)
-        if function in (np.zeros_like, np.ones_like):
-            return constant(0.0 if function is np.zeros_like else 1.0)
-        raise RuptfxError(f"numpy.{function.__name__} cannot be traced: use pointwise functions and numpy.where")
+        if function not in _FUNCTIONS:
+            raise RuptfxError(f"numpy.{function.__name__} cannot be traced: use pointwise functions and numpy.where")
+        return _FUNCTIONS[function](*args, **options)
 
-    def __bool__(self) -> bool:
-        raise RuptfxError("a law must not branch on a value: use numpy.where instead of if, and, or, min, max")
+    __bool__ = _refuse(
+        "a law must not branch on a value", "use numpy.where instead of if, and, or, not, min, max or a chain a < x < b"
+    )
+    __float__ = __int__ = __index__ = __complex__ = __round__ = __trunc__ = __floor__ = __ceil__ = __format__ = _number
+    __len__ = __iter__ = __getitem__ = __setitem__ = __contains__ = _points  # type: ignore[assignment]
+    __array__ = _refuse("a traced value is no array", "leave out numpy.array, numpy.asarray and the like")
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise AttributeError(f"a traced value has no '{name}': use pointwise functions like numpy.{name}(x)")
+
+    # In place means a new node under the same name; the mixin would ask for one that changes.
+    __iadd__ = np.lib.mixins.NDArrayOperatorsMixin.__add__
+    __isub__ = np.lib.mixins.NDArrayOperatorsMixin.__sub__
+    __imul__ = np.lib.mixins.NDArrayOperatorsMixin.__mul__
+    __itruediv__ = np.lib.mixins.NDArrayOperatorsMixin.__truediv__
+    __ifloordiv__ = np.lib.mixins.NDArrayOperatorsMixin.__floordiv__
+    __imod__ = np.lib.mixins.NDArrayOperatorsMixin.__mod__
+    __ipow__ = np.lib.mixins.NDArrayOperatorsMixin.__pow__
+    __iand__ = np.lib.mixins.NDArrayOperatorsMixin.__and__
+    __ior__ = np.lib.mixins.NDArrayOperatorsMixin.__or__
+    __ixor__ = np.lib.mixins.NDArrayOperatorsMixin.__xor__
 
     def __repr__(self) -> str:
         return f"{self.op}({', '.join(map(repr, self.args))})"
@@ -53,6 +95,8 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
 def _node(op: str, *args: Any) -> Expression:
     node = Expression.__new__(Expression)
     node.op, node.args = op, args
+    chosen = op in ("multiply", "where") and all(arg.is_condition for arg in args[-2:])
+    node.is_condition = op in _CONDITIONS or chosen
     return node
 
 
@@ -61,8 +105,19 @@ def symbol(name: str) -> Expression:
     return _node("symbol", name)
 
 
-def constant(value: float) -> Expression:
-    return _node("constant", float(value))
+def constant(value: Any) -> Expression:
+    """A number in the formula.
+
+    Raises
+    ------
+    RuptfxError
+        Not one real number.
+    """
+    try:
+        return _node("constant", float(value))
+    except (TypeError, ValueError):
+        shown = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
+        raise RuptfxError(f"{shown} is no number; use numbers, parameters and what the method is given") from None
 
 
 def _is(node: Any, value: float) -> bool:
@@ -70,11 +125,23 @@ def _is(node: Any, value: float) -> bool:
 
 
 def apply(op: str, *inputs: Any) -> Expression:
-    """A new node, simplified where an argument is 0 or 1 (derivatives are full of them)."""
+    """A new node, simplified where an argument is 0 or 1 (derivatives are full of them).
+
+    Raises
+    ------
+    RuptfxError
+        An operation that is not known, an argument that is no number, or conditions where numbers belong.
+    """
     args = tuple(x if isinstance(x, Expression) else constant(x) for x in inputs)
     op = _ALIASES.get(op, op)
+    if op in _SPELLED:
+        return _SPELLED[op](*args)
     if op not in _C:
-        raise RuptfxError(f"numpy.{op} cannot be traced; known functions: {', '.join(sorted(_C))}")
+        known = ", ".join(sorted(_C.keys() | _SPELLED.keys()))
+        raise RuptfxError(f"numpy.{op} cannot be traced; known functions: {known}")
+    if op not in _OF_CONDITIONS and all(x.is_condition for x in args):
+        # NumPy itself would refuse, or return a condition or a number of half precision.
+        raise RuptfxError(f"numpy.{op} of conditions: make numbers of them, numpy.where(condition, 1.0, 0.0)")
     match op, args:
         case ("add", (x, y)) if _is(x, 0):
             return y
@@ -97,22 +164,52 @@ def apply(op: str, *inputs: Any) -> Expression:
     return _node(op, *args)
 
 
-_ALIASES = {"absolute": "fabs", "float_power": "power", "fmax": "maximum", "fmin": "minimum", "true_divide": "divide"}
+_ALIASES = {
+    "absolute": "fabs", "float_power": "power", "fmax": "maximum", "fmin": "minimum", "true_divide": "divide",
+    "bitwise_and": "logical_and", "bitwise_or": "logical_or", "bitwise_xor": "logical_xor", "invert": "logical_not",
+    "bitwise_invert": "logical_not", "mod": "remainder", "rad2deg": "degrees", "deg2rad": "radians",
+}  # fmt: skip
+
+# Operations that are others in disguise.
+_SPELLED: dict[str, Callable[..., Any]] = {
+    "positive": lambda x: x,
+    "square": lambda x: x * x,
+    "reciprocal": lambda x: 1 / x,
+    "degrees": lambda x: x * (180 / np.pi),
+    "radians": lambda x: x * (np.pi / 180),
+    "floor_divide": lambda x, y: np.floor(x / y),
+    "remainder": lambda x, y: x - np.floor(x / y) * y,
+    # Not a number stays so.
+    "heaviside": lambda x, middle: np.where(x < 0, 0.0, np.where(x > 0, 1.0, np.where(x == 0, middle, x))),
+}
 
 # C text of every operation; `{0}` is the first argument.
 _C = {
     "add": "{0} + {1}", "subtract": "{0} - {1}", "multiply": "{0} * {1}", "divide": "{0} / {1}",
     "negative": "-{0}", "power": "pow({0}, {1})", "exp": "exp({0})", "log": "log({0})", "expm1": "expm1({0})",
-    "log1p": "log1p({0})", "sqrt": "sqrt({0})", "fabs": "fabs({0})", "arcsinh": "asinh({0})", "sinh": "sinh({0})",
-    "cosh": "cosh({0})", "tanh": "tanh({0})", "sin": "sin({0})", "cos": "cos({0})",
+    "log1p": "log1p({0})", "exp2": "exp2({0})", "log2": "log2({0})", "log10": "log10({0})",
+    "sqrt": "sqrt({0})", "cbrt": "cbrt({0})", "hypot": "hypot({0}, {1})", "fabs": "fabs({0})",
+    "sin": "sin({0})", "cos": "cos({0})", "tan": "tan({0})", "sinh": "sinh({0})", "cosh": "cosh({0})",
+    "tanh": "tanh({0})", "arcsin": "asin({0})", "arccos": "acos({0})", "arctan": "atan({0})",
+    "arctan2": "atan2({0}, {1})", "arcsinh": "asinh({0})", "arccosh": "acosh({0})", "arctanh": "atanh({0})",
+    "logaddexp": "({0} == {1} ? {0} + M_LN2 : fmax({0}, {1}) + log1p(exp(-fabs({0} - {1}))))",
+    "floor": "floor({0})", "ceil": "ceil({0})", "trunc": "trunc({0})", "rint": "rint({0})",
     "maximum": "({0} > {1} ? {0} : {1})", "minimum": "({0} < {1} ? {0} : {1})",
     "sign": "(double)(({0} > 0) - ({0} < 0))", "where": "({0} != 0 ? {1} : {2})",
     "less": "(double)({0} < {1})", "less_equal": "(double)({0} <= {1})", "greater": "(double)({0} > {1})",
     "greater_equal": "(double)({0} >= {1})", "equal": "(double)({0} == {1})", "not_equal": "(double)({0} != {1})",
     "logical_and": "(double)({0} != 0 && {1} != 0)", "logical_or": "(double)({0} != 0 || {1} != 0)",
-    "logical_not": "(double)({0} == 0)",
-    "bitwise_and": "(double)({0} != 0 && {1} != 0)", "bitwise_or": "(double)({0} != 0 || {1} != 0)",
+    "logical_xor": "(double)(({0} != 0) != ({1} != 0))", "logical_not": "(double)({0} == 0)",
+    "isfinite": "(double)(isfinite({0}) != 0)", "isinf": "(double)(isinf({0}) != 0)",
+    "isnan": "(double)(isnan({0}) != 0)",
 }  # fmt: skip
+
+_CONDITIONS = {
+    "less", "less_equal", "greater", "greater_equal", "equal", "not_equal", "logical_and", "logical_or", "logical_xor",
+    "logical_not", "isfinite", "isinf", "isnan",
+}  # fmt: skip
+_OF_CONDITIONS = {*_CONDITIONS, "where", "multiply"}
+
 
 # Partial derivatives with respect to each argument; operations not listed are piecewise constant.
 _RULES: dict[str, Callable[..., Derivatives]] = {
@@ -127,18 +224,109 @@ _RULES: dict[str, Callable[..., Derivatives]] = {
     "log": lambda x: (1 / x,),
     "expm1": lambda x: (np.exp(x),),
     "log1p": lambda x: (1 / (1 + x),),
+    "exp2": lambda x: (np.log(2) * np.exp2(x),),
+    "log2": lambda x: (1 / (np.log(2) * x),),
+    "log10": lambda x: (1 / (np.log(10) * x),),
     "sqrt": lambda x: (0.5 / np.sqrt(x),),
+    "cbrt": lambda x: (1 / (3 * np.cbrt(x) ** 2),),
+    "hypot": lambda x, y: (x / np.hypot(x, y), y / np.hypot(x, y)),
     "fabs": lambda x: (np.sign(x),),
-    "arcsinh": lambda x: (1 / np.sqrt(1 + x * x),),
+    "sin": lambda x: (np.cos(x),),
+    "cos": lambda x: (-np.sin(x),),
+    "tan": lambda x: (1 + np.tan(x) ** 2,),
     "sinh": lambda x: (np.cosh(x),),
     "cosh": lambda x: (np.sinh(x),),
     "tanh": lambda x: (1 - np.tanh(x) ** 2,),
-    "sin": lambda x: (np.cos(x),),
-    "cos": lambda x: (-np.sin(x),),
+    "arcsin": lambda x: (1 / np.sqrt(1 - x * x),),
+    "arccos": lambda x: (-1 / np.sqrt(1 - x * x),),
+    "arctan": lambda x: (1 / (1 + x * x),),
+    "arctan2": lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)),
+    "arcsinh": lambda x: (1 / np.sqrt(1 + x * x),),
+    "arccosh": lambda x: (1 / np.sqrt(x * x - 1),),
+    "arctanh": lambda x: (1 / (1 - x * x),),
+    "logaddexp": lambda x, y: (1 / (1 + np.exp(y - x)), 1 / (1 + np.exp(x - y))),
     "maximum": lambda x, y: (np.where(x > y, 1.0, 0.0), np.where(x > y, 0.0, 1.0)),
     "minimum": lambda x, y: (np.where(x < y, 1.0, 0.0), np.where(x < y, 0.0, 1.0)),
     "where": lambda c, x, y: (0.0, np.where(c, 1.0, 0.0), np.where(c, 0.0, 1.0)),
 }
+
+
+def _where(condition: Any, *values: Any) -> Expression:
+    if len(values) != 2:
+        raise RuptfxError("numpy.where with a condition alone picks points: give both values, numpy.where(c, x, y)")
+    return apply("where", condition, *values)
+
+
+def _clip(x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: Any = None, **given: Any) -> Expression:
+    """The signature of `numpy.clip`, whose bounds have two names each."""
+    low, high = given.pop("a_min", low if min is None else min), given.pop("a_max", high if max is None else max)
+    if given:
+        raise RuptfxError(f"numpy.clip with {', '.join(given)}= cannot be traced")
+    x = x if low is None else apply("maximum", x, low)
+    return x if high is None else apply("minimum", x, high)
+
+
+def _select(conditions: Iterable[Any], values: Iterable[Any], default: Any = 0.0) -> Expression:
+    result = default if isinstance(default, Expression) else constant(default)
+    for condition, value in reversed(list(zip(conditions, values, strict=True))):
+        result = apply("where", condition, value, result)
+    return result
+
+
+_FUNCTIONS: dict[Any, Callable[..., Expression]] = {
+    np.where: _where,
+    np.clip: _clip,
+    np.select: _select,
+    np.zeros_like: lambda x: constant(0.0),
+    np.ones_like: lambda x: constant(1.0),
+    np.full_like: lambda x, value: value if isinstance(value, Expression) else constant(value),
+    np.copy: lambda x: x,
+    np.round: lambda x: apply("rint", x),
+}
+"""NumPy's functions that are no ufuncs."""
+
+
+def record(function: Callable[..., Any], *inputs: Any) -> Any:
+    """Call a method with symbols instead of numbers.
+
+    Parameters
+    ----------
+    function : callable
+        A bound method of a friction law or contact method.
+    inputs
+        Symbols, or what holds them.
+
+    Raises
+    ------
+    RuptfxError
+        What cannot be recorded, or any other error in the method, with its file, line and name.
+    """
+    try:
+        return function(*inputs)
+    except Exception as error:
+        raise RuptfxError(f"{_place(error.__traceback__, function)}: {_reason(error)}") from error
+
+
+def _place(trace: TracebackType | None, function: Callable[..., Any]) -> str:
+    """File, line and method of the innermost law or contact method on the way to an error."""
+    code = getattr(function, "__func__", function).__code__
+    line = code.co_firstlineno
+    while trace is not None:
+        frame = trace.tb_frame
+        # Of the law, not what a missing attribute leads to.
+        if isinstance(frame.f_locals.get("self"), Alternative) and not frame.f_code.co_name.startswith("__"):
+            code, line = frame.f_code, trace.tb_lineno
+        trace = trace.tb_next
+    return f"{Path(code.co_filename).name}, line {line}, {code.co_name}"
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case RuptfxError() | AttributeError():
+            return str(error)
+        case KeyError():
+            return f"there is no state variable {error}"
+    return f"{type(error).__name__}: {error}"
 
 
 def derivative(expression: Expression, variable: Expression) -> Expression:
@@ -170,16 +358,14 @@ def depends(expression: Any, variables: Iterable[Expression]) -> bool:
 def _ordered(roots: Iterable[Expression]) -> list[Expression]:
     """Every node once, arguments before their users."""
     order: dict[Expression, None] = {}
-
-    def visit(node: Expression) -> None:
-        if node not in order:
-            for arg in node.args:
-                if isinstance(arg, Expression):
-                    visit(arg)
+    todo = [(root, False) for root in reversed(list(roots))]
+    while todo:  # not by recursion: a loop in a law nests deeply
+        node, visited = todo.pop()
+        if visited:
             order[node] = None
-
-    for root in roots:
-        visit(root)
+        elif node not in order:
+            todo.append((node, True))
+            todo += [(arg, False) for arg in reversed(node.args) if isinstance(arg, Expression)]
     return list(order)
 
 
@@ -191,13 +377,19 @@ def to_c(outputs: Mapping[str, Expression], indent: str = "    ") -> str:
         if node.op == "symbol":
             names[node] = node.args[0]
         elif node.op == "constant":
-            names[node] = f"({node.args[0]!r})"
+            names[node] = _literal(node.args[0], "INFINITY", "NAN")
         else:
             names[node] = f"e{len(lines)}"
             text = _C[node.op].format(*(names[arg] for arg in node.args))
             lines.append(f"{indent}const double {names[node]} = {text};")
     lines += [f"{indent}{target} = {names[node]};" for target, node in outputs.items()]
     return "\n".join(lines)
+
+
+def _literal(value: float, infinity: str, nan: str) -> str:
+    if np.isnan(value):
+        return nan
+    return f"({value!r})" if np.isfinite(value) else f"({'-' * (value < 0)}{infinity})"
 
 
 def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[..., tuple[np.ndarray, ...]]:
@@ -208,7 +400,7 @@ def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[.
         if node.op == "symbol":
             names[node] = node.args[0]
         elif node.op == "constant":
-            names[node] = repr(node.args[0])
+            names[node] = _literal(node.args[0], "np.inf", "np.nan")
         else:
             names[node] = f"e{len(lines)}"
             lines.append(f"    {names[node]} = np.{node.op}({', '.join(names[arg] for arg in node.args)})")
