@@ -14,9 +14,10 @@ import numpy as np
 import tomli_w
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from ruptfx.boundaries import AnyBoundary
 from ruptfx.contact import AnyContact
 from ruptfx.friction import AnyFriction
-from ruptfx.loading import AnyBoundary, InitialStress
+from ruptfx.initial_stress import InitialStress
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
@@ -25,7 +26,7 @@ from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
 
-FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "steppers"]
+FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers"]
 
 
 class FaultCase(Part):
@@ -128,14 +129,7 @@ class Case(Part):
     def _consistent(self) -> Case:
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}[self.plane]
         for number, boundary in enumerate(self.boundaries):
-            component = getattr(boundary, "component", None)
-            if component is not None and component not in allowed:
-                raise ValueError(
-                    f"boundaries.{number}.component = '{component}': plane = '{self.plane}' moves in {allowed} only"
-                )
-            traction = getattr(boundary, "traction", None)
-            if traction is not None and len(traction) != len(allowed):
-                raise ValueError(f"boundaries.{number}.traction: {len(allowed)} components are needed ({allowed})")
+            boundary.check(f"boundaries.{number}", self.plane, allowed)
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -168,7 +162,12 @@ class Case(Part):
     @property
     def impact_speed(self) -> float:
         """Largest driven velocity [m/s], 0 without driven edges."""
-        return max((abs(b.velocity) for b in self.boundaries if hasattr(b, "velocity")), default=0.0)
+        return max((boundary.largest_speed for boundary in self.boundaries), default=0.0)
+
+    @property
+    def driven_edges(self) -> list[str]:
+        """Edges whose motion is prescribed."""
+        return [boundary.driven_edge for boundary in self.boundaries if boundary.driven_edge is not None]
 
 
 def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:

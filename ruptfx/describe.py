@@ -17,7 +17,10 @@ from ruptfx.case import case_schema
 from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
 from ruptfx.study.definition import Study
 
-FOLDERS = ("friction", "nucleation", "contact", "materials", "meshes", "steppers", "operators", "profiles", "lumped")
+FOLDERS = (
+    "friction", "nucleation", "boundaries", "contact", "materials", "meshes", "steppers", "operators", "profiles",
+    "lumped",
+)  # fmt: skip
 
 
 def file_schema() -> dict[str, Any]:
@@ -54,7 +57,7 @@ def describe_folder(name: str) -> Iterator[Any]:
 def _panel(kind: str, cls: type[Part]) -> Panel:
     grid = Table.grid(padding=(0, 2))
     grid.add_row("", (cls.__doc__ or "").strip().partition("\n")[0])
-    for label in ("formula", "source"):
+    for label in ("formula", "example", "source"):
         if getattr(cls, label, ""):
             grid.add_row(label, getattr(cls, label))
     if getattr(cls, "state_fields", None):

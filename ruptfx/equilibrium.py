@@ -163,11 +163,8 @@ class Equilibrium:
     # -- forces ------------------------------------------------------------------------------------------------------
 
     def load(self, time: float) -> np.ndarray:
-        """F: nodal force of the boundary tractions [N]."""
-        total = np.zeros(len(self.model.mass))
-        for force, load in self.model.loads.force:
-            total += load.factor(time) * force
-        return total
+        """F: nodal force of the boundaries [N]."""
+        return self.model.loads.force(time)
 
     def damping_force(self, velocity: np.ndarray) -> np.ndarray:
         """C v + eta K_v v [N]: dashpots, mass damping and the Kelvin-Voigt layer."""

@@ -16,7 +16,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, operators, parallel
-from ruptfx.bodies import FACETS, distribute
+from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault, FaultState
 from ruptfx.interface import Interface, build_interface
@@ -298,16 +298,6 @@ class Model:
 
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 
-    def component(self, name: str) -> int:
-        """Index of x, y or z among the displacement components."""
-        return 0 if self.components == 1 else "xyz".index(name)
-
-    def edge_nodes(self, tag: int) -> np.ndarray:
-        """Local nodes on a named edge."""
-        return fem.dolfinx.fem.locate_dofs_topological(
-            self.space, self.mesh.topology.dim - 1, self.bodies.facets.find(tag)
-        )
-
     def edge_measure(self, tag: int | tuple[int, ...]) -> fem.ufl.Measure:
         """Of a named edge, or of one side of an interface."""
         return fem.ufl.Measure(
@@ -317,76 +307,6 @@ class Model:
             subdomain_id=tag,
             metadata=fem.gll_metadata(self.mesh, self.case.order),
         )
-
-    def edge_force(
-        self, tag: int, traction: list[float], limits: Sequence[Sequence[float] | None] = ()
-    ) -> np.ndarray:
-        """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
-        test = self._loaded_cells(tag, limits) * fem.ufl.TestFunction(self.space)
-        density = traction[0] * test if self.components == 1 else fem.ufl.inner(fem.ufl.as_vector(traction), test)
-        return fem.assemble_summed(self.space, density * self.edge_measure(tag))
-
-    def _loaded_cells(self, tag: int, limits: Sequence[Sequence[float] | None]) -> fem.ufl.core.expr.Expr:
-        """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
-        mesh, side = self.mesh, self.mesh.topology.dim - 1
-        loaded = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
-        facets = self.bodies.facets.find(tag)
-        middle = fem.dolfinx.mesh.compute_midpoints(mesh, side, facets)
-        inside = np.ones(len(facets), dtype=bool)
-        for axis, bounds in enumerate(limits):
-            if bounds is not None:
-                inside &= (middle[:, axis] > bounds[0]) & (middle[:, axis] < bounds[1])
-        mesh.topology.create_connectivity(side, side + 1)
-        cells = mesh.topology.connectivity(side, side + 1)
-        for facet in facets[inside]:
-            loaded.x.array[loaded.function_space.dofmap.list[cells.links(facet), 0]] = 1
-        return loaded
-
-    def edge_dashpot(self, tag: int) -> np.ndarray:
-        """Lysmer dashpot of every degree of freedom on an edge [N s/m]: the diagonal of the impedance of its bodies.
-
-        Exact where the impedance is a diagonal matrix, see `edge_coupling`; of an isotropic body rho c_p along the
-        normal and rho c_s across, where the edge is along an axis.
-        """
-        ufl, dim = fem.ufl, self.mesh.geometry.dim
-        diagonal = np.array([
-            np.diagonal(material.impedance(np.eye(dim), self.case.plane), axis1=1, axis2=2)
-            for material in self.materials
-        ])  # by body, axis of the normal and component
-        test, n = ufl.TestFunction(self.space), ufl.FacetNormal(self.mesh)
-        tests = [test] if self.components == 1 else list(test)
-        density = sum(
-            self.by_cell(diagonal[self.bodies.cell_body, axis, i]) * n[axis] ** 2 * tests[i]
-            for axis in range(dim) for i in range(self.components)
-        )  # fmt: skip
-        return fem.assemble_summed(self.space, density * self.edge_measure(tag))
-
-    def edge_coupling(self, tag: int) -> float:
-        """What the diagonal leaves out of the impedance of an edge, over its trace: 0 where it is exact, about the
-        part of a plane wave at normal incidence that comes back; the largest of all facets, collective."""
-        mesh, side = self.mesh, self.mesh.topology.dim - 1
-        facets = self.bodies.facets.find(tag)
-        mesh.topology.create_connectivity(side, side + 1)
-        cells = mesh.topology.connectivity(side, side + 1)
-        body = np.array([self.bodies.cell_body[cells.links(facet)[0]] for facet in facets], dtype=int)
-        count = len(FACETS[mesh.basix_cell().name][0])
-        x = mesh.geometry.x[fem.dolfinx.mesh.entities_to_geometry(mesh, side, facets).reshape(-1, count)]
-        along = x[:, 1:] - x[:, :1]
-        normal = np.cross(along[:, 0], along[:, 1] if side == 2 else [0.0, 0.0, 1.0])[:, : side + 1]
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        worst, error = 0.0, None
-        for index, material in enumerate(self.materials):
-            n = normal[body == index]
-            try:
-                exact, axes = (material.impedance(given, self.case.plane) for given in (n, np.eye(side + 1)))
-            except RuptfxError as caught:
-                error = caught
-                break
-            used = np.einsum("ia,acd,cd->icd", n**2, axes, np.eye(self.components))
-            left_out = np.abs(exact - used).max(axis=(1, 2)) / np.trace(exact, axis1=1, axis2=2)
-            worst = max(worst, left_out.max(initial=0.0))
-        parallel.raise_on_all(self.comm, error)
-        return parallel.largest(self.comm, worst)
 
     def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
         """A function that is constant in every cell, from values of all local cells."""
@@ -480,10 +400,11 @@ class Model:
         return float(a[:owned] @ b[:owned])
 
     def internal_force(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """-K u, summed over ranks [N]."""
+        """-K u of bodies and elastic supports, summed over ranks [N]."""
         force = np.zeros_like(displacement)
         self.operator.add_internal_force(displacement, velocity, force)
         self.sum_shared(force)
+        self.loads.add_support_force(displacement, force)
         return force
 
     @property

@@ -127,8 +127,7 @@ class Recorder:
     def _attributes(self, fault: Fault, place: np.ndarray) -> dict[str, Any]:
         case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
         # The end of the interface where an edge is driven; the left one when there is none.
-        driven = [boundary.edge for boundary in case.boundaries if boundary.kind == "driven"]
-        right = any(edge.endswith(".right") for edge in driven)
+        right = any(edge.endswith(".right") for edge in case.driven_edges)
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
         return {
             "fault": fault.name, "position_measure": line.measure, "origin": line.origin,

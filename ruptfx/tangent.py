@@ -27,7 +27,7 @@ class Tangent:
     ----------
     matrix : PETSc.Mat
     diagonal : ndarray, shape (nodes * components,)
-        Of K [N/m], at ghosts, too.
+        Of K with the elastic supports [N/m], at ghosts, too.
     unit : float
         Its mean [N/m].
     """
@@ -36,6 +36,7 @@ class Tangent:
         self._model, self._dashpot = model, dashpot
         self._owned = model.owned_nodes * model.components
         self._stiffness = self._assemble(model.bulk)
+        _add_supports(self._stiffness, model)
         self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
         self.matrix = self._stiffness.duplicate()
         self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
@@ -87,6 +88,15 @@ class Tangent:
         matrix.assemble()
         matrix.zeroRowsColumns(self._driven_rows, diag=driven)
         return not parallel.anywhere(model.comm, any(np.any(block[:, 1:, 0]) for block in blocks.values()))
+
+
+def _add_supports(matrix: Any, model: Model) -> None:
+    """matrix += stiffness of the elastic supports, every node once; collective."""
+    for support in model.loads.supports:
+        for node, block in zip(support.nodes.astype(PETSc.IntType), support.stiffness, strict=True):
+            if node < model.owned_nodes:
+                matrix.setValuesBlockedLocal([node], [node], block, addv=PETSc.InsertMode.ADD_VALUES)
+    matrix.assemble()
 
 
 def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:

@@ -85,6 +85,12 @@ class LeapfrogMotion:
         self._mass, self._driven = model.mass[dofs], model.loads.prescribed[dofs].astype(float)
         self._dashpot = (model.loads.dashpot + model.case.damping.mass * model.mass)[dofs]
         self._owned = (dofs < model.owned_nodes * c).astype(float)
+        # Of every load: where its degrees of freedom are among the held ones, and its forces at those this rank counts.
+        self._shares = []
+        for load in model.loads.forces:
+            places, share = np.searchsorted(dofs, load.dofs), np.zeros(len(dofs))
+            share[places] = load.values
+            self._shares.append((places, share * self._owned))
         if model.viscosity is not None:
             self._viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
             self._viscous_among_held = np.searchsorted(dofs, self._viscous)
@@ -118,9 +124,12 @@ class LeapfrogMotion:
 
     def _advance(self, state: State, kick: _Kick) -> None:
         self._bulk(state, kick)
-        for force, load in self.model.loads.force:
-            # Work of the load by the mean velocity is added once the new one is known.
-            state.force += load.factor(state.time) * force
+        loads = self.model.loads
+        loads.add_support_force(state.displacement, state.force)
+        # Work of the loads by the mean velocity is added once the new one is known.
+        factors = [load.factor(state.time) for load in loads.forces]
+        for load, factor in zip(loads.forces, factors, strict=True):
+            state.force[load.dofs] += factor * load.values
         moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
         n = ctypes.c_long(len(self._dofs))
@@ -128,14 +137,14 @@ class LeapfrogMotion:
             n, pointer(self._dofs), pointer(kick.keep), pointer(kick.push), pointer(state.force),
             pointer(state.velocity), pointer(self._velocity_old),
         )  # fmt: skip
-        self.model.loads.drive(state.velocity, state.time + 0.5 * self.dt)
+        loads.drive(state.velocity, state.time + 0.5 * self.dt)
         for (name, fault), rate_old in zip(kick.faults, moving, strict=True):
             state.energy["frictional_dissipation"] += fault(
                 state.faults[name], state.displacement, state.velocity, state.force, state.time
             )
             state.energy["boundary_work"] += fault.work
             state.energy["damping"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
-        self._load_work(state, kick)
+        self._load_work(state, kick, factors)
         self._library.drift(
             n, pointer(self._dofs), ctypes.c_double(self.dt), ctypes.c_double(kick.length), pointer(self._mass),
             pointer(self._dashpot), pointer(self._driven), pointer(self._owned), pointer(self._velocity_old),
@@ -181,11 +190,14 @@ class LeapfrogMotion:
         mean = 0.5 * (self._velocity_old[self._viscous_among_held] + state.velocity[self._viscous])
         return -float(self._viscous_force[self._viscous] @ mean) * kick.length
 
-    def _load_work(self, state: State, kick: _Kick) -> None:
-        for force, load in self.model.loads.force:
-            mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
-            share = force[self._dofs] * self._owned
-            state.energy["boundary_work"] += float(share @ mean) * load.factor(state.time) * kick.length
+    def _load_work(self, state: State, kick: _Kick, factors: list[Any]) -> None:
+        mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
+        for (places, share), factor in zip(self._shares, factors, strict=True):
+            if np.ndim(factor):
+                power = float((share[places] * factor) @ mean[places])
+            else:
+                power = float(share @ mean) * factor
+            state.energy["boundary_work"] += power * kick.length
 
 
 class _Kick:

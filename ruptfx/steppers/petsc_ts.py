@@ -158,18 +158,14 @@ class PetscTsMotion:
     def _accelerated(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """a(t, u, v) [m/s2]."""
         a = -self._balance(time, u, v) / self.model.mass
-        self._driven_acceleration(time, a)
+        self.model.loads.accelerate(a, time)
         return a
-
-    def _driven_acceleration(self, time: float, out: np.ndarray) -> None:
-        for dofs, drive in self.model.loads.driven:
-            out[dofs] = drive.velocity / drive.ramp if time < drive.ramp else 0.0
 
     def _residual(self, _: Any, time: float, u: Any, v: Any, a: Any, out: Any) -> None:
         u, v, a = (self._spread(vector.array_r) for vector in (u, v, a))
         force = self.model.mass * a + self._balance(time, u, v)
         wanted = np.zeros_like(a)
-        self._driven_acceleration(time, wanted)
+        self.model.loads.accelerate(wanted, time)
         force[self._driven] = self._unit * (a - wanted)[self._driven]
         out.array[:] = force[: self._owned]
 

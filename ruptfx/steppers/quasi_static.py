@@ -86,7 +86,7 @@ class QuasiStaticMotion:
         return min((slip_to_resolve(self.model, fault) for fault in self.model.faults), default=np.inf)
 
     def _first_step(self) -> float:
-        speeds = [abs(drive.velocity) for _, drive in self.model.loads.driven]
+        speeds = [self.model.case.impact_speed]
         for fault in self.model.faults:
             creep = np.linalg.norm(fault.components(fault.initial_state(), "slip_rate"), axis=1)
             speeds.append(float(creep.max(initial=0.0)))

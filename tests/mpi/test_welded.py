@@ -15,6 +15,7 @@ pytest.importorskip("gmsh")
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import parse_case
+from ruptfx.edges import Edge
 from ruptfx.interface import build_interface
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.model import Model
@@ -173,7 +174,7 @@ def test_edges_of_two_bodies_at_the_same_place(shared_tmp_path: Path) -> None:
     })  # fmt: skip
     model = Model(parse_case(table))
     for edge, count in (("upper.creep", 9), ("lower.creep", 9), ("upper.left", 5), ("lower.left", 5)):
-        nodes = model.edge_nodes(model.bodies.tag(edge, "edge"))
+        nodes = Edge(model, edge, "edge").nodes
         nodes = nodes[nodes < model.owned_nodes]
         body = np.full(len(nodes), model.bodies.names.index(edge.partition(".")[0]))
         np.testing.assert_array_equal(model.node_body[nodes], body)

@@ -38,7 +38,8 @@ def refusal(changes: dict[str, Any]) -> str:
         # Kinds
         ({"faults.main.contact": {"kind": "compliantt"}}, "unknown kind 'compliantt', did you mean 'compliant'?"),
         ({"faults.main.contact": {"C_n": 1e11, "C_s": 1e11}}, "'kind' is required, one of: "),
-        ({"boundaries": [{"kind": "drivn", "edge": "upper.left"}]}, "a boundary needs a 'kind', one of: driven"),
+        ({"boundaries": [{"kind": "drivn", "edge": "upper.left"}]},
+         "boundaries.0: unknown kind 'drivn', did you mean 'driven'?"),
         ({"faults.main.initial_stress.normal": {"kind": "box"}}, "a profile needs a 'kind', one of: constant"),
         # Numbers
         ({"duration": "60e-6"}, "duration = '60e-6': input should be a valid number"),

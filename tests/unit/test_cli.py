@@ -303,7 +303,9 @@ def test_version_and_help() -> None:
         assert command in ruptfx("--help").output
 
 
-@pytest.mark.parametrize("folder", ["friction", "contact", "materials", "meshes", "steppers", "operators"])
+@pytest.mark.parametrize(
+    "folder", ["friction", "boundaries", "contact", "materials", "meshes", "steppers", "operators"]
+)
 def test_describe_lists_the_folder(folder: str) -> None:
     result = ruptfx("describe", folder)
     assert result.exit_code == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ruptfx.friction.coulomb import Coulomb
-from ruptfx.loading import InitialStress
+from ruptfx.initial_stress import InitialStress
 from ruptfx.profiles import KINDS, evaluate
 from ruptfx.schema import CaseError, unit_of
 

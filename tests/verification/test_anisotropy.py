@@ -15,6 +15,7 @@ pytest.importorskip("dolfinx")
 import ufl
 
 from ruptfx.case import parse_case
+from ruptfx.edges import Edge
 from ruptfx.materials import Material, Plane, WaveSpeeds
 from ruptfx.model import Model
 from ruptfx.radiation import radiation_impedance
@@ -88,7 +89,7 @@ def test_an_edge_that_is_turned(tmp_path: Path) -> None:
     table = plates({"mesh": tilted(tmp_path, np.pi / 4), "order": 1})
     turned = Model(parse_case(table))
     z_p, z_s = np.diag(turned.materials[0].impedance(np.eye(2), "stress")[0])
-    coupling = turned.edge_coupling(turned.bodies.tags["lower.left"])
+    coupling = Edge(turned, "lower.left", "edge").coupling()
     assert coupling == pytest.approx(0.5 * (z_p - z_s) / (z_p + z_s), rel=1e-9)
     with pytest.raises(CaseError, match=r"boundaries\.0\.edge = 'lower\.left'"):
         Model(parse_case({**table, "boundaries": [{"kind": "absorbing", "edge": "lower.left"}]}))

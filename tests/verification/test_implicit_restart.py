@@ -76,7 +76,7 @@ def test_steps_are_halved_and_grow_again(monkeypatch: pytest.MonkeyPatch) -> Non
     # Quarters until 0.6 us have passed, then twice as long each time, up to what was asked for.
     np.testing.assert_allclose(sizes, [0.25e-6, 0.25e-6, 0.25e-6, 0.5e-6, 1e-6, 1e-6], rtol=1e-9)
     # Driven edges went as far as they should: 1 m/s.
-    dofs, _ = model.loads.driven[0]
+    dofs = model.loads.motions[0].dofs
     np.testing.assert_allclose(state.displacement[dofs], state.time, rtol=1e-12)
 
     monkeypatch.setattr(Equilibrium, "solve", lambda *_, **__: (_ for _ in ()).throw(ConvergenceError("never")))

@@ -20,7 +20,7 @@ LOAD = {"kind": "traction", "edge": "upper.top", "traction": [1e6, -2e6]}
 def force(**changes: object) -> np.ndarray:
     """Sum of the nodal forces of the load [N/m]."""
     model = Model(parse_case(plates({"boundaries": [LOAD | changes]})))
-    return model.loads.force[0][0].reshape(-1, 2).sum(axis=0)
+    return model.loads.force(0.0).reshape(-1, 2).sum(axis=0)
 
 
 def test_a_part_of_an_edge_is_loaded() -> None:

@@ -1,0 +1,188 @@
+"""What acts on the bodies, one kind per file; the file name is the `kind` of an entry of ``[[boundaries]]``.
+
+Displacements are measured from the initial state, which is in equilibrium: what a boundary does comes on top of it.
+Edges that are not named are free to move under their initial load. `ruptfx.loading.Loads` sums the actions of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.materials import Plane
+from ruptfx.schema import Alternative, Unit, alternative
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+    from ruptfx.loading import Loads
+
+Component = Literal["x", "y", "z"]
+Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
+Vector = Annotated[list[float], Field(min_length=1, max_length=3)]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Prescribed motion of some degrees of freedom, the same for all.
+
+    Attributes
+    ----------
+    dofs : ndarray of int, shape (n,)
+        Local ones.
+    displacement, velocity, acceleration : callable, time -> float
+        Since time zero [m], [m/s], [m/s2].
+    """
+
+    dofs: np.ndarray
+    displacement: Callable[[float], float]
+    velocity: Callable[[float], float]
+    acceleration: Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Force:
+    """Nodal forces, which change in time by a factor.
+
+    Attributes
+    ----------
+    dofs : ndarray of int, shape (n,)
+        Local ones.
+    values : ndarray, shape (n,)
+        Complete at every local node [N].
+    factor : callable, time -> float or ndarray of shape (n,)
+    """
+
+    dofs: np.ndarray
+    values: np.ndarray
+    factor: Callable[[float], Any]
+
+    @classmethod
+    def of(cls, nodal: np.ndarray, factor: Callable[[float], Any]) -> Force:
+        """From a vector over all local degrees of freedom [N]."""
+        dofs = np.flatnonzero(nodal)
+        return cls(dofs, nodal[dofs], factor)
+
+
+@dataclass(frozen=True)
+class Support:
+    """Springs at single nodes that resist their displacement.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (n,)
+        Local ones.
+    stiffness : ndarray, shape (n, components, components)
+        Complete at every local node [N/m], symmetric.
+    """
+
+    nodes: np.ndarray
+    stiffness: np.ndarray
+
+
+@dataclass(frozen=True)
+class Action:
+    """What a boundary adds to the equation of motion; what it does not mention it leaves alone.
+
+    Attributes
+    ----------
+    motion : Motion, optional
+    force : Force, optional
+    dashpot : ndarray, shape (nodes * components,), optional
+        Damping force per velocity, complete at every local node [N s/m].
+    support : Support, optional
+    """
+
+    motion: Motion | None = None
+    force: Force | None = None
+    dashpot: np.ndarray | None = None
+    support: Support | None = None
+
+
+class Boundary(Alternative):
+    """The contract of a boundary, which may also act inside of the bodies."""
+
+    example: ClassVar[str] = ""
+    """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
+    source: ClassVar[str] = ""
+    """Where what it does comes from."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        """Refuse what does not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
+
+        Raises
+        ------
+        ValueError
+            Names the key, the value and the remedy.
+        """
+
+    @property
+    def driven_edge(self) -> str | None:
+        """The edge whose motion is prescribed."""
+        return None
+
+    @property
+    def largest_speed(self) -> float:
+        """Of the motion that is prescribed [m/s]."""
+        return 0.0
+
+    def act(self, loads: Loads, key: str) -> Action:
+        """What it adds to the bodies of `loads.model`, whose mass and interfaces are there; collective.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks, naming the key: an edge or a place that is not there.
+        """
+        raise NotImplementedError
+
+
+class EdgeBoundary(Boundary):
+    """A boundary on a named edge."""
+
+    edge: str
+    """``body.side``, for example ``upper.left``."""
+
+    def act(self, loads: Loads, key: str) -> Action:
+        return self.act_on(loads.edge(self.edge, f"{key}.edge"), key)
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        """What it adds on its edge; collective.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks.
+        """
+        raise NotImplementedError
+
+
+def check_component(key: str, value: str, plane: Plane, components: str) -> None:
+    """Refuse a direction the case does not move in.
+
+    Raises
+    ------
+    ValueError
+    """
+    if value not in components:
+        raise ValueError(f"{key} = '{value}': plane = '{plane}' moves in {components} only")
+
+
+def check_vector(key: str, value: list[float], components: str) -> None:
+    """Refuse a vector of another length.
+
+    Raises
+    ------
+    ValueError
+    """
+    if len(value) != len(components):
+        raise ValueError(f"{key}: {len(components)} components are needed ({components})")
+
+
+if TYPE_CHECKING:
+    AnyBoundary = Boundary
+else:
+    AnyBoundary = alternative("ruptfx.boundaries")

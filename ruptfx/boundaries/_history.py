@@ -1,0 +1,53 @@
+"""Courses in time that boundaries share."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.schema import Part, Unit
+from ruptfx.units import Time
+
+
+def ramp(time: float, duration: float) -> float:
+    """Linear growth from 0 to 1."""
+    return 1.0 if duration <= 0 else min(max(time / duration, 0.0), 1.0)
+
+
+class Ricker(Part):
+    """Ricker wavelet (1 - 2 a) exp(-a), a = (pi frequency (t - delay))^2."""
+
+    kind: Literal["ricker"]
+    frequency: Annotated[float, Field(gt=0), Unit("1/s")]
+    """Of the peak of the spectrum."""
+    delay: Time
+    """Time of the peak; from 1.5 / frequency on nothing begins suddenly."""
+
+    def __call__(self, time: Any) -> Any:
+        """At a time [s] or an array of times."""
+        a = (np.pi * self.frequency * (time - self.delay)) ** 2
+        return (1 - 2 * a) * np.exp(-a)
+
+
+class Sampled(Part):
+    """Linear interpolation between given times, constant beyond the ends."""
+
+    kind: Literal["sampled"]
+    times: Annotated[list[float], Field(min_length=2), Unit("s")]
+    values: Annotated[list[float], Field(min_length=2), Unit("1")]
+
+    @model_validator(mode="after")
+    def _matching(self) -> Sampled:
+        if len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
+            raise ValueError("times must increase, with one value for each")
+        return self
+
+    def __call__(self, time: Any) -> Any:
+        """At a time [s] or an array of times."""
+        return np.interp(time, self.times, self.values)
+
+
+History = Annotated[Ricker | Sampled, Field(discriminator="kind")]
+"""A factor in time."""

@@ -1,0 +1,26 @@
+"""Absorbing edges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from ruptfx.boundaries import Action, EdgeBoundary
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+
+
+class Absorbing(EdgeBoundary):
+    """Lysmer dashpots: traction = impedance times velocity, rho c_p (normal) and rho c_s (tangential) where isotropic;
+    exact for plane waves at normal incidence. Every component has its own dashpot, so the edge must be along an axis,
+    and so must the axes of an anisotropic material.
+
+    An interface may cross the edge and a rupture leave through it. Dashpots do not hold the static stress of the crack
+    beyond, so that slip next to the edge becomes too large behind the front: keep it away from where slip is read.
+    Source: Lysmer and Kuhlemeyer (1969).
+    """
+
+    example: ClassVar[str] = '{ kind = "absorbing", edge = "upper.right" }'
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        return Action(dashpot=edge.dashpot())

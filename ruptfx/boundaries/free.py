@@ -1,0 +1,19 @@
+"""Free edges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from ruptfx.boundaries import Action, EdgeBoundary
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+
+
+class Free(EdgeBoundary):
+    """No traction beyond the initial load: what an edge is when it is not named."""
+
+    example: ClassVar[str] = '{ kind = "free", edge = "upper.top" }'
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        return Action()

@@ -1,0 +1,50 @@
+"""Loaded edges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx import parallel
+from ruptfx.boundaries import Action, EdgeBoundary, Force, Range, check_vector
+from ruptfx.boundaries._history import History, ramp
+from ruptfx.materials import Plane
+from ruptfx.schema import CaseError, Unit
+from ruptfx.units import Time
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+
+
+class Traction(EdgeBoundary):
+    """A traction on the edge on top of the initial load."""
+
+    example: ClassVar[str] = '{ kind = "traction", edge = "upper.top", traction = [1e6, 2e6], ramp = 3e-6 }'
+
+    traction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("Pa")]
+    ramp: Time = 0.0
+    """Time over which the traction grows linearly from zero."""
+    history: History | None = None
+    """Factor of the traction in time."""
+    x_range: Range | None = None
+    y_range: Range | None = None
+    """Only the sides of elements whose middle is within these coordinates are loaded."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.traction", self.traction, components)
+
+    def factor(self, time: float) -> float:
+        """What the traction is multiplied with."""
+        return ramp(time, self.ramp) * (float(self.history(time)) if self.history is not None else 1.0)
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        if not any(self.traction):  # of which UFL makes no form
+            return Action()
+        limits = [self.x_range, self.y_range]
+        nodal = edge.force(self.traction, limits)
+        if any(limits) and not parallel.total(edge.model.comm, np.abs(nodal).sum()):
+            given = ", ".join(f"{n} = {v}" for n, v in zip(("x_range", "y_range"), limits, strict=True) if v)
+            raise CaseError(f"{key}: {self.edge} has no side with its middle in {given} m")
+        return Action(force=Force.of(nodal, self.factor))

@@ -1,0 +1,160 @@
+"""A named edge of the bodies, as boundaries act on it: its nodes, nodal forces, dashpots and springs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ruptfx import RuptfxError, fem, parallel
+from ruptfx.bodies import FACETS
+from ruptfx.schema import CaseError
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+MOST_COUPLING = 0.01  # of what dashpots leave out of the impedance, over its trace
+Limits = Sequence[Sequence[float] | None]
+
+
+class Edge:
+    """An edge of a model.
+
+    Parameters
+    ----------
+    model : Model
+    name : str
+        ``"upper.left"``.
+    key : str
+        Of the case, for messages.
+
+    Raises
+    ------
+    RuptfxError
+        No such edge.
+    """
+
+    def __init__(self, model: Model, name: str, key: str) -> None:
+        self.model, self.name, self._key = model, name, key
+        self.tag = model.bodies.tag(name, key)
+
+    @cached_property
+    def facets(self) -> np.ndarray:
+        """Local facets."""
+        return self.model.bodies.facets.find(self.tag)
+
+    @cached_property
+    def nodes(self) -> np.ndarray:
+        """Local nodes."""
+        return fem.dolfinx.fem.locate_dofs_topological(
+            self.model.space, self.model.mesh.topology.dim - 1, self.facets
+        )
+
+    def dofs(self, component: str, limits: Limits = ()) -> np.ndarray:
+        """Local degrees of freedom of one component; `limits` along each axis bound the part that is meant [m]."""
+        nodes, coordinates = self.nodes, self.model.coordinates
+        x = coordinates[nodes]
+        slack = 1e-9 * np.ptp(coordinates, axis=0).max(initial=0)
+        for axis, bounds in enumerate(limits):
+            if bounds is not None:
+                keep = (x[:, axis] >= bounds[0] - slack) & (x[:, axis] <= bounds[1] + slack)
+                nodes, x = nodes[keep], x[keep]
+        number = 0 if self.model.components == 1 else "xyz".index(component)
+        return nodes * self.model.components + number
+
+    def force(self, traction: Sequence[float], limits: Limits = ()) -> np.ndarray:
+        """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
+        test = self._loaded_cells(limits) * fem.ufl.TestFunction(self.model.space)
+        scalar = self.model.components == 1
+        density = traction[0] * test if scalar else fem.ufl.inner(fem.ufl.as_vector(list(traction)), test)
+        return fem.assemble_summed(self.model.space, density * self.model.edge_measure(self.tag))
+
+    def integral(self, density: Callable[[list[Any], Any], Any]) -> np.ndarray:
+        """Integral over the edge of what is linear in the test function, at every local degree of freedom.
+
+        Parameters
+        ----------
+        density : callable, (components of the test function, outward normal) -> UFL expression
+        """
+        test = fem.ufl.TestFunction(self.model.space)
+        tests = [test] if self.model.components == 1 else list(test)
+        expression = density(tests, fem.ufl.FacetNormal(self.model.mesh))
+        return fem.assemble_summed(self.model.space, expression * self.model.edge_measure(self.tag))
+
+    def _loaded_cells(self, limits: Limits) -> Any:
+        """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
+        mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
+        loaded = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
+        middle = fem.dolfinx.mesh.compute_midpoints(mesh, side, self.facets)
+        inside = np.ones(len(self.facets), dtype=bool)
+        for axis, bounds in enumerate(limits):
+            if bounds is not None:
+                inside &= (middle[:, axis] > bounds[0]) & (middle[:, axis] < bounds[1])
+        loaded.x.array[loaded.function_space.dofmap.list[self._cells[inside], 0]] = 1
+        return loaded
+
+    @cached_property
+    def _cells(self) -> np.ndarray:
+        """The cell of every facet."""
+        mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
+        mesh.topology.create_connectivity(side, side + 1)
+        cells = mesh.topology.connectivity(side, side + 1)
+        return np.array([cells.links(facet)[0] for facet in self.facets], dtype=np.int64)
+
+    def dashpot(self) -> np.ndarray:
+        """Lysmer dashpot of every degree of freedom [N s/m]: the diagonal of the impedance of its bodies; collective.
+
+        Of an isotropic body rho c_p along the normal and rho c_s across, where the edge is along an axis.
+
+        Raises
+        ------
+        CaseError
+            An edge where the impedance is not a diagonal matrix.
+        """
+        model = self.model
+        coupling = self.coupling()
+        if coupling > MOST_COUPLING:
+            raise CaseError(
+                f"{self._key} = '{self.name}': dashpots along x and y would send back {coupling:.1%} "
+                f"of a wave at normal incidence, at most {MOST_COUPLING:.0%} is allowed; turn the edge, and the axes "
+                "of an anisotropic material, along an axis"
+            )
+        dim = model.mesh.geometry.dim
+        diagonal = np.array([
+            np.diagonal(material.impedance(np.eye(dim), model.case.plane), axis1=1, axis2=2)
+            for material in model.materials
+        ])  # by body, axis of the normal and component
+        return self.integral(lambda tests, n: sum(
+            model.by_cell(diagonal[model.bodies.cell_body, axis, i]) * n[axis] ** 2 * tests[i]
+            for axis in range(dim) for i in range(model.components)
+        ))  # fmt: skip
+
+    def normals(self) -> np.ndarray:
+        """Unit normal of every facet, of either sign, shape (facets, dim)."""
+        mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
+        count = len(FACETS[mesh.basix_cell().name][0])
+        x = mesh.geometry.x[fem.dolfinx.mesh.entities_to_geometry(mesh, side, self.facets).reshape(-1, count)]
+        along = x[:, 1:] - x[:, :1]
+        normal = np.cross(along[:, 0], along[:, 1] if side == 2 else [0.0, 0.0, 1.0])[:, : side + 1]
+        return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+    def coupling(self) -> float:
+        """What the diagonal leaves out of the impedance, over its trace: 0 where it is exact, about the part of a
+        plane wave at normal incidence that comes back; the largest of all facets, collective."""
+        model = self.model
+        body, normal = model.bodies.cell_body[self._cells], self.normals()
+        worst, error = 0.0, None
+        for index, material in enumerate(model.materials):
+            n = normal[body == index]
+            try:
+                exact, axes = (material.impedance(given, model.case.plane) for given in (n, np.eye(n.shape[1])))
+            except RuptfxError as caught:
+                error = caught
+                break
+            used = np.einsum("ia,acd,cd->icd", n**2, axes, np.eye(model.components))
+            left_out = np.abs(exact - used).max(axis=(1, 2)) / np.trace(exact, axis1=1, axis2=2)
+            worst = max(worst, left_out.max(initial=0.0))
+        parallel.raise_on_all(model.comm, error)
+        return parallel.largest(model.comm, worst)

@@ -1,0 +1,81 @@
+"""The stress an interface and its bodies carry in the initial state, from which displacements are measured.
+
+It is in equilibrium with what presses the bodies together, and boundaries come on top of it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, Part, Unit
+from ruptfx.units import VaryingPressure, VaryingStress
+
+
+class InitialStress(Part):
+    """Stress an interface carries before anything happens: its tractions, or the stress tensor of the bodies.
+
+    The bodies' own stress does not act on the motion, but snapshots and fringes show it. Tractions do not tell all of
+    it: without a tensor it is taken to be the uniform stress that carries the mean tractions of the first interface,
+    with no stress along that interface. Give the tensor where the bodies are also loaded sideways.
+    """
+
+    normal: VaryingPressure | None = None
+    """Normal stress, positive in compression."""
+    shear: VaryingStress | None = None
+    """Shear traction along the (first) tangent; without it, what a rate-and-state law carries whose slip rate and
+    state are both given, else zero."""
+    tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
+    """Uniform stress of the bodies instead, the same for all interfaces that give it, tension positive: xx, yy, xy, in
+    3D xx, yy, zz, xy, yz, xz."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> InitialStress:
+        if (self.normal is None) == (self.tensor is None):
+            raise ValueError("give either normal (and shear) or tensor")
+        if self.tensor is not None and (self.shear is not None or len(self.tensor) not in (3, 6)):
+            raise ValueError("tensor has 3 components (xx, yy, xy), 6 in 3D, and stands alone")
+        return self
+
+    def matrix(self, dim: int) -> np.ndarray | None:
+        """The tensor as a matrix, shape (dim, dim) [Pa]; None where tractions are given."""
+        if self.tensor is None:
+            return None
+        entries = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}[dim]
+        stress = np.zeros((dim, dim))
+        for (i, j), value in zip(entries, self.tensor, strict=True):
+            stress[i, j] = stress[j, i] = value
+        return stress
+
+    def tractions(self, face: Any, law: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
+
+        Raises
+        ------
+        CaseError
+            Shear stress, slip rate and state of a rate-and-state law that contradict each other.
+        """
+        shear = np.zeros((len(face.position), face.tangents))
+        tensor = self.matrix(face.frame.shape[2])
+        if tensor is not None:
+            local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
+            return -local[:, 0], local[:, 1:]
+        given = self.at(face.position)
+        normal = evaluate(given.normal, face.position)
+        rate = law.given_slip_rate()
+        carried = None
+        if rate is not None:
+            state = law.initial_state(normal, np.zeros_like(normal), np.zeros_like(normal))
+            carried = law.strength(rate, normal, state) + np.zeros_like(normal)
+        if self.shear is not None:
+            shear[:, 0] = evaluate(given.shear, face.position)
+            if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
+                raise CaseError(
+                    "initial_stress.shear: the law's initial slip rate and state carry another; give two of three"
+                )
+        elif carried is not None:
+            shear[:, 0] = carried
+        return normal, shear

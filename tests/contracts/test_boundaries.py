@@ -1,0 +1,140 @@
+"""Every boundary of the folder, by its own example: written and read again, energies, ranks, steppers."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, advance, case, march
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem, parallel
+from ruptfx.case import Case, parse_case
+from ruptfx.model import Model
+from ruptfx.schema import alternatives
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+COMM = fem.MPI.COMM_WORLD
+BOUNDARIES = alternatives("ruptfx.boundaries")
+IMPLICIT = {"kind": "generalized_alpha", "scheme": "average_acceleration", "courant": 1.0}
+# Something moves whatever the boundary does, and comes to every edge.
+PUSH = {"kind": "traction", "edge": "upper.right", "traction": [-1e6, 5e5], "ramp": 1e-6}
+every_boundary = pytest.mark.parametrize("kind", BOUNDARIES)
+
+
+def example(kind: str) -> dict[str, Any]:
+    """What the boundary gives as an example."""
+    return tomllib.loads(f"boundary = {BOUNDARIES[kind].example}")["boundary"]
+
+
+def with_boundary(kind: str, changes: dict[str, Any] | None = None) -> Case:
+    """Two glued plates with a load and the boundary."""
+    return case({
+        "order": 3, "duration": 6e-6, "boundaries": [PUSH, example(kind)], "faults.main.contact": COMPLIANT,
+        **(changes or {}),
+    })  # fmt: skip
+
+
+def by_number(model: Model, field: np.ndarray) -> np.ndarray:
+    """A nodal field in an order that does not depend on the ranks, on every rank."""
+    return model.comm.bcast(model.gather_nodes(field), root=0)
+
+
+@every_boundary
+def test_written_and_read_again(kind: str) -> None:
+    given = with_boundary(kind)
+    again = parse_case(tomllib.loads(given.to_toml()))
+    assert example(kind)["kind"] == kind
+    assert again == given and again.hash == given.hash
+
+
+@every_boundary
+@pytest.mark.parametrize("stepper", [{"kind": "leapfrog"}, IMPLICIT], ids=lambda stepper: stepper["kind"])
+def test_energy_budget_closes(kind: str, stepper: dict[str, Any]) -> None:
+    """All that goes in is found again, in every microsecond."""
+    busy = with_boundary(kind, {"stepper": stepper, "damping": {"mass": 1e4}})
+    model = Model(busy)
+    motion, state = busy.stepper.bind(model), model.initial_state()
+    work = 0.0
+    for _ in range(6):
+        advance(motion, state, 1e-6)
+        energy = motion.energies(state)
+        work = max(work, abs(energy["boundary_work"]))
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+        assert abs(lost) < 1e-11 * work
+    assert energy["kinetic"] > 1e-3 * work
+
+
+@every_boundary
+def test_the_same_on_any_ranks(kind: str) -> None:
+    """What acts at every node, and the motion it leads to, are those of one rank."""
+    found = []
+    for comm in (COMM, fem.MPI.COMM_SELF):
+        model = Model(with_boundary(kind, {"stepper": {"kind": "leapfrog", "time_step": 4e-8}}), comm)
+        loads, field = model.loads, np.zeros(model.nodes * model.components)
+        support = np.zeros_like(field)
+        u = np.sin(900 * model.coordinates[:, :1] + 700 * model.coordinates[:, 1:] + [0.0, 1.0]).ravel()
+        loads.add_support_force(u, support)
+        loads.drive(field, 2e-6)
+        acts = [loads.force(2e-6), loads.dashpot, loads.prescribed.astype(float), field, support]
+        motion, state = model.case.stepper.bind(model), model.initial_state()
+        advance(motion, state, 2e-6)
+        found.append([by_number(model, values) for values in (*acts, state.displacement)])
+    for here, alone in zip(*found, strict=True):
+        np.testing.assert_allclose(here, alone, atol=1e-10 * np.abs(alone).max(initial=0.0))
+    assert np.abs(found[0][-1]).max() > 0
+
+
+@every_boundary
+def test_explicit_and_implicit_steps_agree(kind: str) -> None:
+    """Both are of second order: a quarter of the difference with half the step."""
+    away = []
+    for steps in (240, 480):
+        ends = []
+        for stepper in ({"kind": "leapfrog"}, IMPLICIT):
+            smooth = with_boundary(kind, {
+                "order": 2, "duration": 4e-6, "damping": {"mass": 2e5},
+                "stepper": {**stepper, "time_step": 4e-6 / steps},
+            })  # fmt: skip
+            model, _, state = march(smooth)
+            ends.append(state.displacement)
+        both = [np.sqrt(parallel.total(COMM, model.owned_dot(u, u))) for u in (ends[1], ends[1] - ends[0])]
+        away.append(both[1] / both[0])
+    assert away[0] < 0.01 and away[1] < 0.35 * away[0]
+
+
+@every_boundary
+def test_quasi_static_steps_take_it(kind: str) -> None:
+    """A step without inertia ends in equilibrium, with its energies, whatever the boundary is."""
+    held = [{"kind": "driven", "edge": "lower.left", "component": name, "velocity": 0.0} for name in ("x", "y")]
+    slow = with_boundary(kind, {
+        "order": 2, "boundaries": [example(kind), *held, {**PUSH, "ramp": 4e-6}], "duration": 4e-6,
+        "stepper": {"kind": "quasi_static", "first_step": 1e-6, "largest_step": 1e-6},
+    })  # fmt: skip
+    model = Model(slow)
+    motion, state = slow.stepper.bind(model), model.initial_state()
+    for _ in range(4):
+        motion.step(state)
+        energy = motion.energies(state)
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+        assert abs(lost) < 1e-9 * abs(energy["boundary_work"])
+    assert energy["strain"] > 0
+
+
+@every_boundary
+def test_the_chosen_step_is_stable(kind: str) -> None:
+    """Random motion does not grow with what the boundary adds to the frequencies."""
+    noisy = with_boundary(kind, {"boundaries": [example(kind)]})
+    model = Model(noisy)
+    motion, state = noisy.stepper.bind(model), model.initial_state()
+    state.displacement[:] = 1e-16 * np.sin(1e6 * np.arange(len(state.displacement)))
+    quiet = float(parallel.largest(COMM, np.abs(model.loads.force(1e-6)).max(initial=0.0)))
+    moves = parallel.anywhere(COMM, bool(model.loads.motions)) or quiet > 0
+    advance(motion, state, 100 * motion.dt)
+    assert np.all(np.isfinite(state.velocity))
+    if not moves:
+        assert np.abs(state.displacement).max() < 1e-14
