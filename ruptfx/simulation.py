@@ -65,16 +65,19 @@ def simulate(
         return Record(out)
     with run_directory.reserved(comm, out):
         checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
-        if checkpoint is None:
-            run_directory.prepare(comm, out, again=case if resume else None)
-        _run(case, out, comm, progress, checkpoint)
+        if checkpoint is None and not resume:
+            run_directory.prepare(comm, out)
+        began = time.perf_counter()
+        model = Model(case, comm)
+        if checkpoint is None and resume:  # only now that the case is known to run, what was there before may go
+            run_directory.prepare(comm, out, again=case)
+        _run(model, out, progress, checkpoint, began)
     return Record(out)
 
 
-def _run(case: Case, out: Path, comm: Any, progress: bool, checkpoint: Checkpoint | None) -> None:
+def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
     """The time loop, in a directory that is ready."""
-    began = time.perf_counter()
-    model = Model(case, comm)
+    case, comm = model.case, model.comm
     motion = case.stepper.bind(model)
     state = model.initial_state()
     if checkpoint:

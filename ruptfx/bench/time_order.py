@@ -24,7 +24,9 @@ from ruptfx.model import Model
 DURATION = 8e-6
 STEPS = 160, 320, 2560
 HOMALITE = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
-CONTACTS = {"split_node": {"kind": "split_node"}, "compliant": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}}
+CONTACTS: dict[str, dict[str, Any]] = {
+    "split_node": {"kind": "split_node"}, "compliant": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9},
+}  # fmt: skip
 NORMAL, CREEPING_SHEAR = 6e6, 1.8e6  # Pa; laws that creep carry any shear stress at some slip rate
 
 _COULOMB = {"kind": "coulomb", "mu_d": 0.3}

@@ -24,12 +24,12 @@ class PetscTs(Stepper):
     """The equation of motion as PETSc's TS sees it: TSALPHA2 (implicit), TSBASICSYMPLECTIC or TSRK (explicit).
 
     Faults enter with the traction they answer at the time of a stage, their state advanced there from the beginning of
-    the step by backward Euler, and are committed when a step is accepted; a rejected step leaves no trace. Friction is
-    therefore of first order in time. `petsc_options` reach TS, its SNES and KSP: ``{ ts_rk_type = "5dp",
-    ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only where an adaptor is asked for.
-    TS makes one step at a time and monitors run after each, so that recorder, checkpoints and signals are those of
-    all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart `alpha2` finds its
-    acceleration anew, so that it goes on to the order of the scheme, not to the same bits.
+    the step as if the step ended at the stage, and are committed when a step is accepted; a rejected step leaves no
+    trace. Friction is of second order in time, whatever the scheme. `petsc_options` reach TS, its SNES and KSP:
+    ``{ ts_rk_type = "5dp", ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only where an
+    adaptor is asked for. TS makes one step at a time and monitors run after each, so that recorder, checkpoints and
+    signals are those of all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart
+    `alpha2` finds its acceleration anew, so that it goes on to the order of the scheme, not to the same bits.
     """
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from contextlib import suppress
 from pathlib import Path
 
@@ -158,6 +159,21 @@ def test_signals_write_a_checkpoint_first(number, case_file, reference, tmp_path
         assert 0 <= int(newest.name[5:]) * step - float(record.interface.time[-1]) < 0.51e-6
     assert run(case_file, tmp_path / "run", 1, "--resume").returncode == 0
     assert max(largest_difference(reference[1], tmp_path / "run").values()) == 0
+
+
+@pytest.mark.faults
+def test_a_resumed_case_that_cannot_run_loses_nothing(case_file, tmp_path):
+    """Begun before its first checkpoint, and refused by the model now: the old records stay."""
+    table = tomllib.loads(case_file.read_text())
+    table["boundaries"][0]["edge"] = "upper.nowhere"
+    broken, out = tmp_path / "broken.toml", tmp_path / "run"
+    broken.write_text(tomli_w.dumps(table))
+    out.mkdir()
+    (out / "case.toml").write_text(read_case(broken).to_toml())
+    (out / "interface.h5").write_text("records")
+    done = run(broken, out, 1, "--resume")
+    assert done.returncode == 1 and "upper.nowhere" in done.stderr
+    assert (out / "interface.h5").read_text() == "records"
 
 
 @pytest.mark.faults

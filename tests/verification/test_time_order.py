@@ -29,12 +29,44 @@ def test_second_order(name: str, kind: str) -> None:
     assert min(found.values()) > 1.9, found
 
 
-@pytest.mark.parametrize("name", ["rate_and_state_ageing", "prakash_clifton"])
-def test_implicit_friction_is_of_second_order(name: str) -> None:
+@pytest.mark.parametrize("name, stepper", [
+    ("rate_and_state_ageing", {"kind": "generalized_alpha", "scheme": "average_acceleration"}),
+    ("prakash_clifton", {"kind": "generalized_alpha", "scheme": "average_acceleration"}),
+    ("rate_and_state_ageing", {"kind": "petsc_ts"}),
+])  # fmt: skip
+def test_implicit_friction_is_of_second_order(name: str, stepper: dict[str, Any]) -> None:
     """Where it slides, too; the normal stress still rings with what the steps do not resolve."""
-    stepper = {"kind": "generalized_alpha", "scheme": "average_acceleration"}
     found = orders(LAWS[name], CONTACTS["compliant"], (80, 160, 640), stepper)
     assert min(order for field, order in found.items() if field != "normal_stress") > 1.9, found
+
+
+@pytest.mark.parametrize("contact", [CONTACTS["compliant"], {"kind": "augmented_lagrangian"}], ids=lambda c: c["kind"])
+def test_quasi_static_friction_is_of_second_order(contact: dict[str, Any]) -> None:
+    """Plates dragged ever faster over each other, with steps of one size."""
+    duration, runs = 4.0, []
+    for steps in (50, 100, 800):
+        table = plates(LAWS["rate_and_state_ageing"] | {"a": 0.02, "V_0": 1e-6, "V_initial": 1e-6}, contact, steps)
+        held = [(edge, component) for edge in ("upper.top", "lower.bottom") for component in "xy"]
+        case = parse_case({
+            **table, "duration": duration,
+            "boundaries": [
+                {"kind": "driven", "edge": edge, "component": component, "ramp": duration,
+                 "velocity": 2e-5 if (edge, component) == ("upper.top", "x") else 0.0} for edge, component in held
+            ],
+            "stepper": {
+                "kind": "quasi_static", "slip_tolerance": 1.0,
+                **dict.fromkeys(("first_step", "largest_step", "smallest_step"), duration / steps),
+            },
+        })  # fmt: skip
+        model = Model(case)
+        motion, state = case.stepper.bind(model), model.initial_state()
+        for _ in range(steps):
+            motion.step(state)
+        assert state.time == pytest.approx(duration)
+        runs.append(state.faults["main"])
+    for field in ("slip", "slip_rate", "shear_traction", "theta"):
+        coarse, middle = (np.linalg.norm(run[field] - runs[2][field]) for run in runs[:2])
+        assert np.log2(coarse / middle) > 1.9, field
 
 
 @METHODS
