@@ -1,9 +1,7 @@
-"""A case: everything one run needs, strict and cross-checked; TOML in and out, `--set` overrides, content hash."""
+"""A case: everything one run needs, strict and cross-checked; TOML in, `--set` overrides."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shlex
 import tomllib
 from collections.abc import Iterable
@@ -11,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import tomli_w
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ruptfx.boundaries import AnyBoundary
@@ -21,6 +18,7 @@ from ruptfx.initial_stress import InitialStress
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
+from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_schema, kinds, nearest, shown_key
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
@@ -86,7 +84,7 @@ class Damping(Part):
     kelvin_voigt: KelvinVoigt | None = None
 
 
-class Case(Part):
+class Case(CaseFile):
     """Everything one run needs.
 
     Raises
@@ -148,18 +146,6 @@ class Case(Part):
         return next((tensor for tensor in given if tensor is not None), None)
 
     @property
-    def hash(self) -> str:
-        """Content hash: equal for cases that mean the same run."""
-        return hashlib.sha256(json.dumps(self.table(), sort_keys=True).encode()).hexdigest()[:16]
-
-    def table(self) -> dict[str, Any]:
-        """The resolved case as plain tables, ready for TOML."""
-        return self.model_dump(mode="json", exclude_none=True)
-
-    def to_toml(self) -> str:
-        return tomli_w.dumps(self.table())
-
-    @property
     def impact_speed(self) -> float:
         """Largest driven velocity [m/s], 0 without driven edges."""
         return max((boundary.largest_speed for boundary in self.boundaries), default=0.0)
@@ -182,9 +168,12 @@ def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:
     try:
         if "kind" in table:
             kind = table.pop("kind")
-            if kind not in kinds("ruptfx.lumped"):
-                raise CaseError(f"kind = '{shown_key(kind)}': unknown, {nearest(str(kind), kinds('ruptfx.lumped'))}")
-            return find("ruptfx.lumped", kind).model_validate(table, context={"directory": directory})
+            with active(named(table, directory)):
+                if kind not in kinds("ruptfx.lumped"):
+                    hint = nearest(str(kind), kinds("ruptfx.lumped"))
+                    raise CaseError(f"kind = '{shown_key(kind)}': unknown, {hint}")
+                model = find("ruptfx.lumped", kind)
+            return model.model_validate(table, context={"directory": directory})
         return Case.model_validate(table, context={"directory": directory})
     except ValidationError as error:
         raise CaseError.from_validation(error) from None

@@ -74,6 +74,7 @@ def run(
     out = out or Path("runs") / case.stem
     with _reported():
         parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
+        _show_plugins(parsed, not quiet and launch.RANKS not in os.environ)
         lumped = not isinstance(parsed, Case)
         if lumped and ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
@@ -101,6 +102,14 @@ def run(
         simulate(parsed, out, comm, progress=not quiet, resume=resume)
         if comm.rank == 0 and not quiet:
             _show_summary(out)
+
+
+def _show_plugins(case: Any, wanted: bool) -> None:
+    """Which files of the user's a command runs code of."""
+    from ruptfx.plugins import shown
+
+    for line in shown(case) if wanted else []:
+        errors.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextmanager
@@ -131,6 +140,7 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
         from ruptfx.case import Case, read_case
 
         parsed = read_case(case, set_ or [])
+        _show_plugins(parsed, True)
         if not isinstance(parsed, Case):
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
             return
@@ -164,6 +174,7 @@ def study(
 
         out = out or Path("studies") / file.stem
         parsed = read_study(file, set_ or [])
+        _show_plugins(parsed.point(next(parsed.combinations())).case, not quiet)
         found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet)
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
         if refine:

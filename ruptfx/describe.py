@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import typing
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +13,18 @@ from rich.text import Text
 
 from ruptfx import RuptfxError, profiles
 from ruptfx.case import case_schema
-from ruptfx.schema import Alternative, Part, Unit, alternatives, kinds, nearest, unit_of
+from ruptfx.schema import (
+    Alternative,
+    Part,
+    Unit,
+    alternatives,
+    broken,
+    from_outside,
+    kinds,
+    nearest,
+    own_module,
+    unit_of,
+)
 from ruptfx.study.definition import Study
 
 FOLDERS = (
@@ -33,7 +43,7 @@ def file_schema() -> dict[str, Any]:
 
 
 def describe_folder(name: str) -> Iterator[Any]:
-    """Rich renderables, one per alternative.
+    """Rich renderables, one per alternative; those that do not load come last, with the reason.
 
     Raises
     ------
@@ -47,11 +57,21 @@ def describe_folder(name: str) -> Iterator[Any]:
             yield _panel(kind, cls)
     elif name == "operators":
         for kind in kinds("ruptfx.operators"):
-            text = (importlib.import_module(f"ruptfx.operators.{kind}").__doc__ or "").strip().partition("\n")[0]
-            yield Panel(text, title=Text(kind), title_align="left")
+            try:
+                described = from_outside("ruptfx.operators", kind) or own_module("ruptfx.operators", kind)
+            except RuptfxError as error:
+                yield _broken(kind, str(error))
+                continue
+            yield Panel((described.__doc__ or "").strip().partition("\n")[0], title=Text(kind), title_align="left")
     else:
         for kind, cls in alternatives(f"ruptfx.{name}").items():
             yield _panel(kind, cls)
+        for kind, reason in broken(f"ruptfx.{name}").items():
+            yield _broken(kind, reason)
+
+
+def _broken(kind: str, reason: str) -> Panel:
+    return Panel(Text(reason), title=Text(f"{kind} (broken)"), title_align="left", style="red")
 
 
 def _panel(kind: str, cls: type[Part]) -> Panel:

@@ -32,7 +32,7 @@ from ruptfx.projection import (
     parameters_as_symbols,
     project,
 )
-from ruptfx.tracing import Expression, constant, symbol, to_c
+from ruptfx.tracing import Expression, constant, record, symbol, to_c
 
 FaultState = dict[str, np.ndarray]
 _FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
@@ -429,14 +429,14 @@ def _trace_contact(contact: ContactMethod, tangents: int, has_normal: bool) -> t
     def normal(name: str) -> Expression:
         return symbol(f"q_{name}") if has_normal else constant(0)
 
-    trial = contact.trial(Point(
+    trial = record(contact.trial, Point(
         normal_stress_0=symbol("q_normal_stress_0"), shear_traction_0=each("shear_traction_0"),
         opening_jump=normal("opening_jump"), slip_jump=each("slip_jump"),
         opening_velocity=normal("opening_velocity"), slip_velocity=each("slip_velocity"), slip=each("slip"),
         since=symbol("since"), dt=symbol("dt"), normal_impedance=symbol("q_normal_impedance"),
         shear_impedance=each("shear_impedance"),
     ))  # fmt: skip
-    power = contact.dissipated(*map(symbol, ("traction_old", "traction", "rate_old", "rate")))
+    power = record(contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate")))
     return trial, power
 
 

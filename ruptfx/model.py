@@ -138,7 +138,7 @@ class Model:
         self.coordinates = self.space.tabulate_dof_coordinates()[:, :dim]
         self.materials = self._materials()
         self.bulk = operators.Bulk(self.space, case.plane, self.materials, self.bodies.cell_body)
-        self.operator = operators.create(case.operator, self.bulk)
+        self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self._exchange = fem.dolfinx.fem.Function(self.space)
         self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
@@ -184,7 +184,7 @@ class Model:
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
         if not chosen[:owned].any():
             chosen[0] = True  # an operator needs an element; its nodes are not touched
-        return Viscosity(eta, bulk, operators.create(self.case.operator, bulk), touched)
+        return Viscosity(eta, bulk, operators.create(self.case.operator, bulk, self.case.loaded), touched)
 
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""

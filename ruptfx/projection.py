@@ -17,7 +17,7 @@ is negative and the trial hardly more than what it takes away, the direction is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -27,7 +27,7 @@ import numpy as np
 from ruptfx import RuptfxError
 from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
-from ruptfx.tracing import Expression, constant, derivative, symbol, to_numpy
+from ruptfx.tracing import Expression, constant, derivative, record, symbol, to_numpy
 
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
@@ -94,33 +94,51 @@ class TracedLaw:
             middle, now = rate, np.maximum(rate + ahead, 0.5 * rate)
         else:
             middle, now = symbol("speed_before"), 0.5 * (before + rate)
+        advance, strength_of = self._recorded(traced)
         old = {name: symbol(f"s_{name}") for name in self.state_names}
         mean_stress = 0.5 * (symbol("normal_stress_before") + stress)
-        by_means = {name: _traced(v) for name, v in traced.advance(old, middle, mean_stress, dt).items()}
+        by_means = advance(old, middle, mean_stress, dt)
         sums = {name for name in old if derivative(by_means[name], old[name]) is constant(1)}
         known = {name: symbol(f"h_{name}") for name in self.state_names}
         new = dict(known)
         if at_end:
             self.start = {f"h_{name}": old[name] for name in old}
-            summed, felt = traced.advance(known, middle, mean_stress, dt), traced.advance(known, now, stress, dt)
+            summed, felt = advance(known, middle, mean_stress, dt), advance(known, now, stress, dt)
             for name in old:
-                forgotten: Any = 1 - derivative(_traced(felt[name]), known[name])
+                forgotten: Any = 1 - derivative(felt[name], known[name])
                 part = np.minimum(np.maximum(forgotten, 0.0), 1.0)
                 new[name] = summed[name] + (felt[name] - summed[name]) * part
         else:
-            begun = traced.advance(old, symbol("speed_then"), symbol("normal_stress_before"), 0.5 * dt)
-            self.start = {f"h_{name}": _traced((by_means if name in sums else begun)[name]) for name in old}
-            ended = traced.advance(known, now, stress, 0.5 * dt)
+            begun = advance(old, symbol("speed_then"), symbol("normal_stress_before"), 0.5 * dt)
+            self.start = {f"h_{name}": (by_means if name in sums else begun)[name] for name in old}
+            ended = advance(known, now, stress, 0.5 * dt)
             new |= {name: ended[name] for name in old if name not in sums}
-        strength = _traced(traced.strength(now, stress, new) + symbol("radiation") * now)
+        strength: Any = strength_of(now, stress, new) + symbol("radiation") * now
         self.outputs = {
             "strength": strength,
             "slope": derivative(strength, rate),
             "rate_now": now,
             "rate_slope": derivative(now, rate),
-            **{f"n_{name}": _traced(new[name]) for name in self.state_names},
+            **{f"n_{name}": new[name] for name in self.state_names},
         }
         self._more = {"stress_slope": derivative(strength, stress), "before_slope": derivative(strength, before)}
+
+    def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., dict[str, Any]], Callable[..., Expression]]:
+        """`advance` and `strength`, whose errors say where."""
+
+        def as_state(found: Any) -> dict[str, Expression]:
+            if not isinstance(found, Mapping) or set(found) != set(self.state_names):
+                shown = f"state {', '.join(found) or 'nothing'}" if isinstance(found, Mapping) else repr(found)
+                raise RuptfxError(f"returns {shown}; state_fields declares {', '.join(self.state_names) or 'nothing'}")
+            return {name: _traced(found[name]) for name in self.state_names}
+
+        def advance(state: dict[str, Any], *rest: Any) -> dict[str, Any]:
+            return record(law.advance, _Given(state), *rest, as_=as_state)
+
+        def strength(slip_rate: Any, normal_stress: Any, state: dict[str, Any]) -> Expression:
+            return record(law.strength, slip_rate, normal_stress, _Given(state), as_=_traced)
+
+        return advance, strength
 
     def carried(self, extrapolation: float) -> float:
         """k: what of V_before the slip rate at the traction contains, over what it contains of V."""
@@ -186,6 +204,15 @@ GIVEN = (
 
 def _traced(value: Any) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
+
+
+class _Given(dict[str, Any]):
+    """State handed to a law: arrays that it changed would be those of the step before."""
+
+    def _refuse(self, *args: Any, **options: Any) -> Any:
+        raise RuptfxError("the state that is given must not change: return a new one, {**state, 'name': value}")
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = setdefault = clear = popitem = _refuse
 
 
 @dataclass(frozen=True)

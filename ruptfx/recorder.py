@@ -93,7 +93,7 @@ class Recorder:
         if self._resume:
             self._resume.restore_files(self.out)
         else:
-            (self.out / "case.toml").write_text(self.model.case.to_toml())
+            self.model.case.save(self.out)
         handler = logging.FileHandler(self.out / "run.log")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         self.log.handlers = [handler]

@@ -1,7 +1,9 @@
 """How case files become objects: strict parts, alternatives found by file name, errors that name the key.
 
 A `Part` is one table of a case file. An `Alternative` is a part chosen by `kind`, and its kind is the name of the
-file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``. Nothing is registered anywhere.
+file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``. Nothing is registered anywhere. Besides,
+installed packages offer alternatives by entry points, ``[project.entry-points."ruptfx.friction"]``, and a case brings
+plug-ins (`ruptfx.plugins`).
 """
 
 from __future__ import annotations
@@ -9,8 +11,14 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+import re
 from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, Self, get_args
 
 import numpy as np
@@ -195,11 +203,11 @@ class Part(BaseModel, metaclass=_Reworded):
 
 
 class Alternative(Part):
-    """A part chosen by ``kind``, which is the name of its file."""
+    """A part chosen by ``kind``, which is the name of its file; outside of this package, the name of its class."""
 
     @classmethod
     def kind(cls) -> str:
-        return cls.__module__.rpartition(".")[2]
+        return kind_in(cls)
 
     @classmethod
     def summary(cls) -> str:
@@ -211,10 +219,77 @@ class Alternative(Part):
         return {"kind": self.kind(), **handler(self)}
 
 
-def kinds(package: str) -> list[str]:
-    """Names of the alternatives in a folder, for example ``kinds("ruptfx.friction")``."""
+plugged: ContextVar[Mapping[str, Mapping[str, type]]] = ContextVar("plugged", default={})  # noqa: B039
+"""Classes of the plug-ins of the case at hand, by package and kind."""
+
+
+def kind_in(cls: type) -> str:
+    """``kind`` of a class: the name of its file in a folder of this package; elsewhere, MyLaw is `my_law`."""
+    if cls.__module__.startswith("ruptfx."):
+        return cls.__module__.rpartition(".")[2]
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
+
+
+def home(cls: type) -> str | None:
+    """Package of the contract that a class keeps: `ruptfx.friction` for friction laws; None if it keeps none."""
+    for base in cls.__mro__[1:]:
+        if Alternative in base.__bases__ or base.__module__ == "ruptfx.operators":
+            return base.__module__
+    return None
+
+
+def own_kinds(package: str) -> list[str]:
+    """Names of the files in a folder of alternatives."""
     path = importlib.import_module(package).__path__
     return sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+
+
+@cache
+def installed(package: str) -> dict[str, EntryPoint]:
+    """What installed packages offer, by kind."""
+    return {entry.name: entry for entry in entry_points(group=package)}
+
+
+def kinds(package: str) -> list[str]:
+    """Names of the alternatives in a folder, for example ``kinds("ruptfx.friction")``, and of those from outside."""
+    return sorted({*own_kinds(package), *installed(package), *plugged.get().get(package, {})})
+
+
+def from_outside(package: str, kind: str) -> type | None:
+    """The class that a plug-in or an installed package calls ``kind``; None where there is none.
+
+    Raises
+    ------
+    RuptfxError
+        The package does not load, or its name is taken.
+    """
+    if kind in plugged.get().get(package, {}):
+        return plugged.get()[package][kind]
+    entry = installed(package).get(kind)
+    if entry is None:
+        return None
+    offer = f"entry point {package} '{kind}' of {entry.dist.name if entry.dist else 'a package'}"
+    if kind in own_kinds(package):
+        raise RuptfxError(f"{offer}: would hide the '{kind}' that is there already; uninstall it")
+    try:
+        cls = entry.load()
+    except Exception as error:
+        raise RuptfxError(f"{offer}: {load_error(entry.module, error)}") from error
+    if not isinstance(cls, type) or home(cls) != package or kind_in(cls) != kind:
+        raise RuptfxError(f"{offer}: {entry.value} must be a class with the contract of {package} called '{kind}'")
+    return cls
+
+
+def load_error(file: str | Path, error: BaseException) -> str:
+    """What went wrong when a file was loaded, and in which of its lines."""
+    line = error.lineno if isinstance(error, SyntaxError) else None
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    reason = str(error) if isinstance(error, RuptfxError) else f"{type(error).__name__}: {error}"
+    return f"{file}, line {line}: {reason}" if line else f"{file}: {reason}"
 
 
 def find(package: str, kind: str) -> type[Alternative]:
@@ -224,11 +299,16 @@ def find(package: str, kind: str) -> type[Alternative]:
     ------
     PydanticCustomError
         No file of that name; the nearest one is named.
+    RuptfxError
+        A file that does not load, with the line.
     """
-    if kind not in kinds(package):
+    if (cls := from_outside(package, kind)) is not None:
+        assert issubclass(cls, Alternative)
+        return cls
+    if kind not in own_kinds(package):
         words = {"kind": shown_key(kind), "hint": nearest(kind, kinds(package))}
         raise PydanticCustomError("unknown_kind", "unknown kind '{kind}', {hint}", words)
-    module = importlib.import_module(f"{package}.{kind}")
+    module = own_module(package, kind)
     classes = [
         value
         for value in vars(module).values()
@@ -239,9 +319,36 @@ def find(package: str, kind: str) -> type[Alternative]:
     return classes[0]
 
 
+def own_module(package: str, kind: str) -> ModuleType:
+    """The file of a folder of alternatives.
+
+    Raises
+    ------
+    RuptfxError
+        It does not load.
+    """
+    try:
+        return importlib.import_module(f"{package}.{kind}")
+    except Exception as error:
+        found = find_spec(f"{package}.{kind}")
+        raise RuptfxError(load_error(found.origin if found and found.origin else kind, error)) from error
+
+
 def alternatives(package: str) -> dict[str, type[Alternative]]:
-    """Every alternative of a folder by kind."""
-    return {kind: find(package, kind) for kind in kinds(package)}
+    """Every alternative of a folder by kind, but those that do not load."""
+    return {kind: cls for kind in kinds(package) if isinstance(cls := _attempt(package, kind), type)}
+
+
+def broken(package: str) -> dict[str, str]:
+    """Why the other files of a folder do not load, by kind."""
+    return {kind: error for kind in kinds(package) if isinstance(error := _attempt(package, kind), str)}
+
+
+def _attempt(package: str, kind: str) -> type[Alternative] | str:
+    try:
+        return find(package, kind)
+    except RuptfxError as error:
+        return str(error)
 
 
 _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would refuse as unknown

@@ -61,6 +61,10 @@ def simulate(
         from ruptfx.lumped import simulate as simulate_lumped
 
         return simulate_lumped(case, out)
+    same = parallel.on_root(comm, lambda: case.hash) == case.hash
+    parallel.raise_on_all(comm, None if same else RuptfxError(
+        f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
+    ))  # fmt: skip
     if resume and run_directory.is_finished(comm, out, case):
         return Record(out)
     with run_directory.reserved(comm, out):

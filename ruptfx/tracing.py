@@ -286,7 +286,7 @@ _FUNCTIONS: dict[Any, Callable[..., Expression]] = {
 """NumPy's functions that are no ufuncs."""
 
 
-def record(function: Callable[..., Any], *inputs: Any) -> Any:
+def record(function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Any] = lambda found: found) -> Any:
     """Call a method with symbols instead of numbers.
 
     Parameters
@@ -295,6 +295,8 @@ def record(function: Callable[..., Any], *inputs: Any) -> Any:
         A bound method of a friction law or contact method.
     inputs
         Symbols, or what holds them.
+    as_ : callable
+        Makes of what it returns what it should be, or raises.
 
     Raises
     ------
@@ -302,7 +304,7 @@ def record(function: Callable[..., Any], *inputs: Any) -> Any:
         What cannot be recorded, or any other error in the method, with its file, line and name.
     """
     try:
-        return function(*inputs)
+        return as_(function(*inputs))
     except Exception as error:
         raise RuptfxError(f"{_place(error.__traceback__, function)}: {_reason(error)}") from error
 

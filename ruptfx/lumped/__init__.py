@@ -5,7 +5,6 @@ One model per file, the file name is the top-level `kind` of the case. They need
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -15,9 +14,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import tomli_w
-
 from ruptfx import RuptfxError, __version__
+from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import Alternative, find
 
 if TYPE_CHECKING:
@@ -32,7 +30,7 @@ def silent(fraction: float, message: str) -> None:
     """Progress that nobody watches."""
 
 
-class LumpedModel(Alternative):
+class LumpedModel(CaseFile, Alternative):
     """The contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
 
     title: str = ""
@@ -57,18 +55,6 @@ class LumpedModel(Alternative):
         """Scalars of a result, ready for JSON: the dataset's 0-d variables and its attributes."""
         scalars = {str(name): v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
         return {**scalars, **dataset.attrs}
-
-    def table(self) -> dict[str, Any]:
-        """The resolved case as plain tables, ready for TOML."""
-        return self.model_dump(mode="json", exclude_none=True)
-
-    def to_toml(self) -> str:
-        return tomli_w.dumps(self.table())
-
-    @property
-    def hash(self) -> str:
-        """Content hash: equal for cases that mean the same run."""
-        return hashlib.sha256(json.dumps(self.table(), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def variable(dims: Any, values: Any, units: str, long_name: str) -> tuple[Any, Any, dict[str, str]]:
@@ -96,7 +82,7 @@ def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RuptfxError(f"{out}: already exists and is not empty; give another directory or delete this one")
     (out / "figures").mkdir(parents=True, exist_ok=True)
-    (out / "case.toml").write_text(model.to_toml(), encoding="utf-8")
+    model.save(out)
     start = time.perf_counter()
     dataset = model.run(progress)
     elapsed = time.perf_counter() - start
@@ -138,10 +124,12 @@ def redraw(run: str | Path, formats: Sequence[str] = ("png",)) -> list[Path]:
     """
     dataset = read_result(run)
     try:
-        kind = tomllib.loads((Path(run) / "case.toml").read_text(encoding="utf-8"))["kind"]
+        table = tomllib.loads((Path(run) / "case.toml").read_text(encoding="utf-8"))
+        kind = table["kind"]
     except (OSError, ValueError, KeyError) as error:
         raise RuptfxError(f"{run}: case.toml is missing or damaged ({error}); run the case again") from None
-    cls = find("ruptfx.lumped", kind)
+    with active(named(table, Path(run))):
+        cls = find("ruptfx.lumped", kind)
     assert issubclass(cls, LumpedModel)
     return _draw(cls, dataset, Path(run), formats)
 

@@ -6,14 +6,15 @@ agree with it to round-off.
 
 from __future__ import annotations
 
-import importlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from ruptfx.materials import Material, Plane
-from ruptfx.schema import CaseError, kinds, nearest
+from ruptfx.plugins import Plugin, active
+from ruptfx.schema import CaseError, from_outside, kinds, nearest, own_module
 
 
 @dataclass(frozen=True)
@@ -55,9 +56,12 @@ class Operator(Protocol):
         """force -= K (displacement + eta velocity); `velocity` is read only where there is Kelvin-Voigt damping."""
 
 
-def create(kind: str, bulk: Bulk) -> Operator:
-    """The operator that lives in `operators/<kind>.py`, in the class of the same name in CamelCase."""
-    if kind not in kinds("ruptfx.operators"):
-        raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")
-    module = importlib.import_module(f"ruptfx.operators.{kind}")
-    return getattr(module, "".join(word.capitalize() for word in kind.split("_")))(bulk)
+def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
+    """The operator that lives in `operators/<kind>.py`, in the class of the same name in CamelCase; one from outside is
+    derived from `Operator`."""
+    with active(plugins):
+        if kind not in kinds("ruptfx.operators"):
+            raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")
+        outside = from_outside("ruptfx.operators", kind)
+    name = "".join(word.capitalize() for word in kind.split("_"))
+    return (outside or getattr(own_module("ruptfx.operators", kind), name))(bulk)

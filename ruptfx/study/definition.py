@@ -166,6 +166,8 @@ class Study(Part):
     title: str = ""
     case: CasePath
     """Case file, relative to the study file."""
+    plugins: list[CasePath] = []
+    """Python files that define further kinds, relative to the study file, besides those of the case."""
     set: dict[str, Any] = {}
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
@@ -215,12 +217,16 @@ class Study(Part):
         quiet = {} if "kind" in table else {"output.figures": False}
         for key, value in {**quiet, **_flat(self.set), **(overrides or {})}.items():
             set_key(table, key, copy.deepcopy(value))
+        given = table.get("plugins", [])
+        if self.plugins and isinstance(given, list):
+            table["plugins"] = [*given, *self.plugins]
         return table
 
     def identity(self) -> dict[str, Any]:
         """What makes two studies one: the case apart from its axes, and the keys of the axes."""
         table = self.base()
         table.pop("title", None)
+        table.pop("plugins", None)  # by their content they are part of every point
         keys = sorted(key for axis in self.axes for key in axis.keys)
         case = {key: value for key, value in _flat(table, whole=False).items() if key not in keys}
         text = json.dumps(case, sort_keys=True, default=str)

@@ -142,7 +142,7 @@ class Runner:
         study = self.study
         futures = {
             self.client.submit(
-                workers.run_point, str(self.store.path), key, point.case.table(), list(study.keep),
+                workers.run_point, str(self.store.path), key, self._table(point), list(study.keep),
                 study.ranks, study.time_limit, key=f"{self.store.path}-{key}", pure=False, retries=0,
             ): key for key, point in todo.items()
         }  # fmt: skip
@@ -152,6 +152,13 @@ class Runner:
             future.release()
             self.progress.finished(result)
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
+
+    def _table(self, point: Point) -> dict[str, Any]:
+        """Of its case; plug-ins are those of the directory, whatever becomes of the originals while the study runs."""
+        table = point.case.copied(self.store.path)
+        if "plugins" in table:
+            table["plugins"] = [str(self.store.path / path) for path in table["plugins"]]
+        return table
 
     def _result(self, future: Any, key: str) -> Result:
         """Of a task; a worker that was lost with its point is a failure of the point."""

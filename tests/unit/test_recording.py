@@ -11,6 +11,7 @@ import pytest
 
 from ruptfx import RuptfxError
 from ruptfx.friction.prakash_clifton import PrakashClifton
+from ruptfx.projection import TracedLaw
 from ruptfx.tracing import record, symbol, to_c, to_numpy
 
 LAW = '''
@@ -37,7 +38,7 @@ class MyLaw(FrictionLaw):
         return f
 
     def advance(self, state, slip_rate, normal_stress, dt):
-        return {"theta": state["theta"] + dt}
+        %s
 '''
 LINE = LAW[: LAW.index("%s")].count("\n") + 1
 
@@ -114,9 +115,9 @@ REFUSED = {
 }
 
 
-def my_law(folder: Path, body: str) -> Any:
+def my_law(folder: Path, body: str, advance: str = "return {'theta': state['theta'] + dt}") -> Any:
     path = folder / "my_law.py"
-    path.write_text(LAW % body)
+    path.write_text(LAW % (body, advance))
     spec = importlib.util.spec_from_file_location("my_law", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -157,3 +158,35 @@ def test_a_method_that_cannot_be_called_is_named(tmp_path: Path) -> None:
     law = my_law(tmp_path, "f = sigma")
     with pytest.raises(RuptfxError, match=r"my_law\.py, line \d+, strength: TypeError: .* 2 required positional"):
         record(law.strength, symbol("V"))
+
+
+ADVANCES = {
+    "state['theta'] += dt; return state": r"the state that is given must not change: return a new one",
+    "state.update(theta=dt); return state": r"the state that is given must not change",
+    "pass": "returns None; state_fields declares theta",
+    "return {'theta': None}": "None is no number",
+    "return {'tehta': state['theta']}": "returns state tehta; state_fields declares theta",
+    "return {**state, 'slip_so_far': dt}": "returns state theta, slip_so_far; state_fields declares theta",
+    "return {'theta': state['theta'] if dt > 1 else dt}": "must not branch",
+}
+
+
+@pytest.mark.parametrize("body", ADVANCES)
+@pytest.mark.parametrize("at_end", [False, True])
+def test_states_that_are_refused(body: str, at_end: bool, tmp_path: Path) -> None:
+    law = my_law(tmp_path, "f = sigma", advance=body)
+    with pytest.raises(RuptfxError, match=r"^my_law\.py, line \d+, advance: .*" + ADVANCES[body]):
+        TracedLaw(law, at_end)
+
+
+def test_a_strength_that_is_nothing(tmp_path: Path) -> None:
+    with pytest.raises(RuptfxError, match=r"^my_law\.py, line \d+, strength: None is no number"):
+        TracedLaw(my_law(tmp_path, "f = None"))
+
+
+def test_new_states_from_the_old_one(tmp_path: Path) -> None:
+    for body in ("return {**state, 'theta': 2 * dt}", "new = state.copy(); new['theta'] = 2 * dt; return new",
+                 "new = dict(state); new['theta'] += 2 * dt - state['theta']; return new"):  # fmt: skip
+        law = my_law(tmp_path, "f = theta", advance=body)
+        one = np.ones(1)
+        assert TracedLaw(law, at_end=True)(one, one, {"theta": one}, 0.25).state["theta"] == 0.5

@@ -1,0 +1,363 @@
+"""Laws from outside: plug-ins of a case, classes of a script, entry points of packages; files that do not load."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from small_cases import plates, slip_weakening
+from typer.testing import CliRunner
+
+import ruptfx.friction
+from ruptfx import RuptfxError, schema
+from ruptfx.case import parse_case, read_case
+from ruptfx.cli import app
+from ruptfx.describe import describe_folder
+from ruptfx.friction.coulomb import Coulomb
+from ruptfx.plugins import load
+from ruptfx.schema import CaseError, alternatives, broken, find, kinds
+from ruptfx.study.definition import read_study
+
+LAW = '''
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import FrictionLaw
+from ruptfx.units import VaryingCoefficient, VaryingLength
+
+
+class MyLaw(FrictionLaw):
+    """Slip weakening that never ends."""
+
+    state_fields = {"own_slip": "m"}
+    mu_s: VaryingCoefficient
+    L: VaryingLength = 1e-5
+
+    def initial_state(self, normal_stress, shear_stress, slip_rate):
+        return {"own_slip": np.zeros_like(normal_stress)}
+
+    def strength(self, slip_rate, normal_stress, state):
+        return self.mu_s * normal_stress / (1 + state["own_slip"] / self.L)
+
+    def advance(self, state, slip_rate, normal_stress, dt):
+        return {"own_slip": state["own_slip"] + slip_rate * dt}
+'''
+USED = {"kind": "my_law", "mu_s": 0.6}
+
+
+def written(folder: Path, text: str = LAW, name: str = "my_law.py", **changes: Any) -> Path:
+    """A case file that uses the law of a file beside it."""
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(text)
+    table = slip_weakening({"faults.main.friction": USED, "duration": 3e-6, **changes})
+    (folder / "case.toml").write_text(tomli_w.dumps({"plugins": [name], **table}))
+    return folder / "case.toml"
+
+
+def ruptfx_says(*arguments: Any) -> str:
+    return " ".join(CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(a) for a in arguments]).output.split())
+
+
+# -- what a case may name --------------------------------------------------------------------------------------------
+
+
+def test_a_file_beside_the_case(tmp_path: Path) -> None:
+    case = read_case(written(tmp_path))
+    law = case.faults["main"].friction
+    assert law.kind() == "my_law" and law.L == 1e-5
+    assert case.table()["plugins"] == [str(tmp_path / "my_law.py")]
+    assert "my_law" not in kinds("ruptfx.friction")  # known to its case alone
+    assert parse_case(case.table()) == case
+    with pytest.raises(CaseError, match="unknown kind 'my_law'"):
+        parse_case({**case.table(), "plugins": []})
+    with pytest.raises(CaseError, match=r"unknown kind 'my_lav', did you mean 'my_law'\?"):
+        read_case(tmp_path / "case.toml", ["faults.main.friction.kind=my_lav"])
+
+
+def test_the_content_is_part_of_the_case_and_the_place_is_not(tmp_path: Path) -> None:
+    one, other = (read_case(written(tmp_path / name)) for name in ("a", "b"))
+    assert one.hash == other.hash and one.table() != other.table()
+    changed = read_case(written(tmp_path / "b", LAW.replace("/ (1 +", "/ (2 +")))
+    assert changed.hash != one.hash
+    # Both laws live side by side: each case has its own.
+    at = np.ones(1), np.ones(1), {"own_slip": np.zeros(1)}
+    assert [c.faults["main"].friction.strength(*at)[0] for c in (one, changed)] == [0.6, 0.3]
+    # What was read stays, whatever becomes of the file.
+    (tmp_path / "a" / "my_law.py").unlink()
+    assert one.model_copy(update={"duration": 2e-6}).model_copy(update={"duration": 3e-6}).hash == one.hash
+
+
+def test_cases_without_plugins_are_as_before() -> None:
+    case = parse_case(plates())
+    assert "plugins" not in case.table() and "plugins" not in case.to_toml()
+
+
+BAD = {
+    "import nothing_of_that_name": r"my_law\.py, line 1: ModuleNotFoundError: No module named 'nothing_of_that_name'",
+    "x = 1\nclass A(:\n": r"my_law\.py, line 2: SyntaxError: invalid syntax",
+    "x = 1": "defines no alternative; derive a class from FrictionLaw",
+    "import sys\nsys.exit(3)": r"my_law\.py, line 2: SystemExit: 3",
+    LAW.replace("class MyLaw", "class Coulomb"): "Coulomb would hide the friction 'coulomb' that is",
+    LAW.replace('"own_slip": "m"', '"slip": "m"'): r"line 10: friction law my_law: the state variable 'slip'",
+    LAW + "\nfrom ruptfx import read_case\nread_case('case.toml')": (
+        r'my_law\.py, line 27: .*makes a case when my_law\.py is loaded .* under: if __name__ == "__main__":'
+    ),
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_files_that_are_refused(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CaseError, match=r"plugins: .*" + BAD[text]):
+        read_case(path)
+
+
+def test_a_file_that_is_not_there_or_no_python(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    (tmp_path / "my_law.py").rename(tmp_path / "my_law.txt")
+    with pytest.raises(CaseError, match=r"my_law\.py: cannot be read: No such file"):
+        read_case(path)
+    with pytest.raises(CaseError, match=r"its name must end with \.py"):
+        read_case(path, ['plugins=["my_law.txt"]'])
+    with pytest.raises(CaseError, match=r"plugins = 'my_law\.txt': input should be a valid list"):
+        read_case(path, ['plugins="my_law.txt"', "faults.main.friction={kind='coulomb', mu_d=0.5}"])
+
+
+def test_two_of_one_name(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    shutil.copy(tmp_path / "my_law.py", tmp_path / "other.py")
+    with pytest.raises(CaseError, match=r"my_law\.py and .*other\.py: both define the friction 'my_law'; rename one"):
+        read_case(path, ['plugins=["my_law.py", "other.py"]'])
+    written(tmp_path / "sub")
+    with pytest.raises(CaseError, match="two files of the same name; rename one"):
+        read_case(path, ['plugins=["my_law.py", "sub/my_law.py"]'])
+    assert read_case(path, ['plugins=["my_law.py", "./my_law.py"]']).hash == read_case(path).hash
+
+
+def test_modules_beside_a_plugin_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They would be found today, and not from the run directory."""
+    (tmp_path / "beside_my_law.py").write_text("def half(x):\n    return x / 2\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    path = written(tmp_path, "from beside_my_law import half\n" + LAW.replace("from __future__ import annotations", ""))
+    with pytest.raises(CaseError, match=r"imports beside_my_law\.py beside it, .* put both into one file"):
+        read_case(path)
+
+
+def test_several_classes_of_several_folders(tmp_path: Path) -> None:
+    text = LAW + '''
+
+from ruptfx.nucleation import Nucleation
+
+
+class SmallPush(Nucleation):
+    """A constant."""
+
+    push: float = 1.0
+
+    def shear_traction(self, position, time):
+        return self.push + 0 * position
+'''
+    path = written(tmp_path, text, **{"faults.main.nucleation": {"kind": "small_push", "push": 2.0}})
+    case = read_case(path)
+    assert case.faults["main"].nucleation[0].shear_traction(np.zeros(2), 0.0).tolist() == [2.0, 2.0]
+    assert load(tmp_path / "my_law.py").listed() == "friction my_law, nucleation small_push"
+
+
+# -- runs ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.fem
+def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.record import Record
+    from ruptfx.simulation import simulate
+
+    quick = {"output.checkpoint_steps": 20, "output.interface_interval": 2e-7}
+    path, whole, out = written(tmp_path / "a", **quick), tmp_path / "whole", tmp_path / "run"
+    said = ruptfx_says("run", path, "--out", whole)
+    assert f"plug-in {tmp_path / 'a' / 'my_law.py'}: friction my_law" in said
+    simulate(read_case(path), out, progress=False)
+    shutil.rmtree(tmp_path / "a")
+    # As if it had been killed after its last checkpoint.
+    (out / "summary.json").unlink()
+    moved = out.rename(tmp_path / "moved")
+    assert ruptfx_says("check", moved / "case.toml").startswith(f"plug-in {moved}/plugins/my_law.py: friction my_law")
+    said = ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume")
+    assert "error" not in said and (moved / "summary.json").is_file()
+    with Record(moved) as resumed, Record(whole) as once:
+        assert resumed.summary["case_hash"] == once.summary["case_hash"]
+        np.testing.assert_array_equal(resumed.interface.own_slip.values, once.interface.own_slip.values)
+        assert float(resumed.interface.own_slip.max()) > 0
+    assert "figures" in ruptfx_says("plot", moved)
+    # Another law is another case.
+    (moved / "summary.json").unlink()
+    (moved / "plugins" / "my_law.py").write_text(LAW.replace("/ (1 +", "/ (2 +"))
+    assert "belongs to case" in ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume")
+
+
+@pytest.mark.fem
+def test_an_operator_from_outside(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+
+    text = '''
+from ruptfx.operators import Operator
+from ruptfx.operators.ufl_form import UflForm
+
+
+class Twice(Operator):
+    def __init__(self, bulk):
+        self.inner = UflForm(bulk)
+
+    def add_internal_force(self, *arguments):
+        self.inner.add_internal_force(*arguments)
+        self.inner.add_internal_force(*arguments)
+'''
+    (tmp_path / "twice.py").write_text(text)
+    case = parse_case({"plugins": ["twice.py"], **plates({"operator": "twice"})}, tmp_path)
+    assert type(Model(case).operator).__name__ == "Twice"
+
+
+@pytest.mark.fem
+def test_a_study_keeps_its_plugins(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    pytest.importorskip("distributed")
+    from ruptfx.study import run_study
+
+    path = written(tmp_path)
+    path.write_text(tomli_w.dumps(plates({"faults.main.friction": USED, "duration": 5e-7})))  # the study names the file
+    axes = [{"key": "faults.main.friction.mu_s", "values": [0.5, 0.6]}]
+    file = tmp_path / "study.toml"
+    file.write_text(tomli_w.dumps({"case": "case.toml", "plugins": ["my_law.py"], "keep": ["run"], "axes": axes}))
+    study, out = read_study(file), tmp_path / "out"
+    found = run_study(study, out, cores=1, show=False)
+    assert [result["status"] for _, result in found.points] == ["done", "done"]
+    (tmp_path / "my_law.py").unlink()
+    kept = list(out.glob("points/*/run/case.toml"))
+    assert {read_case(file).hash for file in kept} == {point.hash for point, _ in found.points}
+
+
+# -- classes of a script ---------------------------------------------------------------------------------------------
+
+SCRIPT = LAW + '''
+
+from pathlib import Path
+
+from ruptfx import Case, read_case
+
+%s
+    table = read_case("plain.toml").table()
+    table["faults"]["main"]["friction"] = MyLaw(mu_s=0.6)
+    case = Case(**table)
+    Path("again.toml").write_text(case.to_toml())
+    print(case.hash, read_case("again.toml").hash, read_case("again.toml").faults["main"].friction.kind())
+'''
+
+
+def run_script(folder: Path, text: str, *how: str) -> subprocess.CompletedProcess[str]:
+    (folder / "my_script.py").write_text(text)
+    (folder / "plain.toml").write_text(tomli_w.dumps(plates()))
+    return subprocess.run(
+        [sys.executable, *how], cwd=folder, capture_output=True, text=True, input=text if how == ("-",) else None,
+        env={**os.environ, "PYTHONPATH": str(Path(ruptfx.__file__).parents[1])},
+    )  # fmt: skip
+
+
+def test_objects_of_a_script_make_a_case_that_can_be_read_again(tmp_path: Path) -> None:
+    done = run_script(tmp_path, SCRIPT % 'if __name__ == "__main__":', "my_script.py")
+    assert done.returncode == 0, done.stderr
+    first, again, kind = done.stdout.split()
+    assert first == again == read_case(tmp_path / "again.toml").hash and kind == "my_law"
+
+
+def test_what_cannot_be_read_again_is_refused(tmp_path: Path) -> None:
+    said = run_script(tmp_path, SCRIPT % "if True:", "my_script.py").stderr.splitlines()[-1]
+    assert "makes a case when my_script.py is loaded as a plug-in; put what is not to run then under: if" in said
+    said = run_script(tmp_path, SCRIPT % "if True:", "-").stderr.splitlines()[-1]
+    assert "MyLaw is not defined in a file" in said and "save it in a file of its own, for example my_law.py" in said
+    text = SCRIPT % 'if __name__ == "__main__":'
+    text = text.replace("    case =", """
+    class Hidden(MyLaw):
+        pass
+
+    table["faults"]["main"]["friction"] = Hidden(mu_s=0.6)
+    case =""")
+    said = run_script(tmp_path, text, "my_script.py").stderr.splitlines()[-1]
+    assert "Hidden is not defined at the top level of " in said and "for example hidden.py" in said
+
+
+# -- packages --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Installs a package with laws and entry points, for the time of a test."""
+
+    def install(entries: str, source: str = LAW) -> None:
+        (tmp_path / "laws_of_others.py").write_text(source)
+        folder = tmp_path / "laws_of_others-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: laws-of-others\nVersion: 1.0\n")
+        (folder / "entry_points.txt").write_text(f"[ruptfx.friction]\n{entries}\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        schema.installed.cache_clear()
+
+    yield install
+    sys.modules.pop("laws_of_others", None)
+    monkeypatch.undo()
+    schema.installed.cache_clear()
+
+
+def test_entry_points(package: Any, tmp_path: Path) -> None:
+    package("my_law = laws_of_others:MyLaw")
+    case = parse_case(plates({"faults.main.friction": USED}))
+    law = case.faults["main"].friction
+    assert type(law).__module__ == "laws_of_others" and "my_law" in alternatives("ruptfx.friction")
+    assert "plugins" not in case.table() and parse_case(case.table()) == case  # also for objects given in Python
+    with pytest.raises(CaseError, match="MyLaw would hide the friction 'my_law' that is there already"):
+        read_case(written(tmp_path / "sub"))
+
+
+@pytest.mark.parametrize(
+    "entries, message",
+    [
+        ("coulomb = laws_of_others:MyLaw", "'coulomb' of laws-of-others: would hide the 'coulomb' that"),
+        ("my_lav = laws_of_others:MyLaw", "must be a class with the contract of ruptfx.friction called 'my_lav'"),
+        ("my_law = laws_of_others:TheirLaw", "AttributeError: module 'laws_of_others' has no attribute 'TheirLaw'"),
+    ],
+)
+def test_entry_points_that_are_refused(entries: str, message: str, package: Any) -> None:
+    package(entries)
+    kind = entries.split()[0]
+    with pytest.raises(RuptfxError, match=message):
+        find("ruptfx.friction", kind)
+    assert message in broken("ruptfx.friction")[kind]
+    assert "cohesion" in alternatives("ruptfx.friction")
+
+
+# -- files that do not load ------------------------------------------------------------------------------------------
+
+
+def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "half_done.py").write_text("import numpy as np\n\nclass HalfDone(FrictionLaw):\n    pass\n")
+    monkeypatch.setattr(ruptfx.friction, "__path__", [*ruptfx.friction.__path__, str(tmp_path)])
+    reason = f"{tmp_path / 'half_done.py'}, line 3: NameError: name 'FrictionLaw' is not defined"
+    assert broken("ruptfx.friction") == {"half_done": reason}
+    assert alternatives("ruptfx.friction")["coulomb"] is Coulomb and "half_done" not in alternatives("ruptfx.friction")
+    titles = [panel.title.plain for panel in describe_folder("friction")]
+    assert titles[-1] == "half_done (broken)" and "coulomb" in titles
+    said = ruptfx_says("describe", "friction")
+    assert "half_done (broken)" in said and "NameError: name 'FrictionLaw' is not defined" in said
+    assert '"coulomb"' in ruptfx_says("describe", "--schema")
+    parse_case(plates())
+    with pytest.raises(RuptfxError, match=r"half_done\.py, line 3: NameError"):
+        parse_case(plates({"faults.main.friction": {"kind": "half_done"}}))
