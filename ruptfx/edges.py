@@ -103,6 +103,11 @@ class Edge:
         cells = mesh.topology.connectivity(side, side + 1)
         return np.array([cells.links(facet)[0] for facet in self.facets], dtype=np.int64)
 
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """Index of the body of every facet."""
+        return self.model.bodies.cell_body[self._cells]
+
     def dashpot(self) -> np.ndarray:
         """Lysmer dashpot of every degree of freedom [N s/m]: the diagonal of the impedance of its bodies; collective.
 
@@ -143,11 +148,10 @@ class Edge:
     def coupling(self) -> float:
         """What the diagonal leaves out of the impedance, over its trace: 0 where it is exact, about the part of a
         plane wave at normal incidence that comes back; the largest of all facets, collective."""
-        model = self.model
-        body, normal = model.bodies.cell_body[self._cells], self.normals()
+        model, normal = self.model, self.normals()
         worst, error = 0.0, None
         for index, material in enumerate(model.materials):
-            n = normal[body == index]
+            n = normal[self.bodies == index]
             try:
                 exact, axes = (material.impedance(given, model.case.plane) for given in (n, np.eye(n.shape[1])))
             except RuptfxError as caught:

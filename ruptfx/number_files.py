@@ -45,3 +45,33 @@ def require_increasing(values: Sequence[float] | np.ndarray, lines: Sequence[int
         raise ValueError(
             f"line {lines[wrong[0] + 1]} of {path}: {after:g} after {before:g}; numbers of this column must increase"
         )
+
+
+def two_columns(path: Path, first: str) -> tuple[list[float], list[float]]:
+    """The first two columns of a CSV file, `first` (which increases) and values.
+
+    Lines before the first number and lines that begin with # are skipped.
+
+    Raises
+    ------
+    ValueError
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    for line, content in enumerate(text.splitlines(), 1):
+        words = content.split(";" if ";" in content else ",")
+        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
+            continue
+        if len(words) < 2:
+            raise ValueError(f"line {line} of {path}: two columns are needed, {first} and value")
+        rows.append([number(word, path, line) for word in words[:2]])
+        lines.append(line)
+    if len(rows) < 2:
+        raise ValueError(f"{path}: at least two lines with a {first} and a value are needed, found {len(rows)}")
+    column, values = zip(*rows, strict=True)
+    require_increasing(column, lines, path)
+    return list(column), list(values)

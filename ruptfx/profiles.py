@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Union
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ruptfx.number_files import is_number, number, require_increasing
+from ruptfx.number_files import two_columns
 from ruptfx.places import Center, HalfWidth, Position
 from ruptfx.schema import Bound, CaseError, Part, Unit
 
@@ -172,7 +172,9 @@ class Table(Part):
             return values
         if values.get("positions") or values.get("values"):
             raise ValueError("give either a file or positions and values")
-        positions, column = _two_columns(Path((info.context or {}).get("directory") or ".", values["file"]))
+        positions, column = two_columns(
+            Path((info.context or {}).get("directory") or ".", values["file"]), "position"
+        )
         rest = {key: value for key, value in values.items() if key != "file"}
         return {**rest, "positions": positions, "values": column}
 
@@ -199,29 +201,6 @@ class Table(Part):
                 "its first and last value"
             )
         return np.interp(position, self.positions, self.values)
-
-
-def _two_columns(path: Path) -> tuple[list[float], list[float]]:
-    """Positions and values of a CSV file."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from None
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    for line, content in enumerate(text.splitlines(), 1):
-        words = content.split(";" if ";" in content else ",")
-        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
-            continue
-        if len(words) < 2:
-            raise ValueError(f"line {line} of {path}: two columns are needed, position and value")
-        rows.append([number(word, path, line) for word in words[:2]])
-        lines.append(line)
-    if len(rows) < 2:
-        raise ValueError(f"{path}: at least two lines with a position and a value are needed, found {len(rows)}")
-    positions, values = zip(*rows, strict=True)
-    require_increasing(positions, lines, path)
-    return list(positions), list(values)
 
 
 KINDS: dict[str, type[Part]] = {

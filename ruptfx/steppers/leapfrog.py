@@ -51,7 +51,7 @@ def what_limits(model: Model, stable: float) -> str:
     compliant = [fault for fault in model.faults if any(fault.contact.stiffness())]
     without = model.stable_time_step([]) if compliant else stable
     if without < 1.05 * stable:  # no more than the highest frequencies are uncertain
-        return "set by the elements"
+        return "set by the elements" + " and the elastic supports of boundaries" * bool(model.loads.supports)
     first = min(compliant, key=lambda fault: model.stable_time_step([fault])) if len(compliant) > 1 else compliant[0]
     return f"set by the contact stiffness of faults.{first.name} ({without:.4g} s without it)"
 

@@ -1,0 +1,110 @@
+"""Plane waves that enter through absorbing edges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx import parallel
+from ruptfx.boundaries import Action, EdgeBoundary, Force, check_vector
+from ruptfx.boundaries._history import History
+from ruptfx.materials import Plane
+from ruptfx.materials._stiffness import christoffel, tangent_stiffness
+from ruptfx.schema import CaseError, Unit
+from ruptfx.units import Velocity
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+
+Vector = Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")]
+
+
+class IncidentWave(EdgeBoundary):
+    """A plane wave from outside and dashpots for what leaves: traction = that of the wave + impedance times (its
+    velocity - the velocity).
+
+    The velocity of the wave is v = velocity p f(t - (d . x - d . x_0) / c) with the direction d, the motion p and the
+    history f; it reaches the bodies at time zero, x_0 being the point that d comes to first. Name every edge that the
+    wave passes, where it leaves, too: in a homogeneous body it then passes as if there were no edges, at any angle.
+    An edge must be along an axis and of one material, as for `absorbing`.
+    Source: Lysmer and Kuhlemeyer (1969); Joyner and Chen (1975).
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "incident_wave", edge = "lower.bottom", wave = "P", direction = [0.5, 1.0], velocity = 1.0, '
+        'history = { kind = "ricker", frequency = 3e5, delay = 4e-6 } }'
+    )
+    source: ClassVar[str] = "Lysmer and Kuhlemeyer (1969); Joyner and Chen (1975)"
+
+    wave: Literal["P", "S"]
+    """P or SV in the plane (motion 90 degrees to the left of the direction), SH in antiplane; S in 3D needs
+    `polarisation`."""
+    direction: Vector
+    """In which it travels, of any length."""
+    polarisation: Vector | None = None
+    """Of S waves in 3D, across the direction."""
+    velocity: Velocity
+    """Of the particles, where the history is 1."""
+    history: History
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.direction", self.direction, "xyz" if plane == "solid" else "xy")
+        if not any(self.direction):
+            raise ValueError(f"{key}.direction = {self.direction}: must not be zero")
+        if plane == "antiplane" and self.wave != "S":
+            raise ValueError(f"{key}.wave = '{self.wave}': plane = 'antiplane' has S waves only")
+        if (self.polarisation is not None) != (plane == "solid" and self.wave == "S"):
+            raise ValueError(f"{key}.polarisation: is for S waves in plane = 'solid', which need it")
+        if self.polarisation is not None:
+            check_vector(f"{key}.polarisation", self.polarisation, components)
+            along = np.dot(self.polarisation, self.direction)
+            size = np.linalg.norm(self.polarisation) * np.linalg.norm(self.direction)
+            if not abs(along) < 1e-6 * size:
+                raise ValueError(f"{key}.polarisation = {self.polarisation}: must be across the direction")
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        model, dashpot = edge.model, edge.dashpot()
+        material = self._material(edge, key)
+        stiffness = tangent_stiffness(material, model.case.plane)
+        d = np.array(self.direction) / np.linalg.norm(self.direction)
+        modulus, p = self._motion(stiffness, d)
+        speed = np.sqrt(modulus / material.density)
+        # Stress of the wave per velocity, by component of the traction and axis of the normal.
+        stress = -np.tensordot(stiffness, d, 1)[None] if len(p) == 1 else -np.einsum("ijkl,k,l->ij", stiffness, p, d)
+        stress = stress / speed
+
+        def density(tests: list[Any], n: Any) -> Any:
+            return sum(float(stress[i, j]) * n[j] * tests[i] for i in range(len(p)) for j in range(len(d)))
+
+        nodal = edge.integral(density) + dashpot * np.tile(p, model.nodes)
+        dofs = np.flatnonzero(nodal)
+        along = model.coordinates @ d
+        first = -parallel.largest(model.comm, -along.min(initial=np.inf))
+        delay = (along[dofs // model.components] - first) / speed
+        force = Force(dofs, self.velocity * nodal[dofs], lambda time: self.history(time - delay))
+        return Action(force=force, dashpot=dashpot)
+
+    def _material(self, edge: Edge, key: str) -> Any:
+        """The only material at the edge; collective."""
+        bodies = parallel.share_rows(edge.model.comm, edge.bodies)
+        materials = [edge.model.materials[number] for number in np.unique(bodies)]
+        if any(material != materials[0] for material in materials):
+            raise CaseError(
+                f"{key}.edge = '{self.edge}': a plane wave has one material, and the edge has several; split the edge"
+            )
+        return materials[0]
+
+    def _motion(self, stiffness: np.ndarray, d: np.ndarray) -> tuple[float, np.ndarray]:
+        """Modulus [Pa] and unit motion of the wave: the one of the medium that is nearest to what is asked for."""
+        if stiffness.ndim == 2:
+            return float(christoffel(stiffness, d)[0, 0]), np.ones(1)
+        wanted = d
+        if self.wave == "S":
+            wanted = np.array([-d[1], d[0]]) if self.polarisation is None else np.array(self.polarisation)
+        moduli, motions = np.linalg.eigh(christoffel(stiffness, d))
+        modulus = moduli[np.argmax(np.abs(wanted @ motions))]
+        same = motions[:, np.abs(moduli - modulus) < 1e-9 * modulus]  # S waves of isotropic bodies
+        p = same @ (wanted @ same)
+        return float(modulus), p / np.linalg.norm(p)

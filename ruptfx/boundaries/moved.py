@@ -1,0 +1,107 @@
+"""Edges that move as a table says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import ValidationInfo, model_validator
+from scipy.interpolate import PchipInterpolator
+
+from ruptfx.boundaries import Action, Component, EdgeBoundary, Motion, Range, check_component
+from ruptfx.materials import Plane
+from ruptfx.number_files import two_columns
+from ruptfx.schema import Unit
+
+if TYPE_CHECKING:
+    from ruptfx.edges import Edge
+
+
+class Moved(EdgeBoundary):
+    """The edge moves in one direction as sampled, and is free in the others.
+
+    Between the samples by piecewise cubics with continuous slope, which do not overshoot. A displacement rests before
+    its first and after its last time, where a slope that is not zero ends in a jump of the velocity; a velocity keeps
+    its first and last value. What counts is the displacement since time zero.
+    Source: Fritsch and Carlson (1980).
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "moved", edge = "upper.left", component = "x", quantity = "velocity", '
+        "times = [0.0, 2e-6, 5e-6, 1e-5], values = [0.0, 1.0, 2.0, -1.0] }"
+    )
+    source: ClassVar[str] = "Fritsch and Carlson (1980)"
+
+    component: Component
+    quantity: Literal["displacement", "velocity"]
+    """What `values` are: displacement [m] or velocity [m/s]."""
+    times: Annotated[list[float], Unit("s")] = []
+    values: list[float] = []
+    file: str | None = None
+    """CSV file with two columns, time and value, instead; relative to the case file. Lines before the first number and
+    lines that begin with # are skipped. The resolved case holds its numbers."""
+    x_range: Range | None = None
+    y_range: Range | None = None
+    """Only the part of the edge within these coordinates moves."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, values: Any, info: ValidationInfo) -> Any:
+        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+            return values
+        if values.get("times") or values.get("values"):
+            raise ValueError("give either a file or times and values")
+        times, column = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), "time")
+        return {**{key: value for key, value in values.items() if key != "file"}, "times": times, "values": column}
+
+    @model_validator(mode="after")
+    def _matching(self) -> Moved:
+        if len(self.times) < 2 or len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
+            raise ValueError("times must increase and be at least two, with one value for each")
+        return self
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_component(f"{key}.component", self.component, plane, components)
+
+    @property
+    def driven_edge(self) -> str:
+        return self.edge
+
+    @property
+    def largest_speed(self) -> float:
+        if self.quantity == "velocity":
+            return float(np.abs(self.values).max())
+        course = PchipInterpolator(self.times, self.values)
+        turning = course.derivative(2).roots(extrapolate=False)
+        times = [*self.times, *turning[np.isfinite(turning)]]
+        return float(np.abs(course.derivative()(times)).max())
+
+    def motion(self, dofs: np.ndarray) -> Motion:
+        """Displacement, velocity and acceleration of some degrees of freedom in time."""
+        first, last = self.times[0], self.times[-1]
+        course = PchipInterpolator(self.times, self.values)
+        slope = course.derivative()
+
+        def within(time: float) -> float:
+            return min(max(time, first), last)
+
+        def value(time: float) -> float:
+            return float(course(within(time)))
+
+        def change(curve: Any, time: float) -> float:
+            return float(curve(time)) if first <= time <= last else 0.0
+
+        if self.quantity == "displacement":
+            bend = course.derivative(2)
+            return Motion(dofs, value, lambda time: change(slope, time), lambda time: change(bend, time))
+        area = course.antiderivative()
+
+        def travelled(time: float) -> float:
+            return float(area(within(time))) + (time - within(time)) * value(time)
+
+        return Motion(dofs, travelled, value, lambda time: change(slope, time))
+
+    def act_on(self, edge: Edge, key: str) -> Action:
+        return Action(motion=self.motion(edge.dofs(self.component, (self.x_range, self.y_range))))

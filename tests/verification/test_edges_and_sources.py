@@ -1,0 +1,172 @@
+"""What single boundaries do, against closed forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import HOMALITE, SPLIT, advance, blocks, case, plates, tilted
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.boundaries.moved import Moved
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.schema import CaseError
+from ruptfx.steppers.leapfrog import what_limits
+
+pytestmark = pytest.mark.fem
+
+EDGES = [f"{body}.{side}" for body in ("upper", "lower") for side in ("left", "right")] + ["upper.top", "lower.bottom"]
+
+
+# -- spring ------------------------------------------------------------------------------------------------------------
+
+SOFT = {"kind": "spring", "edge": "lower.bottom", "normal": 1e9, "tangential": 1e9}
+
+
+@pytest.mark.parametrize("plane", ["stress", "antiplane"])
+def test_a_mass_on_a_spring(plane: str) -> None:
+    """Plates of 8 mm in all on a soft foundation: omega^2 = k / (rho H), 1e4 rad/s, where waves take 4 us across."""
+    spring = {**SOFT, "normal" if plane == "antiplane" else "tangential": 0.0}  # pushed across, it would rock
+    hung = case({"plane": plane, "order": 2, "boundaries": [spring], "faults.main.contact": SPLIT})
+    model = Model(hung)
+    motion, state = hung.stepper.bind(model), model.initial_state()
+    omega = np.sqrt(1e9 / (HOMALITE["density"] * 8e-3))
+    up = slice(model.components - 1, None, model.components)
+    state.velocity[up] = 1.0
+    advance(motion, state, 0.5 * np.pi / omega)
+    np.testing.assert_allclose(state.displacement[up], 1 / omega, rtol=5e-3)
+    # What was kinetic is strain energy now: rho H L v^2 / 2.
+    assert motion.energies(state)["strain"] == pytest.approx(0.5 * 1246 * 8e-3 * 12e-3, rel=1e-2)
+
+
+def test_a_spring_on_a_turned_edge(tmp_path: Path) -> None:
+    """The bottom goes from (0, -3) to (10, -5) mm, turned by 0.6: along its normal all push back with k_n."""
+    pytest.importorskip("gmsh")
+    table = plates({"mesh": tilted(tmp_path, 0.6), "order": 2})
+    model = Model(parse_case({**table, "boundaries": [{**SOFT, "tangential": 3e9}]}))
+    length, turn = np.hypot(10e-3, 2e-3), 0.6 - np.arctan2(2, 10)
+    along, normal = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    for direction, k in ((normal, 1e9), (along, 3e9)):
+        force = np.zeros(2 * model.nodes)
+        model.loads.add_support_force(np.tile(direction, model.nodes), force)
+        np.testing.assert_allclose(force.reshape(-1, 2).sum(axis=0), -k * length * direction, rtol=1e-9, atol=1e-3)
+
+
+def test_a_stiff_spring_shortens_the_step() -> None:
+    plain, stiff = (Model(case({"boundaries": given})) for given in ([], [{**SOFT, "normal": 1e16}]))
+    assert stiff.stable_time_step() < 0.5 * plain.stable_time_step()
+    assert what_limits(stiff, stiff.stable_time_step()) == "set by the elements and the elastic supports of boundaries"
+    with pytest.raises(CaseError, match=r"boundaries\.0\.normal = 1e\+09: plane = 'antiplane' moves in z only"):
+        case({"plane": "antiplane", "boundaries": [SOFT]})
+
+
+# -- moved -------------------------------------------------------------------------------------------------------------
+
+MOVED = {"edge": "upper.left", "component": "x"}
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity"])
+def test_a_table_is_a_motion(quantity: str) -> None:
+    """Velocity and acceleration are the derivatives; samples are met; nothing is beyond them in between."""
+    times, values = [1e-6, 2e-6, 4e-6, 5e-6], [0.0, 1.0, 1.0, -2.0]
+    moved = Moved(quantity=quantity, times=times, values=values, **MOVED)
+    motion = moved.motion(np.zeros(0, dtype=int))
+    given = getattr(motion, quantity)
+    assert [given(time) for time in times] == pytest.approx(values, abs=1e-15)
+    assert given(3e-6) == pytest.approx(1.0) and given(9e-6) == -2.0 and given(0.0) == 0.0
+    step = 1e-12
+    for time in (0.5e-6, 1.3e-6, 2.7e-6, 4.6e-6, 7e-6):
+        for low, high in ((motion.displacement, motion.velocity), (motion.velocity, motion.acceleration)):
+            slope = (low(time + step) - low(time - step)) / (2 * step)
+            assert high(time) == pytest.approx(slope, rel=1e-5, abs=1e-3)
+    # Steeper than between the last samples, 3 over 1 us.
+    speeds = [abs(motion.velocity(time)) for time in np.linspace(0, 6e-6, 4001)]
+    assert moved.largest_speed == pytest.approx(max(speeds), rel=1e-5)
+
+
+def test_a_ramp_as_a_table_is_that_of_a_driven_edge() -> None:
+    ramp = [{"kind": "driven", **MOVED, "velocity": 2.0, "ramp": 2e-6}]
+    table = [{"kind": "moved", **MOVED, "quantity": "velocity", "times": [0.0, 2e-6], "values": [0.0, 2.0]}]
+    ends = []
+    for boundaries in (ramp, table):
+        moved = case({"boundaries": boundaries})
+        assert moved.impact_speed == 2.0 and moved.driven_edges == ["upper.left"]
+        model = Model(moved)
+        ends.append(advance(moved.stepper.bind(model), model.initial_state(), 4e-6).displacement)
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-9 * np.abs(ends[0]).max())
+
+
+def test_a_table_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "motion.csv").write_text("time, u\n0, 0\n1e-6, 2e-9\n")
+    given = {"kind": "moved", **MOVED, "quantity": "displacement", "file": "motion.csv"}
+    read = parse_case(plates({"boundaries": [given]}), tmp_path)
+    assert read.boundaries[0].times == [0, 1e-6] and read.boundaries[0].values == [0, 2e-9]
+    assert read.boundaries[0].file is None
+    for changes, message in (
+        ({"times": [0.0, 1.0]}, "give either a file or times and values"),
+        ({"file": None, "times": [0.0, 0.0], "values": [0.0, 1.0]}, "times must increase and be at least two"),
+        ({"file": "none.csv"}, r"none\.csv: cannot be read"),
+    ):
+        wrong = {key: value for key, value in (given | changes).items() if value is not None}
+        with pytest.raises(CaseError, match=message):
+            parse_case(plates({"boundaries": [wrong]}), tmp_path)
+
+
+# -- incident_wave -----------------------------------------------------------------------------------------------------
+
+WAVE = {"kind": "incident_wave", "velocity": 2.0, "history": {"kind": "ricker", "frequency": 4e5, "delay": 4e-6}}
+
+
+@pytest.mark.parametrize("plane, wave, angle", [
+    ("stress", "P", 0.0), ("stress", "P", 0.4), ("strain", "S", 0.4), ("strain", "S", -1.2), ("antiplane", "S", 0.7),
+])  # fmt: skip
+def test_a_plane_wave_passes(plane: str, wave: str, angle: float) -> None:
+    """Through all edges of a homogeneous body, as if there were none: v = V p f(t - d . (x - x_0) / c)."""
+    d = np.array([np.sin(angle), np.cos(angle)])
+    entering = [{**WAVE, "edge": edge, "wave": wave, "direction": (3 * d).tolist()} for edge in EDGES]
+    table = case({
+        "plane": plane, "order": 4, "faults.main.contact": SPLIT, "boundaries": entering,
+        "mesh.element_size": 1e-3, "stepper": {"kind": "leapfrog", "safety": 0.3},
+    })  # fmt: skip
+    model = Model(table)
+    motion, state = table.stepper.bind(model), model.initial_state()
+    advance(motion, state, 7e-6)
+    speed = getattr(model.materials[0].wave_speeds(table.plane), "c_p" if wave == "P" else "c_s")
+    p = {"P": d, "S": np.array([-d[1], d[0]])}[wave] if plane != "antiplane" else np.ones(1)
+    along = model.coordinates @ d
+    time = state.at_velocity()[0]
+    exact = 2.0 * table.boundaries[0].history(time - (along - along.min()) / speed)[:, None] * p
+    assert np.abs(exact).max() > 0.5
+    assert np.abs(state.velocity.reshape(exact.shape) - exact).max() < 0.01 * 2.0
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"direction": [0.0, 0.0]}, r"boundaries\.0\.direction = \[0\.0, 0\.0\]: must not be zero"),
+    ({"direction": [1.0, 0.0, 0.0]}, r"boundaries\.0\.direction: 2 components are needed \(xy\)"),
+    ({"polarisation": [1.0, 0.0]}, r"polarisation: is for S waves in plane = 'solid', which need it"),
+])  # fmt: skip
+def test_waves_that_cannot_be(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        case({"boundaries": [{**WAVE, "edge": "upper.top", "wave": "S", "direction": [1.0, 1.0], **changes}]})
+
+
+def test_an_edge_of_two_materials(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    mesh = blocks(tmp_path, {"a": "1", "b": "2", "c": "3", "d": "4"}, {"main": "11, 21"},
+                  {"main": {"plus": ["c", "d"], "minus": ["a", "b"]}})  # fmt: skip
+    wave = {**WAVE, "edge": "top", "wave": "P", "direction": [0.0, -1.0]}
+    table = plates({"mesh": mesh, "order": 2, "boundaries": [wave]})
+    Model(parse_case(table))
+    table["materials"] = {"default": HOMALITE, "d": {**HOMALITE, "young_modulus": 3e9}}
+    with pytest.raises(CaseError, match=r"boundaries\.0\.edge = 'top': a plane wave has one material, .* split"):
+        Model(parse_case(table))
+
+
+def test_antiplane_has_s_waves_only() -> None:
+    wave = {**WAVE, "edge": "upper.top", "wave": "P", "direction": [0.0, -1.0]}
+    with pytest.raises(CaseError, match=r"wave = 'P': plane = 'antiplane' has S waves only"):
+        case({"plane": "antiplane", "boundaries": [wave]})
