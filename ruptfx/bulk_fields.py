@@ -132,6 +132,7 @@ class BulkFields:
             file.create_dataset(name, data=values).attrs["units"] = unit
         file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
         file.attrs["bodies"] = self.model.bodies.names
+        file.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
         file.attrs["initial_stress"] = self.initial_stress_from
         file.flush()
 

@@ -427,7 +427,7 @@ class Model:
             held, taken = held + found[0], taken + found[1]
         here = {
             "kinetic": 0.5 * self.owned_dot(state.velocity, self.mass * state.velocity),
-            "strain": -0.5 * self.owned_dot(earlier, force),
+            "strain": 0.0 - 0.5 * self.owned_dot(earlier, force),
             "interface_elastic": held,
             "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
             "damping": state.energy["damping"],

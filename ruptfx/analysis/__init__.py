@@ -73,6 +73,8 @@ def _of_sliding(record: Record) -> dict[str, Any]:
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed
     speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
+    if data.attrs.get("plane") == "antiplane":  # there are shear waves only
+        speeds |= {"c_R": np.nan, "c_p": np.nan}
     while_closed = np.where(data["normal_stress"].values > 0, data["slip_rate"].values, 0.0)
     trailing = modes.trailing_speeds[np.isfinite(modes.trailing_speeds)]
     return {

@@ -33,6 +33,12 @@ def test_summary_of_a_train(tmp_path):
     assert found["trailing_fronts"] == 5 and found["trailing_fronts_faster_than_c_l"] == 0
 
 
+def test_summary_in_antiplane_knows_only_the_shear_wave(tmp_path):
+    found = summary_of(tmp_path, synthetic.train(TIME, POSITION), plane="antiplane")
+    assert found["tip_speed_over_c_s"] is not None
+    assert found["tip_speed_over_c_l"] is None and found["tip_speed_over_c_R"] is None
+
+
 def test_summary_survives_json(tmp_path):
     found = summary_of(tmp_path, np.zeros((len(TIME), len(POSITION))))
     assert json.loads(json.dumps(found, allow_nan=False)) == found
