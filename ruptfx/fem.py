@@ -81,6 +81,43 @@ def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
     return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
 
 
+def tabulate(space: dolfinx.fem.FunctionSpace, reference: np.ndarray) -> np.ndarray:
+    """Shape functions of a cell and their derivatives along its axes, shape (1 + dim, nodes), at a reference point."""
+    return np.asarray(space.element.basix_element.tabulate(1, reference[None]))[:, 0, :, 0]
+
+
+def reference_point(
+    mesh: dolfinx.mesh.Mesh, corners: np.ndarray, point: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where a point lies in the reference cell, and dx_i / dxi_j there; None where it is outside, by Newton's method.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (geometry nodes, dim)
+        Of one cell [m].
+    point : ndarray, shape (dim,)
+        [m].
+    """
+    described: Any = mesh.ufl_domain()
+    described = described.ufl_coordinate_element()
+    element = basix.create_element(
+        basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
+    )
+    middle = basix.geometry(mesh.basix_cell()).mean(axis=0)
+    place, slack = middle.copy(), 1e-8
+    for _ in range(30):
+        values = np.asarray(element.tabulate(1, place[None]))[:, 0, :, 0]
+        jacobian = corners.T @ values[1:].T
+        step = np.linalg.solve(jacobian, point - values[0] @ corners)
+        place = place + step
+        if np.abs(step).max() < 1e-14:
+            break
+    # Barycentric on simplices, between 0 and 1 along every axis elsewhere.
+    simplex = mesh.basix_cell().name in ("triangle", "tetrahedron")
+    inside = place.min() > -slack and (place.sum() < 1 + slack if simplex else place.max() < 1 + slack)
+    return (place, jacobian) if inside else None
+
+
 def create_mesh(
     comm: MPI.Comm,
     cells: np.ndarray,

@@ -9,6 +9,7 @@ import numpy as np
 
 from ruptfx.boundaries import Boundary, Support
 from ruptfx.edges import Edge
+from ruptfx.inside import Inside
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -57,6 +58,16 @@ class Loads:
             No such edge.
         """
         return Edge(self.model, name, key)
+
+    def inside(self, point: Sequence[float], body: str | None, key: str) -> Inside:
+        """A point of the bodies [m]; `key` of the case is for messages.
+
+        Raises
+        ------
+        CaseError
+            On all ranks: no such point, or one of several bodies where none is named.
+        """
+        return Inside(self.model, point, body, key)
 
     @property
     def prescribed(self) -> np.ndarray:

@@ -51,3 +51,8 @@ class Sampled(Part):
 
 History = Annotated[Ricker | Sampled, Field(discriminator="kind")]
 """A factor in time."""
+
+
+def course(time: float, duration: float, history: Ricker | Sampled | None) -> float:
+    """Product of a ramp and a history, if there is one."""
+    return ramp(time, duration) * (float(history(time)) if history is not None else 1.0)

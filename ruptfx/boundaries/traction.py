@@ -9,7 +9,7 @@ from pydantic import Field
 
 from ruptfx import parallel
 from ruptfx.boundaries import Action, EdgeBoundary, Force, Range, check_vector
-from ruptfx.boundaries._history import History, ramp
+from ruptfx.boundaries._history import History, course
 from ruptfx.materials import Plane
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Time
@@ -37,7 +37,7 @@ class Traction(EdgeBoundary):
 
     def factor(self, time: float) -> float:
         """What the traction is multiplied with."""
-        return ramp(time, self.ramp) * (float(self.history(time)) if self.history is not None else 1.0)
+        return course(time, self.ramp, self.history)
 
     def act_on(self, edge: Edge, key: str) -> Action:
         if not any(self.traction):  # of which UFL makes no form

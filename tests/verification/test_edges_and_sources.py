@@ -170,3 +170,83 @@ def test_antiplane_has_s_waves_only() -> None:
     wave = {**WAVE, "edge": "upper.top", "wave": "P", "direction": [0.0, -1.0]}
     with pytest.raises(CaseError, match=r"wave = 'P': plane = 'antiplane' has S waves only"):
         case({"plane": "antiplane", "boundaries": [wave]})
+
+
+# -- point_force, moment -----------------------------------------------------------------------------------------------
+
+MESHES = ["two_plates", "graded", "tilted", "triangles"]
+
+
+def point_model(mesh: str, folder: Path, boundary: dict[str, Any]) -> Model:
+    """A model with a source; its elements are squares, rectangles, general quadrilaterals or triangles."""
+    changes: dict[str, Any] = {"order": 4}
+    if mesh == "graded":
+        changes |= {"mesh.growth": 1.5, "mesh.element_size": 1e-3}
+    if mesh in ("tilted", "triangles"):
+        pytest.importorskip("gmsh")
+        changes = {"mesh": tilted(folder, 0.3), "order": 3}
+    if mesh == "triangles":
+        file = Path(__file__).parents[1] / "data" / "two_bodies.geo"
+        sides = {"main": {"plus": "upper", "minus": "lower"}}
+        changes = {"mesh": {"kind": "gmsh_file", "file": str(file), "interfaces": sides}, "order": 1}
+    return Model(case({**changes, "boundaries": [boundary]}))
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_point_sources_work_as_they_should(mesh: str, tmp_path: Path) -> None:
+    """The work done on a displacement u is F . u(x) and M : grad u(x), exactly for what the elements hold: linear u."""
+    point, gradient = np.array([4.3e-3, 1.7e-3]), np.array([[2.0, -1.0], [0.5, 3.0]])
+    force = {"kind": "point_force", "point": point.tolist(), "force": [3.0, -2.0]}
+    moment = {"kind": "moment", "point": point.tolist(), "moment": [2.0, -1.0, 4.0]}
+    offset = np.array([1.0, 2.0])
+    # M : grad u = 2 * 2 - 1 * 3 + 4 (-1 + 0.5)
+    for source, work in ((force, np.dot([3.0, -2.0], offset + gradient @ point)), (moment, 4.0 - 3.0 - 2.0)):
+        model = point_model(mesh, tmp_path, source)
+        nodal = model.loads.force(0.0)
+        u = offset + model.coordinates @ gradient.T
+        assert nodal @ u.ravel() == pytest.approx(work, rel=1e-9)
+        if source is moment:  # no net force, and no net torque
+            x = model.coordinates - point
+            pulls = nodal.reshape(-1, 2)
+            size = np.abs(pulls).max()
+            np.testing.assert_allclose(pulls.sum(axis=0), 0, atol=1e-12 * size)
+            assert abs(np.sum(x[:, 0] * pulls[:, 1] - x[:, 1] * pulls[:, 0])) < 1e-9
+
+
+def test_a_moment_is_exact_for_the_order_of_the_elements() -> None:
+    """Of u_x = x^3 y, u_y = x y^3 in elements of order 4, also on a side that elements share."""
+    for x, y in ((4.3e-3, 1.7e-3), (4e-3, 1.7e-3), (4e-3, 2e-3)):
+        model = Model(case({"boundaries": [{"kind": "moment", "point": [x, y], "moment": [2.0, -1.0, 4.0]}]}))
+        a, b = model.coordinates.T
+        u = np.column_stack([a**3 * b, a * b**3]).ravel()
+        expected = 2 * 3 * x**2 * y - 3 * x * y**2 + 4 * (x**3 + y**3)
+        assert model.loads.force(0.0) @ u == pytest.approx(expected, rel=1e-9)
+
+
+def test_antiplane_sources() -> None:
+    """M_zj dw / dx_j of w = 3 x - 2 y."""
+    source = {"kind": "moment", "point": [4.3e-3, 1.7e-3], "moment": [5.0, 1.0]}
+    model = Model(case({"plane": "antiplane", "boundaries": [source]}))
+    assert model.loads.force(0.0) @ (model.coordinates @ [3.0, -2.0]) == pytest.approx(13.0, rel=1e-9)
+    with pytest.raises(CaseError, match=r"boundaries\.0\.moment: 2 entries are needed \(zx, zy\)"):
+        case({"plane": "antiplane", "boundaries": [{**source, "moment": [1.0, 2.0, 3.0]}]})
+
+
+def test_places_of_sources() -> None:
+    force = {"kind": "point_force", "point": [4e-3, 0.0], "force": [0.0, 1.0]}
+    with pytest.raises(CaseError, match=r"boundaries\.0\.point = \(0\.004, 0\) m: '.*' and '.*' meet there; say in"):
+        Model(case({"boundaries": [force]}))
+    model = Model(case({"boundaries": [{**force, "body": "upper"}]}))
+    nodal = model.loads.force(0.0).reshape(-1, 2)
+    assert nodal[:, 1].sum() == pytest.approx(1.0)
+    # It is a node, of which the lower plate has its own.
+    loaded = np.abs(nodal[:, 1]) > 1e-12
+    np.testing.assert_array_equal(model.node_body[loaded], model.bodies.names.index("upper"))
+    assert loaded.sum() == 1
+    for changes, message in (
+        ({"point": [4e-3, 5e-3]}, r"boundaries\.0\.point = \(0\.004, 0\.005\) m: is not inside of the bodies"),
+        ({"point": [4e-3, 2e-3], "body": "lower"}, r"is not inside of lower"),
+        ({"body": "uper"}, r"boundaries\.0\.body = 'uper': no such body, did you mean 'upper'\?"),
+    ):
+        with pytest.raises(CaseError, match=message):
+            Model(case({"boundaries": [{**force, **changes}]}))

@@ -1,0 +1,69 @@
+"""Moment tensors at a point of the bodies: earthquakes that are given, explosions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.boundaries import Action, Boundary, Force, check_vector
+from ruptfx.boundaries._history import History, course
+from ruptfx.materials import Plane
+from ruptfx.schema import Unit
+from ruptfx.units import Time
+
+if TYPE_CHECKING:
+    from ruptfx.loading import Loads
+
+ENTRIES = {
+    "xy": [(0, 0), (1, 1), (0, 1)], "xyz": [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)], "z": [(0, 0), (0, 1)],
+}  # fmt: skip
+
+
+class Moment(Boundary):
+    """A moment tensor at a point, the force -M_ij d delta / dx_j; in two dimensions on a line, per length of it [N].
+
+    Slip s on a small area A of normal n is the double couple M = mu A (s n + n s).
+
+    It acts on the gradient of the shape functions of the element at the point, which need not be a node; where elements
+    meet, on the mean of their gradients. Nearer than about one element the field is that of the elements.
+    Source: Aki and Richards (2002), chapter 3.
+    """
+
+    example: ClassVar[str] = '{ kind = "moment", point = [5.3e-3, 2.2e-3], moment = [2.0, -1.0, 3.0], ramp = 3e-6 }'
+    source: ClassVar[str] = "Aki and Richards (2002), chapter 3"
+
+    point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
+    body: str | None = None
+    """Where bodies meet, the one that it acts on."""
+    moment: Annotated[list[float], Field(min_length=2, max_length=6), Unit("N m")]
+    """xx, yy, xy; in 3D xx, yy, zz, xy, yz, xz; in antiplane zx, zy."""
+    ramp: Time = 0.0
+    """Time over which the moment grows linearly from zero."""
+    history: History | None = None
+    """Factor of the moment in time."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
+        if len(self.moment) != len(ENTRIES[components]):
+            names = ["".join(components[i] + "xyz"[j]) for i, j in ENTRIES[components]]
+            raise ValueError(f"{key}.moment: {len(names)} entries are needed ({', '.join(names)})")
+
+    def tensor(self, components: str) -> np.ndarray:
+        """M_ij, shape (components, dim) [N m]."""
+        tensor = np.zeros((len(components), 3 if components == "xyz" else 2))
+        for (i, j), value in zip(ENTRIES[components], self.moment, strict=True):
+            tensor[i, j] = value
+            if components != "z":
+                tensor[j, i] = value
+        return tensor
+
+    def factor(self, time: float) -> float:
+        """What the moment is multiplied with."""
+        return course(time, self.ramp, self.history)
+
+    def act(self, loads: Loads, key: str) -> Action:
+        place = loads.inside(self.point, self.body, key)
+        components = {1: "z", 2: "xy", 3: "xyz"}[loads.model.components]
+        return Action(force=Force.of(place.moment(self.tensor(components)), self.factor))

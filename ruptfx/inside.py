@@ -1,0 +1,90 @@
+"""A point inside the bodies, as boundaries act on it: shape functions, their gradients, nodal forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import fem, parallel
+from ruptfx.schema import CaseError, nearest
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+SLACK = 1e-8  # of a cell, by which a point on its side may be outside of it
+
+
+class Inside:
+    """A point of a model; where cells meet, all of them share it alike.
+
+    Parameters
+    ----------
+    model : Model
+    point : sequence of float
+        [m].
+    body : str or None
+        Needed where several bodies have the point.
+    key : str
+        Of the case, for messages.
+
+    Raises
+    ------
+    CaseError
+        On all ranks: a point outside of the bodies, or on a side of several.
+    """
+
+    def __init__(self, model: Model, point: Sequence[float], body: str | None, key: str) -> None:
+        self.model = model
+        names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
+        if body is not None and body not in names:
+            raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
+        found = [item for item in self._find(np.array(point, dtype=float)) if body in (None, names[item[0]])]
+        holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
+        if not len(holders):
+            raise CaseError(f"{key}.point = {told}: is not inside of {'the bodies' if body is None else body}")
+        if len(set(holders.tolist())) > 1:
+            there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
+            raise CaseError(f"{key}.point = {told}: {there} meet there; say in which it is with body")
+        self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
+
+    def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Body, nodes and shape functions with their gradients, shape (1 + dim, nodes), of every cell of this rank that
+        has the point."""
+        mesh, space = self.model.mesh, self.model.space
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        corners = mesh.geometry.x[:, : len(point)][fem.geometry_dofmap(mesh)[:owned]]
+        extent = np.ptp(corners, axis=1).max(axis=1, keepdims=True)
+        near = (point >= corners.min(axis=1) - SLACK * extent) & (point <= corners.max(axis=1) + SLACK * extent)
+        found = []
+        for cell in np.flatnonzero(near.all(axis=1)):
+            place = fem.reference_point(mesh, corners[cell], point)
+            if place is None:
+                continue
+            reference, jacobian = place
+            values = fem.tabulate(space, reference)
+            gradient = np.linalg.solve(jacobian.T, values[1:])
+            shape = np.concatenate([values[:1], gradient])
+            found.append((int(self.model.bodies.cell_body[cell]), space.dofmap.list[cell], shape))
+        return found
+
+    def _sum(self, weights: np.ndarray) -> np.ndarray:
+        """Sum over the shape functions and their derivatives, with weights of shape (1 + dim, components)."""
+        nodal = np.zeros((self.model.nodes, self.model.components))
+        for nodes, shape in self._cells:
+            nodal[nodes] += shape.T @ weights
+        total = nodal.ravel()
+        self.model.sum_shared(total)
+        return total
+
+    def force(self, force: Sequence[float]) -> np.ndarray:
+        """Nodal force of a force at the point [N], shape (nodes * components,); collective."""
+        weights = np.zeros((1 + self.model.mesh.geometry.dim, self.model.components))
+        weights[0] = force
+        return self._sum(weights)
+
+    def moment(self, moment: np.ndarray) -> np.ndarray:
+        """Nodal force of a moment tensor M_ij at the point [N m], shape (components, dim): M_ij d phi / dx_j, exact for
+        any field of the elements; collective."""
+        return self._sum(np.concatenate([np.zeros((1, self.model.components)), moment.T]))
