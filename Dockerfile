@@ -7,8 +7,8 @@ FROM debian:trixie-slim
 RUN apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
         python3-dolfinx libopenblas0-pthread gcc libc6-dev python3-dev python3-pip python3-setuptools \
         python3-numpy python3-scipy python3-pydantic python3-typer python3-rich python3-h5py python3-h5netcdf \
-        python3-xarray python3-matplotlib python3-tomli-w python3-dask python3-distributed python3-gmsh python3-meshio \
-        python3-pytest python3-hypothesis \
+        python3-xarray python3-matplotlib python3-pil python3-tomli-w python3-dask python3-distributed python3-gmsh \
+        python3-meshio python3-pytest python3-hypothesis \
     && rm -rf /var/lib/apt/lists/*
 
 # Open MPI: may run as root, on more ranks than cores, without binding two jobs to the same core; shared memory only,
@@ -24,7 +24,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY ruptfx ruptfx
 COPY demos demos
 # --no-index: fails if apt's packages do not satisfy pyproject.toml.
-RUN pip install --quiet --break-system-packages --root-user-action=ignore --no-build-isolation --no-index . \
+RUN pip install --quiet --break-system-packages --root-user-action=ignore --no-build-isolation --no-index '.[study]' \
     && rm -rf build ruptfx ruptfx.egg-info
 
 # Proves the image on two ranks.  What it compiled is root's, and would not be loaded by another user.

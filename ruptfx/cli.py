@@ -1,4 +1,4 @@
-"""The command line: run | check | study | plot | bench | describe."""
+"""The command line: run | check | study | plot | describe | demos | bench."""
 
 from __future__ import annotations
 
@@ -230,6 +230,19 @@ def describe(
             return
         for block in describe_folder(what):
             screen.print(block)
+
+
+@app.command()
+def demos(out: Annotated[Path, typer.Argument(help="A directory that does not exist yet.")] = Path("demos")) -> None:
+    """Copy the demo cases and scripts, which an installed ruptfx brings along."""
+    import shutil
+
+    with _reported():
+        if out.exists():
+            raise RuptfxError(f"{out}: exists already; give another directory: ruptfx demos DIRECTORY")
+        given = Path(__file__).with_name("demos")
+        shutil.copytree(given, out, ignore=shutil.ignore_patterns("__pycache__", "pictures"))
+        screen.print(f"{out}: try  ruptfx check {out / 'impact.toml'}", soft_wrap=True)
 
 
 @app.command()

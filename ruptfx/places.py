@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import Discriminator, Field, Tag
 
@@ -46,7 +46,10 @@ else:
     HalfWidth = Annotated[float, Field(gt=0), Unit("m"), _Reach()]
 
 
-def located[AnyPart: Part](part: AnyPart, locate: Callable[[str, Place], float], key: str) -> AnyPart:
+AnyPart = TypeVar("AnyPart", bound=Part)
+
+
+def located(part: AnyPart, locate: Callable[[str, Place], float], key: str) -> AnyPart:
     """The same part with every point replaced by its position.
 
     Parameters

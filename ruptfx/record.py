@@ -17,8 +17,7 @@ import h5netcdf
 import h5py
 import numpy as np
 import xarray
-from xarray.backends import BackendArray, H5NetCDFStore
-from xarray.core import indexing
+from xarray.backends import H5NetCDFStore
 
 from ruptfx import RuptfxError
 
@@ -33,17 +32,6 @@ _AGAIN = "if the run is still going, try again in a moment; if it was killed, ru
 
 class RecordError(RuptfxError):
     """A run directory, or a file of it, that cannot be read; the message names it and the remedy."""
-
-
-class _Stored(BackendArray):
-    """An HDF5 dataset that xarray reads piece by piece: snapshots of a large run do not fit in memory."""
-
-    def __init__(self, dataset: h5py.Dataset) -> None:
-        self.dataset, self.shape, self.dtype = dataset, dataset.shape, dataset.dtype
-
-    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        support = indexing.IndexingSupport.OUTER_1VECTOR
-        return indexing.explicit_indexing_adapter(key, self.shape, support, self.dataset.__getitem__)
 
 
 class Record:
@@ -153,8 +141,11 @@ class Record:
         try:
             file = h5py.File(path, "r", locking=False)
             self._open.append(file)
-            variables = {name: _bulk_variable(name, item) for name, item in file.items()}
-            data = xarray.Dataset(variables, attrs=dict(file.attrs))
+            # Plain HDF5: its axes have no names yet.
+            store = H5NetCDFStore(h5netcdf.File(file, phony_dims="access"))
+            stored = xarray.open_dataset(store, decode_cf=False, cache=False)
+            variables = {str(name): _bulk_variable(str(name), item.variable) for name, item in stored.items()}
+            data = xarray.Dataset(variables, attrs=stored.attrs)
             labels = {dim: names.get(data.sizes.get(dim, 0)) for dim, names in _LABELS.items()}
             data = data.assign_coords({dim: names for dim, names in labels.items() if names})
             return data.isel(time=slice(_written(data["time"].values)))
@@ -221,12 +212,14 @@ def _written(time: np.ndarray) -> int:
     return int(good.argmin()) if not good.all() else len(time)
 
 
-def _bulk_variable(name: str, item: h5py.Dataset) -> xarray.Variable:
+def _bulk_variable(name: str, stored: xarray.Variable) -> xarray.Variable:
+    """The same with names of its axes; still on disk."""
     dims = _MESH.get(name, ("time", "point"))
-    if name not in _MESH and item.ndim == 3:
+    if name not in _MESH and stored.ndim == 3:
         dims = (*dims, "stress_component" if name == "stress" else "component")
-    attrs = {key: str(value) for key, value in item.attrs.items()}
-    return xarray.Variable(dims, indexing.LazilyIndexedArray(_Stored(item)), attrs)
+    stored.dims = dims
+    stored.attrs = {key: str(value) for key, value in stored.attrs.items()}
+    return stored
 
 
 def _extent(data: xarray.Dataset, along: str) -> str:

@@ -19,7 +19,7 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -35,7 +35,6 @@ from pydantic import (
     model_serializer,
     model_validator,
 )
-from pydantic._internal._model_construction import ModelMetaclass
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
@@ -130,14 +129,18 @@ class Bound:
                 ) from None
 
 
-class _Reworded(ModelMetaclass):
-    """Makes ``Coulomb(mu_d=-1.0)`` in Python raise the same `CaseError` as a case file does."""
+if TYPE_CHECKING:
+    _Reworded = type
+else:
 
-    def __call__(cls, *args: Any, **values: Any) -> Any:  # noqa: N805
-        try:
-            return super().__call__(*args, **values)
-        except ValidationError as error:
-            raise CaseError.from_validation(error, cls.__name__) from None
+    class _Reworded(type(BaseModel)):  # pydantic has no public name for it
+        """Makes ``Coulomb(mu_d=-1.0)`` in Python raise the same `CaseError` as a case file does."""
+
+        def __call__(cls, *args: Any, **values: Any) -> Any:
+            try:
+                return super().__call__(*args, **values)
+            except ValidationError as error:
+                raise CaseError.from_validation(error, cls.__name__) from None
 
 
 class Part(BaseModel, metaclass=_Reworded):

@@ -184,7 +184,7 @@ def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> 
         import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise RuptfxError(f"studies need dask.distributed ({error}): pip install dask distributed") from None
+        raise RuptfxError(f"studies need dask.distributed ({error}): pip install 'ruptfx[study]'") from None
     workers.open_for_work()
     with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
         if address is None:

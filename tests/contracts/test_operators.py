@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-fem = pytest.importorskip("ruptfx.fem")
+pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, operators  # noqa: E402
-from ruptfx.materials import Material  # noqa: E402
-from ruptfx.materials.isotropic_elastic import IsotropicElastic  # noqa: E402
-from ruptfx.operators import Bulk  # noqa: E402
-from ruptfx.operators.ufl_form import UflForm  # noqa: E402
-from ruptfx.schema import kinds  # noqa: E402
+from ruptfx import RuptfxError, fem, operators
+from ruptfx.materials import Material
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.operators import Bulk
+from ruptfx.operators.ufl_form import UflForm
+from ruptfx.schema import kinds
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -45,6 +45,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("line", REFUSED)
 def test_commands_are_refused_and_did_not_run(line: str, tmp_path: Path) -> None:
+    pytest.importorskip("meshio")
     path = tmp_path / "plates.geo"
     path.write_text(line.replace("{hit}", str(tmp_path / "hit")) + "\n" + PLATES)
     with pytest.raises(RuptfxError, match=rf"plates.geo, line .*{REFUSED[line]}.*add trust = true to \[mesh\]"):

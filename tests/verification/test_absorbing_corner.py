@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from small_cases import SPLIT, merged, plates
 
+pytest.importorskip("dolfinx")
+
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 

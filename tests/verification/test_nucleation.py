@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from small_cases import SPLIT, case
 
+pytest.importorskip("dolfinx")
+
 from ruptfx.case import Case
 from ruptfx.model import Model, State
 from ruptfx.schema import CaseError
