@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ruptfx.analysis import fracture
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
 from ruptfx.friction import FrictionLaw
+from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
@@ -127,28 +128,23 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     modulus = slowest.density * speeds.c_s**2
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
-    law = _chain(fault.friction)[-1]  # inside whatever wrapper it has
-    numbers = {
-        name: float(np.broadcast_to(value, face.position.shape)[middle])
-        for name, value in law
-        if isinstance(value, float | int | np.ndarray)
-    }
-    if {"a", "b", "D_c"} <= numbers.keys():
-        yield from _rate_and_state_rows(label, numbers, sigma, modulus, spacing)
+    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed) or 1.0
+    lengths = fault.friction.lengths(fault.normal_stress_0, rate)
+    if isinstance(lengths, RateDependence):
+        yield from _rate_rows(label, _at(lengths, middle), sigma, modulus, spacing)
         return
     yield Row(f"{label}: strength at rest", peak, "Pa")
     if slips.any():
         ratio = float(np.max(shear[slips] / np.maximum(strength[slips], 1e-300)))
         where = "everywhere" if slips.all() else f"at {np.count_nonzero(slips)} points"
         yield Row(f"{label}: shear / strength", ratio, "", f"it slips from the first step {where}", "warning")
-    if {"mu_d", "D_c"} <= numbers.keys():
-        exponential = law.kind() == "exponential_slip_weakening"
-        yield from _slip_weakening_rows(label, numbers, exponential, (peak, tau, sigma), modulus, spacing, model)
-        if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
-            yield Row(
-                f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
-                "damping.kelvin_voigt = { fraction = 0.2 } takes most of it away (Day et al. 2005)", "warning",
-            )  # fmt: skip
+    if lengths is None:
+        yield Row(f"{label}: process zone", "none", "", f"{fault.friction.kind()} has no length of its own")
+        return
+    other, note = fault.friction.lengths(fault.normal_stress_0, 2 * rate), ""
+    if isinstance(other, Breakdown) and np.any(other.energy != lengths.energy):
+        note = f"over a drop of {_at(lengths, middle).drop:.4g} Pa, at a slip rate of {rate:.3g} m/s: it depends on it"
+    yield from _breakdown_rows(label, _at(lengths, middle), tau, note, modulus, spacing, fault, model)
 
 
 def _chain(law: FrictionLaw) -> list[FrictionLaw]:
@@ -290,23 +286,25 @@ def _coordinates(face: Interface, position: float) -> str:
     return "(" + ", ".join(f"{np.interp(position, face.position, x):.6g}" for x in face.points.T) + ")"
 
 
-def _slip_weakening_rows(
-    label: str, law: dict[str, float], exponential: bool, stress: tuple[float, float, float], modulus: float,
-    spacing: float, model: Model,
-) -> Iterator[Row]:  # fmt: skip
-    """S, critical lengths and process zone, for laws with a residual strength and a weakening slip."""
-    peak, tau, sigma = stress
-    residual = law["mu_d"] * sigma
-    strength_drop = peak - residual
-    if strength_drop <= 0:
-        yield Row(f"{label}: strength drop", strength_drop, "Pa", "does not weaken")
+AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
+
+
+def _at(lengths: AnyLengths, point: int) -> AnyLengths:
+    """The same at one point; what is not given by point is one number."""
+    numbers = {field.name: np.asarray(getattr(lengths, field.name)) for field in fields(lengths)}
+    return replace(lengths, **{name: float(value[point] if value.ndim else value) for name, value in numbers.items()})
+
+
+def _breakdown_rows(
+    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: Model
+) -> Iterator[Row]:
+    """S, critical lengths and process zone, for laws that lose strength with slip."""
+    if law.drop <= 0:
+        yield Row(f"{label}: strength drop", law.drop, "Pa", "does not weaken")
         return
-    # An exponential law has the fracture energy of a linear one with twice its D_c.
-    slip = law["D_c"] * (2 if exponential else 1)
-    energy = 0.5 * strength_drop * slip
-    yield Row(f"{label}: fracture energy", energy, "J/m2")
-    if tau > residual:
-        ratio = (peak - tau) / (tau - residual)
+    yield Row(f"{label}: fracture energy", law.energy, "J/m2", note)
+    if tau > law.residual:
+        ratio = law.seismic_ratio(tau)
         plane = model.case.plane
         verdict = "antiplane: never supershear"
         if plane != "antiplane":
@@ -316,39 +314,44 @@ def _slip_weakening_rows(
             verdict = "may go supershear" if ratio < limit else "stays sub-Rayleigh"
             verdict += f" (limit {limit:.4g}, {source})"
         yield Row(f"{label}: S", ratio, "", verdict)
-        critical = fracture.critical_half_length(energy, 2 * modulus, tau - residual)
+        critical = fracture.critical_half_length(law.energy, 2 * modulus, tau - law.residual)
         yield Row(f"{label}: critical half-length", critical, "m", "Griffith, under the stress drop (Andrews 1976)")
-        # Instability of linear slip weakening: half-length 0.579 G* D_c / (tau_p - tau_r), whatever the load.
-        nucleation = 0.579 * modulus * slip / strength_drop
+        nucleation = law.nucleation(modulus)
         yield Row(f"{label}: nucleation half-length", nucleation, "m", "under slow loading (Uenishi and Rice 2003)")
-    zone = fracture.static_process_zone(modulus, slip, strength_drop)
+    zone = law.process_zone(modulus)
     yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
-    points = zone / max(spacing, 1e-300)
-    yield Row(
-        f"{label}: points in it", points, "", "" if points >= 5 else "too few: 5 or more resolve a front",
-        "ok" if points >= 5 else "warning",
-    )  # fmt: skip
+    yield _points_row(f"{label}: points in it", zone, spacing, 5)
+    if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
+        yield Row(
+            f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
+            "damping.kelvin_voigt = { fraction = 0.2 } takes most of it away (Day et al. 2005)", "warning",
+        )  # fmt: skip
 
 
-def _rate_and_state_rows(
-    label: str, law: dict[str, float], sigma: float, modulus: float, spacing: float
-) -> Iterator[Row]:
-    """Critical stiffness and lengths of rate and state friction."""
-    a, b, slip = law["a"], law["b"], law["D_c"]
-    yield Row(f"{label}: b - a", b - a, "", "velocity weakening" if b > a else "velocity strengthening: stable")
-    length = modulus * slip / (b * sigma)
-    yield Row(f"{label}: L_b", length, "m", "G* D_c / (b sigma), the process zone (Dieterich 1992)")
-    points = length / max(spacing, 1e-300)
-    yield Row(
-        f"{label}: points in L_b", points, "", "" if points >= 3 else "too few: 3 or more resolve a front",
-        "ok" if points >= 3 else "warning",
-    )  # fmt: skip
-    if b > a:
-        yield Row(f"{label}: k_c", (b - a) * sigma / slip, "Pa/m", "critical stiffness (Ruina 1983)")
-        yield Row(f"{label}: h*", np.pi * modulus * slip / ((b - a) * sigma), "m", "pi G* D_c / ((b - a) sigma), "
+def _rate_rows(label: str, law: RateDependence, sigma: float, modulus: float, spacing: float) -> Iterator[Row]:
+    """Critical stiffness and lengths, for laws that change with the rate of slip."""
+    if sigma <= 0:
+        yield Row(f"{label}: L_b", "none", "", "the interface is open there")
+        return
+    weakens = law.weakening > 0
+    verdict = "velocity weakening" if weakens else "velocity strengthening: stable"
+    yield Row(f"{label}: b - a", law.weakening / sigma, "", verdict)
+    zone = law.process_zone(modulus)
+    yield Row(f"{label}: L_b", zone, "m", "G* D_c / (b sigma), the process zone (Dieterich 1992)")
+    yield _points_row(f"{label}: points in L_b", zone, spacing, 3)
+    if weakens:
+        yield Row(f"{label}: k_c", law.critical_stiffness, "Pa/m", "critical stiffness (Ruina 1983)")
+        yield Row(f"{label}: h*", law.wavelength(modulus), "m", "pi G* D_c / ((b - a) sigma), "
                   "wavelength that slides unstably (Rice and Ruina 1983)")  # fmt: skip
-        half = b / (np.pi * (b - a) ** 2) * modulus * slip / sigma
+        half = law.nucleation(modulus)
         yield Row(f"{label}: nucleation half-length", half, "m", "ageing law, a/b > 0.5 (Rubin and Ampuero 2005)")
+
+
+def _points_row(quantity: str, zone: float, spacing: float, enough: int) -> Row:
+    points = zone / max(spacing, 1e-300)
+    if points >= enough:
+        return Row(quantity, points)
+    return Row(quantity, points, "", f"too few: {enough} or more resolve a front", "warning")
 
 
 def _cost(model: Model, motion: object, steps: int | None) -> Iterator[Row]:

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import model_validator
 
 from ruptfx import RuptfxError
+from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.schema import Alternative, alternative
 
 LawState = dict[str, Any]
@@ -112,6 +113,19 @@ class FrictionLaw(Alternative):
         """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s]; laws that have no such limit do not
         define it."""
         raise NotImplementedError
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
+        """What fronts cost and how long they are, for `ruptfx check`; None of a law that has no length of its own.
+
+        Parameters
+        ----------
+        normal_stress : ndarray or float
+            [Pa], constant.
+        slip_rate : ndarray or float
+            Behind the front [m/s], positive; laws whose strength depends on the slip alone do not need it.
+        """
+        inner = getattr(self, "law", None)
+        return inner.lengths(normal_stress, slip_rate) if inner is not None else None
 
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import Breakdown, RateDependence
 
 
 class Memory(FrictionLaw):
@@ -41,6 +42,10 @@ class Memory(FrictionLaw):
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.law.carried_slip_rate(shear_stress, self.remembered(state), state)
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
+        """Those of the held law where the memory has caught up."""
+        return self.law.lengths(self.share() * normal_stress, slip_rate)
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         return self.law.steady_strength(slip_rate, self.share() * normal_stress)

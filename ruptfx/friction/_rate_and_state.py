@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import RateDependence
 from ruptfx.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
 
 LOWEST = 1e-6  # friction coefficient
@@ -79,6 +80,10 @@ class Creeping(FrictionLaw):
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> RateDependence:
+        """Of small changes at low slip rates."""
+        return RateDependence(self.a * normal_stress, self.b * normal_stress, self.D_c)
 
 
 class RateAndState(Creeping):

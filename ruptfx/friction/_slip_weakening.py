@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import Breakdown
 from ruptfx.units import VaryingCoefficient, VaryingLength
 
 
@@ -12,6 +15,8 @@ class SlipWeakening(FrictionLaw):
     """The coefficient falls from mu_s to mu_d with slip; laws differ in the part of the drop that is left."""
 
     state_fields = {"cumulative_slip": "m"}
+    whole: ClassVar[float]
+    """Integral of `left` over all ratios: fracture energy over drop and D_c."""
 
     mu_s: VaryingCoefficient
     mu_d: VaryingCoefficient
@@ -33,3 +38,7 @@ class SlipWeakening(FrictionLaw):
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         return self.mu_d * normal_stress
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
+        drop = (self.mu_s - self.mu_d) * normal_stress
+        return Breakdown(self.mu_s * normal_stress, self.mu_d * normal_stress, self.whole * drop * self.D_c)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.units import VaryingLength, VaryingPressure
+
+NEVER = 1e30  # m
 
 
 class Cohesion(FrictionLaw):
@@ -20,7 +23,7 @@ class Cohesion(FrictionLaw):
 
     law: AnyFriction
     c: VaryingPressure
-    D_cohesion: VaryingLength = 1e30
+    D_cohesion: VaryingLength = NEVER
     """Slip [m] that breaks the bond; by default it never breaks."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
@@ -40,3 +43,15 @@ class Cohesion(FrictionLaw):
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
         frictional = np.maximum(np.abs(shear_stress) - self.c, 0.0)
         return self.law.carried_slip_rate(frictional, normal_stress, state)
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
+        """Of the held law, and what the bond adds to its breakdown: c, and c D_cohesion / 2 where it breaks."""
+        held = self.law.lengths(normal_stress, slip_rate)
+        if not isinstance(held, Breakdown):
+            return held
+        bond = np.where(normal_stress > 0, self.c, 0.0)
+        breaks = self.D_cohesion < NEVER
+        return Breakdown(
+            held.peak + bond, held.residual + np.where(breaks, 0.0, bond),
+            held.energy + np.where(breaks, 0.5 * bond * self.D_cohesion, 0.0),
+        )  # fmt: skip

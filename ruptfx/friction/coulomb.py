@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import Breakdown
 from ruptfx.units import VaryingCoefficient
 
 
@@ -27,3 +28,7 @@ class Coulomb(FrictionLaw):
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         return self.mu_d * normal_stress
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
+        """Nothing is lost."""
+        return Breakdown(self.mu_d * normal_stress, self.mu_d * normal_stress, 0.0 * normal_stress)

@@ -16,6 +16,7 @@ class ExponentialSlipWeakening(SlipWeakening):
 
     formula = "strength = [mu_d + (mu_s - mu_d) exp(-cumulative_slip / D_c)] sigma"
     source = "exponential member of the slip-dependent laws of Ida (1972)"
+    whole = 1.0
 
     def left(self, ratio: Array) -> Array:
         return np.exp(-ratio)

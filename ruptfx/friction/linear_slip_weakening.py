@@ -13,6 +13,7 @@ class LinearSlipWeakening(SlipWeakening):
 
     formula = "strength = [mu_s - (mu_s - mu_d) min(cumulative_slip / D_c, 1)] sigma"
     source = "Ida (1972); Andrews (1976)"
+    whole = 0.5
 
     def left(self, ratio: Array) -> Array:
         return 1 - np.minimum(ratio, 1.0)

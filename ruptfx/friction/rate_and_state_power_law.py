@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import simpson
 
 from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction._lengths import Breakdown
 from ruptfx.friction._rate_and_state import decay_mean
 from ruptfx.units import (
     VaryingCoefficient,
@@ -61,3 +63,16 @@ class RateAndStatePowerLaw(FrictionLaw):
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
         """mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""
         return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((slip_rate / self.V_1) ** self.p))) * normal_stress
+
+    def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
+        """Of slip at a constant rate that begins at once: theta_0 goes from theta_0_initial to L_0 / V, over some
+        lengths L_0 / A_0; the integral over them."""
+        start = np.asarray(self.theta_0_initial + 0.0 * normal_stress)
+        residual = self.steady_strength(slip_rate, normal_stress)
+        # theta_0 comes near to its end as exp(-A_0 slip / L_0).
+        most = 40 + np.log1p(slip_rate * np.max(start / self.L_0))
+        times = np.linspace(0, most, 2001).reshape(-1, *[1] * start.ndim)
+        slip = times * (self.L_0 / self.A_0)
+        state = self.advance({"theta_0": start}, slip_rate, normal_stress, slip / slip_rate)
+        strength = self.strength(slip_rate, normal_stress, state)
+        return Breakdown(strength[0], residual, simpson(strength - residual, x=slip + 0 * strength, axis=0))

@@ -10,10 +10,12 @@ import pytest
 import tomli_w
 from examples import friction, friction_laws, holds
 from pydantic import TypeAdapter
+from scipy.integrate import simpson
 from small_cases import case, two_boxes
 
 from ruptfx import RuptfxError
 from ruptfx.friction import COMMON, RESERVED, AnyFriction, FrictionLaw
+from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.projection import TracedLaw, project
 from ruptfx.schema import CaseError, alternatives
@@ -285,3 +287,56 @@ def test_profiles_are_evaluated_point_by_point(kind: str, held: str | None) -> N
         np.testing.assert_allclose(strength[i], alone[0], rtol=1e-12)
     # The amplitude of the examples' profiles is 30 %, so that the points do differ.
     assert np.ptp(strength) > 1e-3 * strength.max()
+
+
+@every_law
+@every_example
+def test_lengths_are_those_of_the_strength(kind: str, held: str | None, seed: int) -> None:
+    """A breakdown is what sliding at one rate loses; a rate dependence what a small change of the rate does."""
+    law = friction(kind, held, seed)
+    sigma, v = np.array([1e6, 0.0, 3e6]), 3.0
+    lengths = law.lengths(sigma, v)
+    fields = law.all_state_fields()
+    if "Pa" in fields.values() or "clock" in fields:  # what else changes with slip or time is not the law's own
+        if held is not None:
+            assert type(lengths) is type(law.law.lengths(sigma, v))
+        return
+    if isinstance(lengths, Breakdown):
+        # Strength over slip by Simpson's rule, from 1e-9 of the shortest length to 1e6 of the longest, below 1 mm.
+        slip = np.concatenate([[0.0], np.geomspace(1e-16, 1e3, 40001)])[:, None]
+        state = law.initial_state(sigma, 0.3 * sigma, 0 * sigma + v)
+        strength = law.strength(v, sigma, law.advance(state, v, sigma, slip / v)) + 0 * slip * sigma
+        np.testing.assert_allclose(strength[0], lengths.peak + 0 * sigma, rtol=1e-9)
+        np.testing.assert_allclose(strength[-1], lengths.residual + 0 * sigma, rtol=1e-6)
+        # The tail of a state that decays to rounding is not part of it.
+        lost = np.where(np.abs(strength - strength[-1]) > 1e-12 * strength[-1], strength - strength[-1], 0.0)
+        energy = simpson(lost, x=slip[:, 0], axis=0)
+        np.testing.assert_allclose(energy, lengths.energy + 0 * sigma, rtol=1e-4, atol=1e-9 * np.max(np.abs(energy)))
+    if isinstance(lengths, RateDependence):
+        slow, step, one = 1e-12, 1e-4, np.ones(1)
+        steady = [law.steady_strength(rate * one, one) for rate in (slow, slow * np.exp(step))]
+        weakening = law.lengths(one, slow).weakening
+        if np.all(weakening > 0):  # else steady strength is zero at slip rates that low
+            np.testing.assert_allclose((steady[0] - steady[1]) / step, weakening, rtol=1e-3)
+
+
+def test_some_laws_say_their_lengths() -> None:
+    found = {kind: type(friction(kind, held).lengths(1e6, 1.0)) for kind, held in LAWS if held is None}
+    assert found["linear_slip_weakening"] is Breakdown and found["rate_and_state_ageing"] is RateDependence
+    assert found["velocity_weakening"] is type(None)
+
+
+def test_what_a_bond_adds_to_the_breakdown() -> None:
+    """c to the peak and c D / 2 to the energy where it breaks; else c to both strengths."""
+    weakening = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 1e-5}
+    for length, residual, energy in ((4e-5, 0.2e6, 2.0 + 6.0), (None, 0.5e6, 2.0)):
+        law = TypeAdapter(AnyFriction).validate_python(
+            {"kind": "cohesion", "c": 0.3e6, "law": weakening} | ({"D_cohesion": length} if length else {})
+        )
+        found = law.lengths(1e6, 1.0)
+        np.testing.assert_allclose([found.peak, found.residual, found.energy], [0.9e6, residual, energy], rtol=1e-12)
+
+
+def test_a_memory_that_has_caught_up_sees_its_share() -> None:
+    law = friction("prakash_clifton", "coulomb")
+    np.testing.assert_allclose(law.lengths(1e6, 1.0).peak, law.law.mu_d * law.D * 1e6, rtol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,26 @@ def test_damping_is_proposed_for_split_nodes(contact: dict[str, Any], damped: bo
     if damped:
         table["damping"] = {"kelvin_voigt": {"fraction": 0.2}}
     assert (": damping" in rows(table)) == proposed
+
+
+def test_lengths_of_a_law_that_depends_on_the_slip_rate() -> None:
+    """A power law that jumps from r = L_0 / theta_0 = 0.05 m/s to V = 5 m/s, behind a memory that has caught up."""
+    driven = [{"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 5.0}]
+    found = rows(plates({"faults.main.friction": memory_friction("P1"), "boundaries": driven}))
+    # [mu_d + 0.2 exp(-(0.05 / 29)^1.2)] (105 / 100.05)^(1/5) less mu_d + 0.2 exp(-(5 / 29)^1.2), under 6 MPa.
+    peak = (0.4 + 0.2 * math.exp(-((0.05 / 29) ** 1.2))) * (105 / 100.05) ** 0.2
+    drop = 6e6 * (peak - 0.4 - 0.2 * math.exp(-((5 / 29) ** 1.2)))
+    assert f"over a drop of {drop:.4g} Pa, at a slip rate of 5 m/s" in found[": fracture energy"].note
+    # 9 pi / 32 G* 2 Gamma / drop^2 with G* = G (1 + nu) = E / 2 in plane stress.
+    energy = float(found[": fracture energy"].value)
+    zone = 9 * math.pi / 32 * 2.65e9 * 2 * energy / drop**2
+    assert found[": static process zone"].value == pytest.approx(zone, rel=1e-9)
+
+
+def test_a_law_without_a_length_says_so() -> None:
+    law = {"kind": "velocity_weakening", "mu_s": 0.6, "mu_d": 0.2, "V_w": 1.0}
+    found = rows(plates({"faults.main.friction": law}))[": process zone"]
+    assert (found.value, found.note) == ("none", "velocity_weakening has no length of its own")
 
 
 def test_the_demo_needs_no_warning() -> None:
