@@ -1,4 +1,4 @@
-"""The command line: run | check | study | plot | describe | demos | bench."""
+"""The command line: run | check | check-law | study | plot | describe | demos | bench."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from ruptfx import RuptfxError, __version__
 from ruptfx.terminal import console
@@ -230,6 +231,34 @@ def describe(
             return
         for block in describe_folder(what):
             screen.print(block)
+
+
+@app.command(name="check-law")
+def check_law(
+    law: Annotated[str, typer.Argument(help="Python file with friction laws, or a kind.", show_default=False)],
+    set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
+    out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("."),
+) -> None:
+    """Check that a friction law keeps its contract, and draw it; exits non-zero when something fails or is missing."""
+    with _reported():
+        from ruptfx.check_law import check_law as check
+        from ruptfx.check_law import save_figure
+
+        sound = True
+        for report in check(law, set_ or []):
+            kind, sound = report.law.kind(), sound and report.sound
+            table = Table("check", "verdict", "note", title=f"friction law {kind}", title_justify="left")
+            for row in report.rows:
+                colour = {"failed": "red", "missing": "yellow"}.get(row.verdict, "")
+                table.add_row(row.check, row.verdict, Text(row.note), style=colour)
+            screen.print(table)
+            numbers = report.law.model_dump(mode="json", exclude_none=True)
+            screen.print(f"Drawn with {numbers}", markup=False, highlight=False, soft_wrap=True)
+            out.mkdir(parents=True, exist_ok=True)
+            save_figure(report.law, out / f"{kind}.png")
+            screen.print(f"Picture: {out / f'{kind}.png'}", soft_wrap=True)
+        if not sound:
+            raise typer.Exit(EXIT_ERROR)
 
 
 @app.command()

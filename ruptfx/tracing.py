@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -306,11 +305,12 @@ def record(function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Any]
     try:
         return as_(function(*inputs))
     except Exception as error:
-        raise RuptfxError(f"{_place(error.__traceback__, function)}: {_reason(error)}") from error
+        raise RuptfxError(located(error, function)) from error
 
 
-def _place(trace: TracebackType | None, function: Callable[..., Any]) -> str:
-    """File, line and method of the innermost law or contact method on the way to an error."""
+def located(error: Exception, function: Callable[..., Any]) -> str:
+    """An error with file, line and method of the innermost law or contact method on the way to it."""
+    trace = error.__traceback__
     code = getattr(function, "__func__", function).__code__
     line = code.co_firstlineno
     while trace is not None:
@@ -319,7 +319,7 @@ def _place(trace: TracebackType | None, function: Callable[..., Any]) -> str:
         if isinstance(frame.f_locals.get("self"), Alternative) and not frame.f_code.co_name.startswith("__"):
             code, line = frame.f_code, trace.tb_lineno
         trace = trace.tb_next
-    return f"{Path(code.co_filename).name}, line {line}, {code.co_name}"
+    return f"{Path(code.co_filename).name}, line {line}, {code.co_name}: {_reason(error)}"
 
 
 def _reason(error: Exception) -> str:

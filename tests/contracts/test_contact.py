@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import friction, friction_laws, table
 from small_cases import COMPLIANT, HOMALITE, case, march, tilted
+
+from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 

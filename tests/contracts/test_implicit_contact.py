@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import friction, friction_laws, table
 from small_cases import HOMALITE, case, memory_friction, smooth_field
 from test_contact import POINTS, an_interface
+
+from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 

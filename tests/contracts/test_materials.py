@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from examples import material
 from pydantic import TypeAdapter
 from small_cases import SPLIT, merged, plates
+
+from ruptfx.check_law.examples import material
 
 pytest.importorskip("dolfinx")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from examples import table
 
+from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture
 from ruptfx.places import Place, located, patches, positions, shifted
 from ruptfx.profiles import KINDS

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import friction, friction_laws
 
+from ruptfx.check_law.examples import friction, friction_laws
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo

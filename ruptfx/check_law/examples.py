@@ -75,7 +75,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
             result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
         elif any(item.get("type") == "number" for item in options):
             limits = next(item for item in options if item.get("type") == "number")
-            value = number(seed, name, unit_of(cls, name), limits)
+            value: Any = number(seed, name, unit_of(cls, name), limits)
             if profiles and any("$ref" in item for item in options):
                 # Some fields grow where others fall, so that their ratios vary too.
                 amplitude = (0.3 if zlib.crc32(name.encode()) % 2 else -0.3) * value

@@ -1,0 +1,67 @@
+"""A law at a glance: strength against slip rate, and what follows velocity steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.friction import FrictionLaw
+from ruptfx.plots.style import letter, new_figure, note, styled
+
+STRESSES = (1e6, 3e6, 10e6)  # Pa
+RATE = 0.1  # m/s
+STEPS = {10.0: "#d55e00", 0.1: "#0072b2"}  # safe for colour-blind readers
+
+
+@styled
+def draw(law: FrictionLaw) -> Figure:
+    """Strength against slip rate in the initial state and in steady sliding; strength and state after velocity steps.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+        With numbers as parameters.
+    """
+    figure, (axes,) = new_figure(1, 3, 2.7)
+    rates = np.logspace(-9, 2, 400)
+    for sigma, colour in zip(STRESSES, ("#56b4e9", "#0072b2", "#1a1a1a"), strict=True):
+        normal = np.full_like(rates, sigma)
+        start = {name: np.broadcast_to(v[:1], rates.shape) for name, v in _rest(law, sigma).items()}
+        axes[0].semilogx(rates, law.strength(rates, normal, start) / 1e6 + 0 * rates, "--", color=colour)
+        try:
+            final = law.steady_strength(rates, normal)
+        except NotImplementedError:
+            final = np.full_like(rates, np.nan)
+        axes[0].semilogx(rates, final / 1e6 + 0 * rates, color=colour, label=rf"$\sigma$ = {sigma / 1e6:g} MPa")
+    axes[0].set(xlabel="Slip rate (m/s)", ylabel="Strength (MPa)", ylim=(0, None))
+    axes[0].legend(title="dashed: initial state\nfull: steady sliding", title_fontsize=7)
+    times, pressure = np.logspace(-8, 2, 400), np.full(400, STRESSES[1])
+    names = list(law.all_state_fields())
+    for factor, colour in STEPS.items():
+        before = law.advance(_rest(law, STRESSES[1]), np.full(400, RATE), pressure, 1e-3)
+        after = law.advance(before, np.full(400, factor * RATE), pressure, times)
+        label = f"{RATE:g} to {factor * RATE:g} m/s"
+        carried = law.strength(factor * RATE, pressure, after) + 0 * times
+        axes[1].semilogx(times, carried / pressure, color=colour, label=label)
+        for name, style in zip(names, ("-", "--", ":", "-.") * len(names), strict=False):
+            with np.errstate(invalid="ignore", divide="ignore"):
+                relative = after[name] / np.where(before[name] != 0, before[name], 1.0) + 0 * times
+            axes[2].loglog(times, np.where(relative > 0, relative, np.nan), style, color=colour,
+                           label=name.replace("_", " ") if factor > 1 else None)  # fmt: skip
+    pressed = rf"$\sigma$ = {STRESSES[1] / 1e6:g} MPa"
+    axes[1].set(xlabel="Time since velocity step (s)", ylabel=rf"Strength / $\sigma$, {pressed}")
+    axes[1].legend()
+    axes[2].set(xlabel="Time since velocity step (s)", ylabel="State / state before the step")
+    if names:
+        axes[2].legend()
+    else:
+        note(axes[2], "no state")
+    letter(axes)
+    return figure
+
+
+def _rest(law: FrictionLaw, sigma: float) -> dict[str, np.ndarray]:
+    """Initial state at a shear stress of 0.3 sigma, shape (400,)."""
+    normal = np.full(400, sigma)
+    state = law.initial_state(normal, 0.3 * normal, np.full(400, RATE))
+    return {name: value + np.zeros(400) for name, value in state.items()}

@@ -1,0 +1,78 @@
+"""`ruptfx check-law`: laws that keep their contract, and what it says of those that do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_plugins import LAW
+from typer.testing import CliRunner
+
+from ruptfx import RuptfxError
+from ruptfx.check_law import check_law
+from ruptfx.check_law.checks import CHECKS
+from ruptfx.cli import app
+
+SAID = LAW.replace("    mu_s:", '    formula, source = "mu_s sigma / (1 + slip / L)", "none"\n    mu_s:')
+
+
+def verdicts(folder: Path, text: str, *changes: str) -> dict[str, tuple[str, str]]:
+    (folder / "my_law.py").write_text(text)
+    (report,) = check_law(str(folder / "my_law.py"), changes)
+    return {row.check: (row.verdict, row.note) for row in report.rows}
+
+
+def test_a_sound_law(tmp_path: Path) -> None:
+    found = verdicts(tmp_path, SAID)
+    assert {check for check, (verdict, _) in found.items() if verdict == "does not apply"} == {
+        "shared state", "steady strength",
+    }  # fmt: skip
+    assert {verdict for verdict, _ in found.values()} == {"passed", "does not apply"}
+    assert found.keys() == {"what it says of itself", *CHECKS}
+
+
+BROKEN = {
+    "strength >= 0": ("return self.mu_s *", "return (self.mu_s - 0.5 * slip_rate) *", "strength is negative at"),
+    "traced derivatives": ("return self.mu_s *", "return (1 + isinstance(slip_rate, np.ndarray)) *", "traced strength"),
+    "one step is many": ("slip_rate * dt}", "slip_rate * dt * (1 + dt)}", "advance is not exact: own_slip"),
+    "declared state": ('return {"own_slip": state["own_slip"] +', 'state["own_slip"] += 1; return {"own_slip": 0 +',
+                       "advance changes the array own_slip"),
+    "dissipation": ("return self.mu_s *", "return -5 * self.mu_s *", "friction gives energy at power = -"),
+    "case file": ("    def initial", "    kept: float = 1.0\n\n    def model_post_init(self, _):\n"
+                  "        object.__setattr__(self, 'kept', self.kept + 1)\n\n    def initial", "reads differently"),
+    "what it says of itself": ('"m"}', '""}', "the unit of state variable own_slip"),
+    "steady strength": ("    def advance", "    def steady_strength(self, slip_rate, normal_stress):\n"
+                        "        return self.mu_s * normal_stress\n\n    def advance", "strength after long sliding"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("check", BROKEN)
+def test_what_is_broken_is_named(check: str, tmp_path: Path) -> None:
+    old, new, message = BROKEN[check]
+    assert SAID.count(old) == 1
+    verdict, note = verdicts(tmp_path, SAID.replace(old, new))[check]
+    assert verdict in ("failed", "missing")
+    assert message in note
+
+
+def test_errors_of_a_law_have_their_place(tmp_path: Path) -> None:
+    text = SAID.replace("return self.mu_s * normal_stress", "return max(0.0, self.mu_s * normal_stress)")
+    found = verdicts(tmp_path, text)
+    assert found["strength >= 0"][1].startswith("my_law.py, line 22, strength: ValueError: The truth value")
+    assert "line 22, strength: a law must not branch on a value" in found["traced derivatives"][1]
+
+
+def test_command(tmp_path: Path) -> None:
+    path = tmp_path / "my_law.py"
+    for text, code, said in ((SAID, 0, "passed"), (LAW, 1, "formula, source")):
+        path.write_text(text)
+        arguments = ["check-law", str(path), "--set", "mu_s=0.6", "--out", str(tmp_path / "pictures")]
+        result = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
+        assert result.exit_code == code and said in result.output and "'mu_s': 0.6" in result.output
+        assert (tmp_path / "pictures" / "my_law.png").stat().st_size > 10_000
+    for law, message in (("columb", "did you mean 'coulomb'?"), ("none.py", "cannot be read")):
+        with pytest.raises(RuptfxError) as caught:
+            check_law(law)
+        assert message in str(caught.value)
+    with pytest.raises(RuptfxError, match=r"coulomb\.mu_d = -1"):
+        check_law("coulomb", ["mu_d=-1"])
