@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 Component = Literal["x", "y", "z"]
 Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
-Vector = Annotated[list[float], Field(min_length=1, max_length=3)]
 
 
 @dataclass(frozen=True)
