@@ -216,8 +216,8 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
 def front(record: Record) -> Figure:
     """Arrival of the rupture and its local speed along the interface, with the wave speeds.
 
-    The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface. A panel
-    without a speed says why.
+    The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface; a window
+    with fronts in both directions, as around an inner origin, has none. A panel without a speed says why.
     """
     data = record.interface
     position, arrival = data["position"].values, data["rupture_time"].values
@@ -230,6 +230,7 @@ def front(record: Record) -> Figure:
     fastest = max((guide.speed for guide in speeds), default=1.0)
     size, unit = (1e3, "km/s") if fastest > 900 else scale(fastest, "m/s")
     local = np.abs(local_speed(position, arrival, 0.05 * np.ptp(position)))
+    local[_both_ways(position, arrival, 0.05 * np.ptp(position))] = np.nan
     together = local > 3 * fastest
     local[together] = np.nan
     shown = np.append(local[np.isfinite(local)], 0.0)
@@ -252,6 +253,15 @@ def front(record: Record) -> Figure:
     remark(figure, whose_speeds(record))
     letter(axes)
     return figure
+
+
+def _both_ways(position: Array, arrival: Array, width: float) -> Array:
+    """Points about which, in a window, at least a tenth of the arrivals run against the others."""
+    middle, step = (position[1:] + position[:-1]) / 2, np.diff(arrival)
+    first, last = (np.searchsorted(middle, position + shift) for shift in (-width / 2, width / 2))
+    later, earlier = (np.append(0, np.cumsum(way)) for way in (step > 0, step < 0))
+    later, earlier = later[last] - later[first], earlier[last] - earlier[first]
+    return (later + earlier > 0) & (np.minimum(later, earlier) >= 0.1 * (later + earlier))
 
 
 def _empty(text: str) -> Figure:

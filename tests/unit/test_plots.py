@@ -188,6 +188,18 @@ def test_a_speed_panel_without_a_speed_says_why(tmp_path):
         assert "too few points slid" in plots.front(record).axes[1].texts[-1].get_text()
 
 
+def test_speeds_leave_out_an_inner_origin(tmp_path):
+    # To both sides of 50 mm at 2100 m/s: across the origin a line through all arrivals would be flat, faster than c_p.
+    field = synthetic.crack(TIME, np.abs(POSITION - 0.05))
+    with record_of(tmp_path, field, V_imp=0.0) as record:
+        position, speed = plots.front(record).axes[1].lines[0].get_data()
+    # Within 2.25 mm, nine tenths of half the window, both directions are in it.
+    assert np.isnan(speed[np.abs(position - 50) < 1.9]).all()
+    drawn = np.isfinite(speed)
+    assert drawn[(np.abs(position - 50) > 2.6) & (np.abs(position - 50) < 48)].all()
+    assert speed[drawn] == pytest.approx(2.1, rel=0.2)  # 0.5 us between saved times
+
+
 def test_colour_bars_have_an_arrow_where_they_are_cut(train):
     def arrows(figure):
         return [image.colorbar.extend for ax in figure.axes for image in (*ax.collections, *ax.images)
