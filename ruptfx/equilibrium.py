@@ -171,14 +171,14 @@ class Equilibrium:
         force, viscosity = self.dashpot * velocity, self.model.viscosity
         if viscosity is not None:
             layer = np.zeros_like(force)
-            viscosity.operator.add_internal_force(velocity, velocity, layer)
+            viscosity.operator.add_internal_force(velocity, layer)
             self.model.sum_shared(layer)
             force -= viscosity.eta * layer
         return force
 
     def internal(self, state: State) -> np.ndarray:
         """K u + J' W (T - T_0) [N] of a state, from the tractions it holds."""
-        force = -self.model.internal_force(state.displacement, state.velocity)
+        force = -self.model.internal_force(state.displacement)
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             change = [fault.components(fields, "shear_traction") - fault.driving_shear(state.time)]
@@ -396,7 +396,7 @@ class _Task:
         """Collective."""
         equilibrium, model = self._equilibrium, self._equilibrium.model
         self.displacement, self.error = u.copy(), None
-        elastic = -model.internal_force(u, u)
+        elastic = -model.internal_force(u)
         parts = [elastic, self._load]
         if self.rates:
             parts.append(model.mass * self.rates.acceleration_of(u))

@@ -399,10 +399,10 @@ class Model:
         owned = self.owned_nodes * self.components
         return float(a[:owned] @ b[:owned])
 
-    def internal_force(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
         """-K u of bodies and elastic supports, summed over ranks [N]."""
         force = np.zeros_like(displacement)
-        self.operator.add_internal_force(displacement, velocity, force)
+        self.operator.add_internal_force(displacement, force)
         self.sum_shared(force)
         self.loads.add_support_force(displacement, force)
         return force
@@ -419,7 +419,7 @@ class Model:
         is that of driven edges, tractions and the initial stress.
         """
         half = 0.5 * state.lag
-        force = self.internal_force(state.displacement, state.velocity)
+        force = self.internal_force(state.displacement)
         time, earlier = state.at_faults()
         held = taken = 0.0
         for fault in self.faults:
@@ -453,7 +453,7 @@ class Model:
 
         def apply(vector: np.ndarray) -> np.ndarray:
             u = root * vector
-            force = self.internal_force(u, np.zeros_like(u))
+            force = self.internal_force(u)
             for fault, (normal, shear) in stiffness:
                 if normal or shear:
                     face = fault.interface

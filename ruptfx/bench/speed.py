@@ -306,7 +306,7 @@ def ufl_step(model: Model, state: Any, dt: float, jit_options: dict[str, Any]) -
     inverse_mass = dt / model.mass
 
     def step() -> None:
-        reference.add_internal_force(state.displacement, state.velocity, state.force)
+        reference.add_internal_force(state.displacement, state.force)
         state.velocity += inverse_mass * state.force
         state.displacement += dt * state.velocity
         state.force[:] = 0

@@ -30,8 +30,6 @@ class Bulk:
     materials : list of Material
     cell_material : ndarray of int32, shape (cells,)
         Index into `materials` of every local cell (ghosts included).
-    viscosity_time : ndarray or None, shape (cells,)
-        Kelvin-Voigt time eta [s] of every local cell: the force is K (u + eta v). None where there is no damping.
     only : ndarray of bool or None, shape (cells,)
         Local cells that count; None for all.
     """
@@ -40,7 +38,6 @@ class Bulk:
     plane: Plane
     materials: list[Material]
     cell_material: np.ndarray
-    viscosity_time: np.ndarray | None = None
     only: np.ndarray | None = None
 
 
@@ -52,8 +49,8 @@ class Operator(Protocol):
 
     def __init__(self, bulk: Bulk) -> None: ...
 
-    def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
-        """force -= K (displacement + eta velocity); `velocity` is read only where there is Kelvin-Voigt damping."""
+    def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """force -= K displacement."""
 
 
 def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:

@@ -9,7 +9,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.operators import Bulk
 
-BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS = range(5)  # kinds of a batch, as in the C source
+BOX, AFFINE, MULTILINEAR, POINTWISE = range(4)  # kinds of a batch, as in the C source
 
 
 def numbers(
@@ -17,8 +17,8 @@ def numbers(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Kind of every batch, where its numbers begin (in vectors), and the numbers.
 
-    A batch takes the kind of its most demanding cell. Its numbers are the viscosity time if there is one, the two
-    Lamé moduli (zero for cells that only fill up a batch), and the geometry.
+    A batch takes the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for cells that
+    only fill up a batch) and the geometry.
 
     Parameters
     ----------
@@ -34,10 +34,8 @@ def numbers(
     kind = np.empty(len(cells), dtype=np.uint8)
     for part in _slices(len(cells)):
         kind[part] = _classify(mesh, cells[part])
-    eta = np.zeros(len(bulk.cell_material)) if bulk.viscosity_time is None else np.asarray(bulk.viscosity_time)
-    kind += np.uint8(VISCOUS) * (eta[cells] != 0).any(axis=1)
-    width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind % VISCOUS]
-    start = np.r_[0, np.cumsum(width + 2 + kind // VISCOUS)].astype(np.int64)
+    width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind]
+    start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
     number = aligned((int(start[-1]), lanes))
     moduli = np.array([material.lame(bulk.plane) for material in bulk.materials])
     for value in np.unique(kind):
@@ -45,10 +43,9 @@ def numbers(
         for part in _slices(len(batches)):
             batch = batches[part]
             chosen = cells[batch]
-            sign, geometry = _geometry(bulk.space, chosen, int(value) % VISCOUS, permutation)
+            sign, geometry = _geometry(bulk.space, chosen, int(value), permutation)
             modulus = moduli[bulk.cell_material[chosen]] * (sign * ~padding[batch])[..., None]
-            damping = [eta[chosen][..., None]] if value >= VISCOUS else []
-            found = np.concatenate([*damping, modulus, geometry], axis=-1)
+            found = np.concatenate([modulus, geometry], axis=-1)
             number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)
     return kind, start[:-1], number
 

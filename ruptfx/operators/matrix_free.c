@@ -28,13 +28,13 @@ typedef long long_lanes __attribute__((vector_size(8 * LANES)));
 typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));
 typedef double couple __attribute__((vector_size(16), aligned(8)));
 
-enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VISCOUS };  // kind of a batch: one of four geometries, plus VISCOUS
+enum { BOX, AFFINE, MULTILINEAR, POINTWISE };  // kind of a batch
 
 struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
-    const lanes *number;           // viscosity time if VISCOUS, lambda, shear modulus, geometry
+    const lanes *number;           // lambda, shear modulus, geometry
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
@@ -340,8 +340,7 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
 
 // Forces of one batch.  A few at a time, the cache lines that the next batch is the first to touch are asked for: nothing
 // else would, as the nodes of elements follow no pattern that a machine sees.
-INLINE void batch_force(const int geometry, const int viscous, const struct plan *plan, long b,
-                        const double *displacement, const double *velocity, double *force)
+INLINE void batch_force(const int geometry, const struct plan *plan, long b, const double *displacement, double *force)
 {
     const int *dof = plan->dof + b * NODES * LANES, *line = plan->line + (b + 1) * NODES * FETCH;
     const lanes *number = plan->number + plan->start[b];
@@ -350,14 +349,9 @@ INLINE void batch_force(const int geometry, const int viscous, const struct plan
         UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(displacement + 8L * line[node * FETCH + k], 0);
         lanes x[COMPONENTS];
         gather(displacement, dof + node * LANES, x);
-        if (viscous) {
-            lanes v[COMPONENTS];
-            gather(velocity, dof + node * LANES, v);
-            UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] += number[0] * v[c];
-        }
         UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
     }
-    apply(geometry, number + viscous, u);
+    apply(geometry, number, u);
     KEEP for (int node = 0; node < NODES; node++) {
         UNROLL for (int k = 0; k < FETCH; k++) __builtin_prefetch(force + 8L * line[node * FETCH + k], 1);
         lanes x[COMPONENTS];
@@ -368,13 +362,12 @@ INLINE void batch_force(const int geometry, const int viscous, const struct plan
 
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
-void add_internal_force(const struct plan *plan, long first, long last, const double *u, const double *v, double *force)
+void add_internal_force(const struct plan *plan, long first, long last, const double *u, double *force)
 {
     for (long b = first; b < last; b++)
         switch (plan->kind[b]) {
 #define CASE(geometry) \
-    case geometry: batch_force(geometry, 0, plan, b, u, v, force); break; \
-    case geometry + VISCOUS: batch_force(geometry, 1, plan, b, u, v, force); break;
+    case geometry: batch_force(geometry, plan, b, u, force); break;
             CASE(AFFINE)
 #if !SIMPLEX
             CASE(BOX)
@@ -443,7 +436,7 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
     const struct motion motion = {u, v, force, inverse_mass, dt, decay};
     double sum = 0;
     for (long block = first; block < last; block++) {
-        add_internal_force(plan, plan->block[block], plan->block[block + 1], u, v, force);
+        add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
         sum += decay == 1 ? advance_block(0, &motion, plan, block) : advance_block(1, &motion, plan, block);
     }
     return sum;

@@ -66,9 +66,9 @@ class MatrixFree:
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
-    def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
-        """force -= K (displacement + eta velocity), from the cells this rank owns."""
-        pointers = self._pointers(displacement, velocity, force)
+    def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """force -= K displacement, from the cells this rank owns."""
+        pointers = self._pointers(displacement, force)
         self._library.add_internal_force(
             ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches), *pointers
         )
@@ -148,9 +148,10 @@ class MatrixFree:
         return self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
 
     def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> float:
+        *vectors, inverse_mass = arrays
         return self._library.step(
-            ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*arrays),
-            ctypes.c_double(dt), ctypes.c_double(decay),
+            ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
+            *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
         )  # fmt: skip
 
     # -- preparation -----------------------------------------------------------------------------------------------
@@ -164,8 +165,10 @@ class MatrixFree:
         self._keep[name] = array
         setattr(self._plan, name, array.ctypes.data)
 
-    def _pointers(self, *arrays: np.ndarray) -> list[ctypes.c_void_p]:
-        for array, size in zip(arrays, (self._components,) * 3 + (1,), strict=False):
+    def _pointers(self, *arrays: np.ndarray, size: int | None = None) -> list[ctypes.c_void_p]:
+        """Of vectors with `size` numbers for a node, by default one for each component."""
+        size = size or self._components
+        for array in arrays:
             if array.dtype != np.float64 or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
                 raise RuptfxError(f"matrix_free: a vector of {self._nodes * size} doubles is needed, not {array.shape}")
         return [ctypes.c_void_p(array.ctypes.data) for array in arrays]

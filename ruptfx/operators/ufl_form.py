@@ -34,10 +34,10 @@ def measure(bulk: Bulk) -> fem.ufl.Measure:
     )
 
 
-def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr, dx: fem.ufl.Measure, factor: Any = 1) -> fem.ufl.Form:
-    """Strain energy of the bodies [J, per metre of thickness in 2D], its density times a factor."""
+def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:
+    """Strain energy of the bodies [J, per metre of thickness in 2D]."""
     return sum(
-        factor * material.energy_density(strain(displacement), bulk.plane) * dx(index)
+        material.energy_density(strain(displacement), bulk.plane) * dx(index)
         for index, material in enumerate(bulk.materials)
     )
 
@@ -55,26 +55,13 @@ class UflForm:
     def __init__(self, bulk: Bulk, jit_options: dict[str, Any] = fem.JIT_OPTIONS) -> None:
         space = bulk.space
         self._displacement = fem.dolfinx.fem.Function(space)
-        self._viscosity = None
-        if bulk.viscosity_time is not None:
-            cellwise = fem.dolfinx.fem.functionspace(space.mesh, ("DG", 0))
-            self._viscosity = fem.dolfinx.fem.Function(cellwise)
-            dofs = cellwise.dofmap.list[:, 0]
-            self._viscosity.x.array[dofs] = bulk.viscosity_time[: len(dofs)]
-            self._velocity = fem.dolfinx.fem.Function(space)
         test = fem.ufl.TestFunction(space)
         dx, u = measure(bulk), self._displacement
         form = fem.ufl.derivative(energy(bulk, u, dx), u, test)
-        if self._viscosity is not None:
-            # Linear viscosity: the force of the velocity field, cell by cell scaled by eta.
-            damped = fem.ufl.derivative(energy(bulk, u, dx, self._viscosity), u, test)
-            form = form + fem.ufl.derivative(damped, u, self._velocity)
         self._force = fem.dolfinx.fem.form(form, jit_options=jit_options)
 
-    def add_internal_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+    def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         self._displacement.x.array[:] = displacement
-        if self._viscosity is not None:
-            self._velocity.x.array[:] = velocity
         assembled = np.zeros_like(force)
         fem.dolfinx.fem.assemble_vector(assembled, self._force)
         force -= assembled

@@ -169,12 +169,12 @@ class LeapfrogMotion:
         if self._fused:
             plain += operator.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep)
         else:
-            operator.add_internal_force(*arrays)
+            operator.add_internal_force(state.displacement, state.force)
         viscosity = self.model.viscosity
         if viscosity is not None:
             force, dofs = self._viscous_force, self._viscous
             force[dofs] = 0
-            viscosity.operator.add_internal_force(state.velocity, state.velocity, force)
+            viscosity.operator.add_internal_force(state.velocity, force)
             force[dofs] *= viscosity.eta
             state.force[dofs] += force[dofs]
         self.model.force.begin()

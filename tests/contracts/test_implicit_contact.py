@@ -128,7 +128,7 @@ def test_the_matrix_is_the_operator() -> None:
     vector = equilibrium.tangent._stiffness.createVecRight()
     vector.array[:] = u[: len(vector.array)]
     equilibrium.tangent._stiffness.mult(vector, product)
-    expected = -model.internal_force(u, u)[: len(product.array)]
+    expected = -model.internal_force(u)[: len(product.array)]
     assert np.abs(product.array - expected).max() < 1e-13 * np.abs(expected).max()
 
 
