@@ -211,11 +211,11 @@ $dissipated
             A_opening[i] = AT_END ? (sigma[l] - trial_n[l]) * compliance[l]
                                   : A_normal_stress[i] > 0 || apart < 0 ? 0 : apart;
             A_normal_stress[i] = sigma[l];
-            // Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
-            const double speed = TANGENTS == 1 ? fabs(*rates[0][l]) : sqrt(square);
-            if (sigma[l] > 0 && speed > A_peak_slip_rate[i]) A_peak_slip_rate[i] = speed;
-            if (speed > threshold && isnan(A_rupture_time[i]))
-                A_rupture_time[i] = time - (was[l] < threshold ? since * (speed - threshold) / (speed - was[l]) : 0);
+            const double speed = TANGENTS == 1 ? fabs(*rates[0][l]) : sqrt(square), speed_then = was[l];
+            const double normal_stress = sigma[l], duration = AT_END ? since : kick;
+            (void)speed, (void)speed_then, (void)normal_stress, (void)duration;
+$bind_monitors
+$monitors
 $store_new
             const double *r = frame + i * LOCAL * COMPONENTS;
             for (int c = 0; c < COMPONENTS; c++) {

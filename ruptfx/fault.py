@@ -3,15 +3,15 @@
 A step knows the displacement at the time t of the traction and the velocity half a step before. It finds the traction
 at t, and with it the velocity half a step later; `FaultState` is then that of time t, all of it.
 
-`FaultStep` is generated C (`fault.c` filled with the traced contact method and law); `advance_reference` is the same
-step written with arrays, which tests compare it to.
+`FaultStep` is generated C: `fault.c` filled with the traced contact method, law and monitors. The tests have the same
+step written with arrays (`tests/reference_step.py`).
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 
 from ruptfx import native
 from ruptfx.contact import ContactMethod, Point, Trial
+from ruptfx.fields import FIELDS, MONITORS, Moment, Monitor, component_names
 from ruptfx.friction import FrictionLaw
 from ruptfx.interface import Interface
 from ruptfx.nucleation import Nucleation
@@ -30,17 +31,11 @@ from ruptfx.projection import (
     TracedLaw,
     explain,
     parameters_as_symbols,
-    project,
 )
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
 
 FaultState = dict[str, np.ndarray]
 _FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
-
-
-def component_names(name: str, tangents: int) -> list[str]:
-    """`slip` in 2D; `slip_1`, `slip_2` in 3D."""
-    return [name] if tangents == 1 else [f"{name}_{k + 1}" for k in range(tangents)]
 
 
 @dataclass(frozen=True)
@@ -106,22 +101,26 @@ class Fault:
             creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
         creep = np.where(creep < _FASTEST_CREEP, creep, 0.0)  # the bodies are at rest
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
-        now = self.driving_shear(0.0)
-        state: FaultState = {
-            "normal_stress": self.normal_stress_0.copy(),
-            "opening": self.opening(np.zeros(n)),
-            "peak_slip_rate": np.zeros(n),
-            "rupture_time": np.full(n, np.nan),
-        }
-        for k in range(self.tangents):
-            for name, value in (
-                ("slip", np.zeros(n)),
-                ("slip_rate", creep * direction[:, k]),
-                ("mean_slip_rate", creep * direction[:, k]),
-                ("shear_traction", now[:, k]),
-            ):
-                state[component_names(name, self.tangents)[k]] = value.copy()
+        rate = creep[:, None] * direction
+        start = {
+            "normal_stress": self.normal_stress_0, "opening": self.opening(np.zeros(n)), "slip": np.zeros_like(rate),
+            "slip_rate": rate, "mean_slip_rate": rate, "shear_traction": self.driving_shear(0.0),
+        }  # fmt: skip
+        state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
+
+    def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
+        """The declared fields, one new array per component.
+
+        Parameters
+        ----------
+        values : dict of ndarray, shape (n,), tangential ones (n, tangents)
+        """
+        state: FaultState = {}
+        for field in FIELDS:
+            columns = values[field.name].T if field.tangential else values[field.name][None]
+            state |= {name: np.array(v, float) for name, v in zip(field.names(self.tangents), columns, strict=True)}
+        return state
 
     def opening(self, jump: np.ndarray) -> np.ndarray:
         """Distance of the two sides from their normal displacement jump [m], negative where they would overlap."""
@@ -210,91 +209,6 @@ class Clock:
     def of_step(cls, dt: float, number: int = 2) -> Clock:
         """The step with this number after a start from one time for all: 0, 1, and all others."""
         return cls(dt, 0.5 * dt if number == 0 else dt, 0.0 if number == 0 else dt, 1.0 if number == 1 else 0.5)
-
-
-def advance_reference(
-    fault: Fault,
-    law: TracedLaw,
-    state: FaultState,
-    displacement: np.ndarray,
-    velocity: np.ndarray,
-    force: np.ndarray,
-    inverse_mass: np.ndarray,
-    clock: Clock,
-    time: float,
-    threshold: float,
-) -> float:
-    """The explicit step in arrays; changes `state`, `velocity` and `force`, returns the energy dissipated on this
-    rank [J]."""
-    face, since, at_end = fault.interface, clock.since, fault.contact.traction_ends_slip
-    opening, slip_jump = face.split(face.jump(displacement))
-    opening_velocity, slip_velocity = face.split(face.jump(velocity))
-    z_n, z_s = impedances(face, inverse_mass, clock.kick)
-    slip, shear_0 = fault.components(state, "slip"), fault.driving_shear(time)
-    trial = fault.contact.trial(Point(
-        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(shear_0.T),
-        opening_jump=fault.opening(opening), slip_jump=list(slip_jump.T), opening_velocity=opening_velocity,
-        slip_velocity=list(slip_velocity.T), slip=list(slip.T), since=since, dt=clock.dt, normal_impedance=z_n,
-        shear_impedance=list(z_s.T),
-    ))  # fmt: skip
-    mean_old, traction_old = fault.components(state, "mean_slip_rate"), fault.components(state, "shear_traction")
-    before = {name: state[name] for name in (*law.state_names, "normal_stress")}
-    done = project(
-        law, before, np.broadcast_to(trial.normal_stress, z_n.shape), np.stack(trial.shear_traction, axis=1),
-        np.stack([np.broadcast_to(z, z_n.shape) for z in trial.impedance], axis=1), since, mean_old,
-        np.linalg.norm(fault.components(state, "slip_rate"), axis=1), clock.extrapolation,
-        guess=np.linalg.norm(mean_old, axis=1),
-        where=f"of fault '{fault.name}' at time {time:.6g} s",
-    )  # fmt: skip
-    mean, now = done.mean_slip_rate, done.slip_rate
-    if at_end and since == 0:
-        mean, now = mean_old, fault.components(state, "slip_rate")
-    # Bodies start from rest, also where the interface creeps.
-    power = fault.contact.dissipated(traction_old, done.shear_traction, mean_old * (since > 0), mean).sum(axis=1)
-    speed = np.linalg.norm(now, axis=1)
-    state["opening"][:] = (
-        (done.normal_stress - trial.normal_stress) * trial.normal_compliance if at_end
-        else np.where(state["normal_stress"] > 0, 0.0, np.maximum(fault.opening(opening), 0.0))
-    )  # fmt: skip
-    state["normal_stress"][:] = done.normal_stress
-    # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
-    state["peak_slip_rate"][:] = np.maximum(state["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0))
-    was = np.linalg.norm(fault.components(state, "slip_rate"), axis=1)
-    state["rupture_time"][:] = first_passing(state["rupture_time"], was, speed, threshold, time, since)
-    for k in range(fault.tangents):
-        for name, value in (
-            ("slip", slip + since * (mean if at_end else mean_old)),
-            ("slip_rate", now),
-            ("mean_slip_rate", mean),
-            ("shear_traction", done.shear_traction),
-        ):
-            state[component_names(name, fault.tangents)[k]][:] = value[:, k]
-    for name in law.state_names:
-        state[name][:] = done.state[name]
-    change = [done.shear_traction - shear_0]
-    if face.has_normal:
-        change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
-    face.add_force(velocity, clock.kick * np.concatenate(change, axis=1), scale=inverse_mass)
-    face.add_force(force, np.concatenate(change, axis=1), scale=np.ones_like(force))
-    return float(np.sum(face.owned * face.weight * power) * (since if at_end else clock.kick))
-
-
-def first_passing(
-    passed: np.ndarray, was: np.ndarray, speed: np.ndarray, threshold: float, time: float, since: float
-) -> np.ndarray:
-    """Time at which the slip rate first passed a threshold [s], between two of its values where it did so now.
-
-    Parameters
-    ----------
-    passed : ndarray, shape (n,)
-        So far [s], not a number where it has not.
-    was, speed : ndarray, shape (n,)
-        Slip rate `since` [s] before `time` [s], and then [m/s].
-    """
-    first = np.isnan(passed) & (speed > threshold)
-    between = first & (was < threshold)
-    part = np.where(between, speed - threshold, 0.0) / np.where(between, speed - was, 1.0)
-    return np.where(first, time - since * part, passed)
 
 
 class FaultStep:
@@ -449,10 +363,10 @@ def _source(
     pointers = {
         "rates": "slip_rate", "means": "mean_slip_rate", "tractions": "shear_traction", "slips": "slip",
     }  # fmt: skip
-    fields = {name: component_names(name, tangents) for name in pointers.values()}
+    arrays = {name: component_names(name, tangents) for name in pointers.values()}
     # Symbol of the traced code -> the array it is loaded from.
     loaded = {name: name for name in fixed if name != "weight"}
-    loaded |= {f"q_slip_{k}": fields["slip"][k] for k in range(tangents)}
+    loaded |= {f"q_slip_{k}": arrays["slip"][k] for k in range(tangents)}
     loaded |= {"normal_stress_before": "normal_stress"} | {f"s_{name}": name for name in law.state_names}
 
     def lines(texts: Any) -> str:
@@ -478,7 +392,7 @@ def _source(
     load += [f"    L_{name}[l] = A_{source}[at[l]];" for name, source in loaded.items()]
     load += ["    normal_stress_0[l] = A_q_normal_stress_0[at[l]];", "    double square = 0;"]
     for k in range(tangents):
-        load += [f"    {name}[{k}][l] = A_{fields[field][k]} + at[l];" for name, field in pointers.items()]
+        load += [f"    {name}[{k}][l] = A_{arrays[field][k]} + at[l];" for name, field in pointers.items()]
         load += [f"    initial[{k}][l] = A_q_shear_traction_0_{k}[at[l]];"]
         load += [f"    old[{k}][l] = *means[{k}][l];"]
         load += [f"    square += *rates[{k}][l] * *rates[{k}][l];"]
@@ -503,7 +417,14 @@ def _source(
         law_state=to_c(_expressions({"now[l]": law.outputs["rate_now"], **new_state})),
         dissipated=to_c(_expressions({"power +": power})).replace("power + =", "power +="),
         store_new=lines(f"A_{name}[i] = N_{name}[l];" for name in law.state_names),
+        bind_monitors=lines(f"const double old_{monitor.name} = A_{monitor.name}[i];" for monitor in MONITORS),
+        monitors=to_c(_expressions({f"A_{monitor.name}[i]": _traced_update(monitor) for monitor in MONITORS})),
     )  # fmt: skip
+
+
+def _traced_update(monitor: Monitor) -> Any:
+    at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
+    return monitor.update(symbol(f"old_{monitor.name}"), at)
 
 
 def _expressions(targets: Mapping[str, Any]) -> dict[str, Expression]:

@@ -10,25 +10,11 @@ import h5netcdf
 import h5py
 import numpy as np
 
-from ruptfx.fault import Fault, component_names
+from ruptfx.fault import Fault
+from ruptfx.fields import DERIVED, FIELDS, MONITORS
 
 FLUSH_EVERY = 5.0  # seconds of wall-clock time a record may wait in memory
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
-
-_FIELDS = {
-    "slip": ("m", "slip"),
-    "slip_rate": ("m/s", "slip rate"),
-    "displacement_jump": ("m", "tangential displacement jump"),
-    "shear_traction": ("Pa", "shear traction"),
-    "normal_stress": ("Pa", "normal stress, positive in compression"),
-    "opening": ("m", "opening"),
-}
-_TANGENTIAL = ("slip", "slip_rate", "displacement_jump", "shear_traction")
-_ONCE = {
-    "peak_slip_rate": ("m/s", "largest slip rate of all steps while closed"),
-    "rupture_time": ("s", "first time the slip rate passed rupture_threshold, linear between steps"),
-}
-
 
 class InterfaceFile:
     """Histories of all fields of a fault against time and position; rank 0 only.
@@ -58,13 +44,13 @@ class InterfaceFile:
             text = f"position along the interface: {fault.interface.line.meaning}" if key == "position" else key
             _variable(file, key, ("position",), "m", text, values)
         _variable(file, "time", ("time",), "s", "time")
-        for name, (unit, text) in _FIELDS.items():
-            for entry in component_names(name, fault.tangents) if name in _TANGENTIAL else [name]:
-                _variable(file, entry, ("time", "position"), unit, text)
+        for field in (*FIELDS, *DERIVED):
+            for name in field.names(fault.tangents) if field.recorded else ():
+                _variable(file, name, ("time", "position"), field.unit, field.long_name)
         for name, unit in fault.friction.all_state_fields().items():
             _variable(file, name, ("time", "position"), unit, f"state variable {name}")
-        for name, (unit, text) in _ONCE.items():
-            _variable(file, name, ("position",), unit, text)
+        for monitor in MONITORS:
+            _variable(file, monitor.name, ("position",), monitor.unit, monitor.long_name)
         file.attrs.update(attributes)
         self._flush_to_disk()
 
@@ -91,7 +77,7 @@ class InterfaceFile:
             file.resize_dimension("time", begin + len(self._waiting))
             file["time"][begin:] = [now for now, _ in self._waiting]
             for name in self._waiting[0][1].keys() & file.variables.keys():
-                if name in _ONCE:
+                if file[name].dimensions == ("position",):
                     file[name][:] = self._waiting[-1][1][name]
                 else:
                     file[name][begin:] = np.stack([fields[name] for _, fields in self._waiting])

@@ -19,6 +19,7 @@ from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault, FaultState
+from ruptfx.fields import ACCUMULATED
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
@@ -83,7 +84,7 @@ class State:
     time: float = 0.0
     step: int = 0
     energy: dict[str, float] = field(
-        default_factory=lambda: {"frictional_dissipation": 0.0, "damping": 0.0, "boundary_work": 0.0}
+        default_factory=lambda: dict.fromkeys(ACCUMULATED, 0.0)
     )
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)

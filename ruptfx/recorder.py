@@ -20,16 +20,14 @@ import numpy as np
 
 from ruptfx import RuptfxError, __version__, fem, parallel
 from ruptfx.bulk_fields import BulkFields
-from ruptfx.fault import Fault, component_names
+from ruptfx.fault import Fault
+from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
     from ruptfx.checkpoint import Checkpoint
     from ruptfx.model import Model, State
     from ruptfx.steppers import Motion
-
-ENERGIES = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "boundary_work")
-
 
 class DiskError(RuptfxError):
     """The disk is full or gone; HDF5 may then be unable to close its files."""
@@ -190,7 +188,7 @@ class Recorder:
         """Every field of a fault in order along the interface, on rank 0."""
         fields = dict(state.faults[fault.name])
         _, jump = fault.interface.split(fault.interface.jump(state.at_faults()[1]))
-        fields |= dict(zip(component_names("displacement_jump", fault.tangents), jump.T, strict=True))
+        fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 

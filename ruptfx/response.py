@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx.contact import Point, Trial
-from ruptfx.fault import Fault, FaultState, component_names, first_passing
+from ruptfx.fault import Fault, FaultState
+from ruptfx.fields import MONITORS, Moment
 from ruptfx.projection import Projected, TracedLaw, project
 
 if TYPE_CHECKING:
@@ -122,21 +123,27 @@ class FaultResponse:
         return result
 
     def _new_state(self, old: FaultState, done: Projected, gap: np.ndarray, dt: float, time: float) -> FaultState:
-        tangents = self.fault.tangents
-        was, speed = (
-            np.linalg.norm(rate, axis=1) for rate in (self.fault.components(old, "slip_rate"), done.slip_rate)
+        fault = self.fault
+        state = fault.state_of({
+            "normal_stress": done.normal_stress, "opening": gap, "slip_rate": done.slip_rate,
+            "slip": fault.components(old, "slip") + dt * done.mean_slip_rate, "mean_slip_rate": done.mean_slip_rate,
+            "shear_traction": done.shear_traction,
+        })  # fmt: skip
+        then, speed = (
+            np.linalg.norm(rate, axis=1) for rate in (fault.components(old, "slip_rate"), done.slip_rate)
         )
-        state: FaultState = {
-            "normal_stress": done.normal_stress, "opening": gap,
-            "peak_slip_rate": np.maximum(old["peak_slip_rate"], np.where(done.normal_stress > 0, speed, 0)),
-            "rupture_time": first_passing(old["rupture_time"], was, speed, self.threshold, time, dt), **done.state,
-        }  # fmt: skip
-        for name, value in (
-            ("slip", self.fault.components(old, "slip") + dt * done.mean_slip_rate), ("slip_rate", done.slip_rate),
-            ("mean_slip_rate", done.mean_slip_rate), ("shear_traction", done.shear_traction),
-        ):  # fmt: skip
-            state |= dict(zip(component_names(name, tangents), value.T.copy(), strict=True))
-        return state
+        power = self._power(old, state)
+        at = Moment(time, dt, speed, then, done.normal_stress, power, dt, self.threshold)
+        monitors = {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
+        return state | monitors | done.state
+
+    def _power(self, old: FaultState, new: FaultState) -> np.ndarray:
+        """Of friction over a step [W/m2], shape (n,)."""
+        rates, tractions = (
+            [self.fault.components(fields, name) for fields in (old, new)]
+            for name in ("mean_slip_rate", "shear_traction")
+        )
+        return np.asarray(self.fault.contact.dissipated(*tractions, *rates)).sum(axis=1)
 
     def commit(self, state: State, new: FaultState, dt: float) -> None:
         """Take over the fields at the end of a step, `state.time`, and count, of the points of this rank, what friction
@@ -144,9 +151,7 @@ class FaultResponse:
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
-        was, rate_old = fault.components(old, "shear_traction"), fault.components(old, "mean_slip_rate")
-        now, rate = fault.components(new, "shear_traction"), fault.components(new, "mean_slip_rate")
-        dissipated = float(area @ fault.contact.dissipated(was, now, rate_old, rate).sum(axis=1)) * dt
+        dissipated = float(area @ self._power(old, new)) * dt
         # The mean pressure on what the gap grew.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
         rigid = not any(fault.contact.stiffness())
@@ -154,7 +159,8 @@ class FaultResponse:
         worked = 0.0
         if fault.is_loaded:
             load_old, load = fault.load(time - dt), fault.load(time)
-            worked = float(area @ fault.contact.dissipated(load_old, load, rate_old[:, 0], rate[:, 0])) * dt
+            rate_old, rate = (fault.components(fields, "mean_slip_rate")[:, 0] for fields in (old, new))
+            worked = float(area @ fault.contact.dissipated(load_old, load, rate_old, rate)) * dt
         state.energy["frictional_dissipation"] += dissipated
         state.energy["damping"] += impact
         state.energy["boundary_work"] += worked

@@ -15,18 +15,14 @@ import numpy as np
 from pydantic import model_validator
 
 from ruptfx import RuptfxError
+from ruptfx.fields import reserved_names
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.schema import Alternative, alternative
 
 LawState = dict[str, Any]
 Array = Any  # ndarray of shape (n,), a float, or a traced expression
 
-_TANGENTIAL = ("slip", "slip_rate", "mean_slip_rate", "shear_traction", "displacement_jump")
-RESERVED = frozenset(
-    [name + end for name in _TANGENTIAL for end in ("", "_1", "_2")]
-    + ["normal_stress", "opening", "peak_slip_rate", "rupture_time", "weight", "gap"]
-    + ["time", "position", "x", "y", "z"]
-)
+RESERVED = reserved_names() | {"weight", "gap", "time", "position", "x", "y", "z"}
 """What a fault and its files call their own: a state variable of that name would overwrite it."""
 COMMON = frozenset(["clock", "coefficient_at_start"])
 """State variables that are the same whichever law keeps them, so that a law may hold one that has them too: the time

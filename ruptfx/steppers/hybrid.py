@@ -153,7 +153,7 @@ class HybridMotion:
 
     def _start(self, state: State) -> None:
         """Explicit steps start from one time for all; slip goes on at the rate it has."""
-        from ruptfx.fault import component_names
+        from ruptfx.fields import component_names
 
         for fault in self.model.faults:
             fields = state.faults[fault.name]

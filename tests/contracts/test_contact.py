@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reference_step import advance_reference
 from small_cases import COMPLIANT, HOMALITE, case, march, tilted
 
 from ruptfx.check_law.examples import friction, friction_laws, table
@@ -14,7 +15,7 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 pytest.importorskip("dolfinx")
 
 from ruptfx.contact import Point
-from ruptfx.fault import Clock, Fault, FaultStep, advance_reference, impedances
+from ruptfx.fault import Clock, Fault, FaultStep, impedances
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.interface import Interface, Line
 from ruptfx.model import Model

@@ -1,0 +1,131 @@
+"""What an interface carries and what a run accounts for: names, units and meaning, declared once.
+
+The initial state, the steps, the interface file, checkpoints, reserved names of friction laws and figures read these
+lists. A field that follows from others is a `Monitor`: one entry with its formula, which acts on arrays and is traced
+into the C code of explicit steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of an interface.
+
+    Attributes
+    ----------
+    name, unit, long_name : str
+    tangential : bool
+        One array per tangent: `slip` in 2D, `slip_1` and `slip_2` in 3D.
+    recorded : bool
+        Whether the interface file has it; checkpoints have all.
+    """
+
+    name: str
+    unit: str
+    long_name: str
+    tangential: bool = False
+    recorded: bool = True
+
+    def names(self, tangents: int) -> list[str]:
+        """Of its arrays."""
+        return component_names(self.name, tangents) if self.tangential else [self.name]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a monitor may use, at every point: NumPy arrays, or traced expressions.
+
+    Attributes
+    ----------
+    time, since : [s]
+        Of the traction, and since the one before.
+    speed, speed_then : [m/s]
+        Slip rate now and at the traction before.
+    normal_stress : [Pa]
+    power, duration : [W/m2], [s]
+        Of friction, and how long: their product is what friction took since the last update.
+    threshold : [m/s]
+        `output.rupture_threshold`.
+    """
+
+    time: Any
+    since: Any
+    speed: Any
+    speed_then: Any
+    normal_stress: Any
+    power: Any
+    duration: Any
+    threshold: Any
+
+
+@dataclass(frozen=True)
+class Monitor(Field):
+    """A field that follows from the others, step by step; the file has its last value at every point.
+
+    Attributes
+    ----------
+    start : float
+    update : callable
+        New value from the old one and a `Moment`, in NumPy operations without branches on values.
+    """
+
+    start: float = 0.0
+    update: Callable[[Any, Moment], Any] = lambda old, _: old
+
+
+def _peak(old: Any, at: Moment) -> Any:
+    # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
+    return np.maximum(old, np.where(at.normal_stress > 0, at.speed, 0.0))
+
+
+def _first_passing(old: Any, at: Moment) -> Any:
+    """Linear between two tractions."""
+    beyond, rise = at.speed - at.threshold, at.speed - at.speed_then
+    part = np.where(at.speed_then < at.threshold, beyond / np.where(rise > 0, rise, 1.0), 0.0)
+    return np.where((old != old) & (beyond > 0), at.time - at.since * part, old)
+
+
+FIELDS = (
+    Field("normal_stress", "Pa", "normal stress, positive in compression"),
+    Field("opening", "m", "opening"),
+    Field("slip", "m", "slip", tangential=True),
+    Field("slip_rate", "m/s", "slip rate", tangential=True),
+    Field("mean_slip_rate", "m/s", "mean slip rate of a step, which slip is advanced with", True, recorded=False),
+    Field("shear_traction", "Pa", "shear traction", tangential=True),
+)
+DERIVED = (Field("displacement_jump", "m", "tangential displacement jump", tangential=True),)
+"""Not of the state, but of the file."""
+MONITORS = (
+    Monitor("peak_slip_rate", "m/s", "largest slip rate of all steps while closed", update=_peak),
+    Monitor(
+        "rupture_time", "s", "first time the slip rate passed rupture_threshold, linear between steps", start=np.nan,
+        update=_first_passing,
+    ),
+)  # fmt: skip
+
+ENERGIES = {
+    "kinetic": "kinetic energy", "strain": "strain energy", "interface_elastic": "energy held in compliant interfaces",
+    "frictional_dissipation": "frictional dissipation", "damping": "taken by damping and impacts",
+    "boundary_work": "work of boundaries, initial stress and nucleation",
+}  # fmt: skip
+"""Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
+ACCUMULATED = ("frictional_dissipation", "damping", "boundary_work")
+"""Energies that steps add up."""
+
+
+def component_names(name: str, tangents: int) -> list[str]:
+    """`slip` in 2D; `slip_1`, `slip_2` in 3D."""
+    return [name] if tangents == 1 else [f"{name}_{k + 1}" for k in range(tangents)]
+
+
+def reserved_names() -> frozenset[str]:
+    """Every name that an interface and its file use, for any number of tangents."""
+    fields = (*FIELDS, *DERIVED, *MONITORS)
+    return frozenset(name for field in fields for tangents in (1, 2) for name in field.names(tangents))
