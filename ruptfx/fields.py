@@ -85,6 +85,10 @@ def _peak(old: Any, at: Moment) -> Any:
     return np.maximum(old, np.where(at.normal_stress > 0, at.speed, 0.0))
 
 
+def _work(old: Any, at: Moment) -> Any:
+    return old + at.power * at.duration
+
+
 def _first_passing(old: Any, at: Moment) -> Any:
     """Linear between two tractions."""
     beyond, rise = at.speed - at.threshold, at.speed - at.speed_then
@@ -108,6 +112,7 @@ MONITORS = (
         "rupture_time", "s", "first time the slip rate passed rupture_threshold, linear between steps", start=np.nan,
         update=_first_passing,
     ),
+    Monitor("friction_work", "J/m2", "work that friction took per area", update=_work),
 )  # fmt: skip
 
 ENERGIES = {

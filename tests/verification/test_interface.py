@@ -198,3 +198,18 @@ def test_an_interface_in_3d_meets_an_edge(edge: dict[str, Any]) -> None:
     assert abs(lost) < (1e-10 if edge["kind"] == "absorbing" else 1e-7) * energy["boundary_work"]
     # The boxes are thin: 2 (tau_0 - mu_d sigma) / (rho h) = 0.7 km/s2 for 150 steps, and waves on top of it.
     assert 1 < np.abs(mean).max() < 60
+
+
+@METHODS
+def test_friction_work_of_the_points_is_the_dissipated_energy(contact: dict[str, Any]) -> None:
+    """Sum of area and work per area, explicit and, with springs, implicit steps."""
+    drive = [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 2.0, "ramp": 2e-6}]
+    for stepper in ["leapfrog", "generalized_alpha"] if contact["kind"] == "compliant" else ["leapfrog"]:
+        model, motion, state = strip(contact, "y", drive, **{
+            "faults.main.friction": {"kind": "coulomb", "mu_d": 0.1}, "faults.main.initial_stress.normal": 4e6,
+            "mesh.height": 4e-3, "order": 2, "stepper": {"kind": stepper},
+        })  # fmt: skip
+        advance(motion, state, 12e-6)
+        face = model.faults[0].interface
+        total = float(np.sum(face.owned * face.weight * state.faults["main"]["friction_work"]))
+        assert total > 0 and total == pytest.approx(state.energy["frictional_dissipation"], rel=1e-12)
