@@ -101,8 +101,8 @@ def slip_and_jump(records):
     for ax in axes[2:]:
         ax.set_xlabel("x (mm)")
     for ax in axes[::2]:
-        ax.set_ylabel("Slip, jump, in the direction of slip (µm)")
-    axes[1].legend(loc="upper right", title="slip; dashed: jump")
+        ax.set_ylabel("Slip, jump (µm)")
+    axes[1].legend(loc="upper right", title="slip; dashed: jump;\nboth in the direction of slip")
     letter(axes)
     return figure
 
