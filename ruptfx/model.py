@@ -95,9 +95,14 @@ class State:
         explicit runs, else zero."""
         return self.numbers.get("lag", 0.0)
 
+    @property
+    def fault_time(self) -> float:
+        """Time of the fields of the faults [s]; every step asks for it, so without the displacement then."""
+        return self.time - self.lag
+
     def at_faults(self) -> tuple[float, np.ndarray]:
         """Time of the fields of the faults [s], and the displacement then."""
-        return self.time - self.lag, self.displacement - self.lag * self.velocity if self.lag else self.displacement
+        return self.fault_time, self.displacement - self.lag * self.velocity if self.lag else self.displacement
 
     def at_velocity(self) -> tuple[float, np.ndarray]:
         """Time of the velocity [s], where explicit steps balance energy, and the displacement then."""

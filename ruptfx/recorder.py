@@ -77,7 +77,7 @@ class Recorder:
 
     def finished(self, state: State) -> bool:
         """Whether the state has reached the duration of the case."""
-        return bool(state.at_faults()[0] >= self._times["interface"][-1])
+        return bool(state.fault_time >= self._times["interface"][-1])
 
     def __enter__(self) -> Recorder:
         places = [
@@ -157,7 +157,7 @@ class Recorder:
         return self._reached("interface", state) or self._reached("bulk", state)
 
     def _reached(self, what: str, state: State) -> bool:
-        every, now = self.model.case.output.interface_steps, state.at_faults()[0]
+        every, now = self.model.case.output.interface_steps, state.fault_time
         if what == "interface":
             if now <= self.last:  # the first explicit step only completes the state at the start
                 return False
@@ -168,7 +168,7 @@ class Recorder:
 
     def _passed(self, what: str, state: State) -> None:
         """A long step may pass several times at once."""
-        self.next[what] = int(np.searchsorted(self._times[what], state.at_faults()[0], side="right"))
+        self.next[what] = int(np.searchsorted(self._times[what], state.fault_time, side="right"))
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
@@ -176,7 +176,7 @@ class Recorder:
             self._passed("interface", state)
             fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
             energy = self._motion.energies(state)
-            self.last = state.at_faults()[0]
+            self.last = state.fault_time
             self.write_on_root(lambda: self._append(self.last, fields, state.at_velocity()[0], energy))
             self.records += 1
         if self._reached("bulk", state):

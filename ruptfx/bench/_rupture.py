@@ -123,7 +123,7 @@ def rupture(
         motion.step(state)
         seconds += time.process_time() - began
         if step % stride == 0:
-            times.append(state.at_faults()[0])
+            times.append(state.fault_time)
             rates.append(fault.components(state.faults[fault.name], "slip_rate")[:, 0].copy())
             gaps.append(state.faults[fault.name]["opening"].copy())
         if step % max(1, steps // energies) == 0 or step == steps:

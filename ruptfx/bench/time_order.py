@@ -90,7 +90,7 @@ def fields(
     case = parse_case({**table, "stepper": {**table["stepper"], **(stepper or {})}})
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
-    while state.at_faults()[0] < DURATION * (1 - 1e-9):
+    while state.fault_time < DURATION * (1 - 1e-9):
         motion.step(state)
     return {name: value.copy() for name, value in state.faults["main"].items() if name not in FIELDS_OF_STEPS}
 
