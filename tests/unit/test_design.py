@@ -1,0 +1,256 @@
+"""DESIGN.md: its tree is that of the package, and each of its examples does what it is an example of."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from pydantic import TypeAdapter
+from small_cases import SPLIT, plates, slip_weakening
+
+import ruptfx
+import ruptfx.bench
+from ruptfx import lumped, profiles
+from ruptfx.bench import run_benchmark
+from ruptfx.case import parse_case, read_case
+from ruptfx.check_law import check_law
+from ruptfx.describe import FOLDERS
+from ruptfx.materials import Plane
+from ruptfx.record import Record
+from ruptfx.schema import CaseError
+
+PACKAGE = Path(ruptfx.__file__).parent
+PAGE = (Path(__file__).parents[2] / "DESIGN.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^### ([^\n]+)\n(?:(?!^###).)*?^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+EXAMPLES = dict(BLOCKS)
+WEAKENING = {"kind": "hyperbolic_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
+
+
+def in_a_case(folder: Path, title: str, table: dict[str, Any]) -> Any:
+    """The case, with the example as its plug-in."""
+    (folder / "example.py").write_text(EXAMPLES[title], encoding="utf-8")
+    return parse_case({"plugins": ["example.py"], **table}, folder)
+
+
+def executed(title: str) -> dict[str, Any]:
+    """What the example defines."""
+    names: dict[str, Any] = {}
+    exec(compile(EXAMPLES[title], "DESIGN.md", "exec", dont_inherit=True), names)
+    return names
+
+
+def run(case: Any, out: Path) -> Record:
+    from ruptfx.simulation import simulate
+
+    return simulate(case, out, progress=False)
+
+
+# -- the page --------------------------------------------------------------------------------------------------------
+
+
+def test_every_example_is_used_here() -> None:
+    source = Path(__file__).read_text(encoding="utf-8")
+    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 13
+    assert [title for title in EXAMPLES if f'"{title}"' not in source] == []
+
+
+def test_the_tree_is_that_of_the_package() -> None:
+    """Files of the root and folders have a line; those of packages, which are no lists of kinds, are named in it."""
+    tree = PAGE.partition("```text\n")[2].partition("```")[0]
+    lines = dict(re.findall(r"^  (\S+) +(\S.*)$", tree, re.MULTILINE))
+    there = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
+    folders = {name for name in there if (PACKAGE / name / "__init__.py").is_file()}
+    assert set(lines) == {f"{name}/" if name in folders else name for name in there}
+    for folder in folders - {*FOLDERS, "bench"}:
+        files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
+        assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
+    assert {f"{name}/" for name in FOLDERS if name != "profiles"} < set(lines)
+
+
+@pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_]+\.py)`", PAGE))))
+def test_files_named_in_the_text_exist(path: str) -> None:
+    assert (PACKAGE / path).is_file() or (PACKAGE.parent / path).is_file()
+
+
+# -- examples --------------------------------------------------------------------------------------------------------
+
+
+def test_friction_law_keeps_its_contract(tmp_path: Path) -> None:
+    (tmp_path / "example.py").write_text(EXAMPLES["Friction law"], encoding="utf-8")
+    (report,) = check_law(str(tmp_path / "example.py"))
+    assert report.sound, report.rows
+
+
+@pytest.mark.fem
+def test_friction_law_in_a_run(tmp_path: Path) -> None:
+    """The slip of the law is that of the fault, which ruptures."""
+    pytest.importorskip("dolfinx")
+    table = slip_weakening({"faults.main.friction": WEAKENING, "duration": 3e-6})
+    with run(in_a_case(tmp_path, "Friction law", table), tmp_path / "run") as record:
+        slipped, slip = record.interface.slipped.values, record.interface.slip.values
+        np.testing.assert_allclose(slipped, slip, rtol=1e-9, atol=1e-18)
+        assert slip.max() > 0
+
+
+@pytest.mark.fem
+def test_contact_method(tmp_path: Path) -> None:
+    """With equal stiffnesses it is the compliant contact, the energies included."""
+    pytest.importorskip("dolfinx")
+    changes = {"duration": 3e-6, "output.interface_interval": 1e-6}
+    ours = slip_weakening({**changes, "faults.main.contact": {"kind": "penalty", "stiff": 3e14}})
+    theirs = slip_weakening({**changes, "faults.main.contact": {"kind": "compliant", "C_n": 3e14, "C_s": 3e14}})
+    one = run(in_a_case(tmp_path, "Contact method", ours), tmp_path / "one")
+    two = run(parse_case(theirs), tmp_path / "two")
+    np.testing.assert_array_equal(one.interface.slip.values, two.interface.slip.values)
+    np.testing.assert_array_equal(one.energy.to_array().values, two.energy.to_array().values)
+    assert float(one.interface.slip.max()) > 0
+
+
+@pytest.mark.fem
+def test_nucleation(tmp_path: Path) -> None:
+    """Half of the push after half of the rise."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+
+    push = {"kind": "ramped_push", "extra": 2e6, "rise": 4e-6}
+    model = Model(in_a_case(tmp_path, "Nucleation", plates({"faults.main.nucleation": [push]})))
+    assert model.faults[0].load(2e-6) == pytest.approx(1e6) and model.faults[0].load(9e-6) == pytest.approx(2e6)
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("plane", ["stress", "strain", "antiplane"])
+def test_material(plane: Plane, tmp_path: Path) -> None:
+    """Waves and forces are those of `isotropic_elastic` with E = G (3 lambda + 2 G) / (lambda + G) and
+    nu = lambda / (2 (lambda + G)): lambda = G = 2 GPa is E = 5 GPa, nu = 1/4."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+
+    given = {"kind": "lame_elastic", "first": 2e9, "second": 2e9, "density": 1200.0}
+    same = {"kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.25, "density": 1200.0}
+    changes = {"plane": plane, "operator": "ufl_form", "mesh.element_size": 4e-3}
+    ours = Model(in_a_case(tmp_path, "Material", plates({**changes, "materials.default": given})))
+    theirs = Model(parse_case(plates({**changes, "materials.default": same})))
+    assert ours.wave_speeds() == pytest.approx(theirs.wave_speeds(), rel=1e-6)
+    u = np.random.default_rng(0).normal(size=len(ours.mass))
+    expected = theirs.internal_force(u)
+    np.testing.assert_allclose(ours.internal_force(u), expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.fem
+def test_boundary(tmp_path: Path) -> None:
+    """At a quarter of the period the whole amplitude pushes down on 12 mm."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+
+    entry = {"kind": "oscillating_pressure", "edge": "upper.top", "amplitude": 1e6, "period": 4e-6}
+    model = Model(in_a_case(tmp_path, "Boundary", plates({"boundaries": [entry]})))
+    (force,) = model.loads.forces
+    nodal = np.zeros(2 * model.nodes)
+    nodal[force.dofs] = force.values * force.factor(1e-6)
+    assert nodal.reshape(-1, 2).sum(axis=0) == pytest.approx([0.0, -12e3], abs=1e-6)
+    with pytest.raises(CaseError, match=r"boundaries\.0: .*use traction"):
+        in_a_case(tmp_path, "Boundary", plates({"boundaries": [entry], "plane": "antiplane"}))
+
+
+@pytest.mark.fem
+def test_mesh_source(tmp_path: Path) -> None:
+    """A quarter of the mass of the square at each of its corners, two of them on the interface."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+
+    changes = {"mesh": {"kind": "one_element", "size": 2e-3}, "order": 1, "faults.main.contact": SPLIT}
+    model = Model(in_a_case(tmp_path, "Mesh source", plates(changes)))
+    assert model.mass == pytest.approx(np.full(8, 1246.0 * 4e-6 / 4))
+    (fault,) = model.faults
+    assert fault.interface.position == pytest.approx([0.0, 2e-3]) and fault.interface.other_side == "rigid"
+
+
+@pytest.mark.fem
+def test_stepper(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    case = in_a_case(tmp_path, "Stepper", plates({"stepper": {"kind": "even_steps", "number": 100}}))
+    with run(case, tmp_path / "run") as record:
+        assert record.summary["time_step"] == pytest.approx(5e-8)  # 5 us in 100 steps
+
+
+@pytest.mark.fem
+def test_operator(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+    from ruptfx.operators.ufl_form import UflForm
+
+    model = Model(in_a_case(tmp_path, "Operator", plates({"operator": "counted"})))
+    operator: Any = model.operator
+    u = np.random.default_rng(0).normal(size=len(model.mass))
+    found, expected, calls = np.zeros_like(u), np.zeros_like(u), operator.calls
+    operator.add_internal_force(u, found)
+    UflForm(model.bulk).add_internal_force(u, expected)
+    np.testing.assert_array_equal(found, expected)
+    assert operator.calls == calls + 1 and np.abs(found).max() > 0
+
+
+def test_profile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A quarter of a wavelength from the origin it is at its crest."""
+    monkeypatch.setitem(profiles.KINDS, "sine", executed("Profile")["Sine"])
+    table = {"kind": "sine", "mean": 3.0, "amplitude": 2.0, "wavelength": 4e-3}
+    value = TypeAdapter(profiles.varying(float)).validate_python(table)
+    assert profiles.evaluate(value, np.array([0.0, 1e-3, 3e-3])) == pytest.approx([3.0, 5.0, 1.0])
+
+
+MONITORED = """
+import sys
+import numpy as np
+from ruptfx import fields
+from ruptfx.fields import Monitor
+
+fields.MONITORS += ({},)
+from ruptfx import read_case, simulate
+
+simulate(read_case(sys.argv[1]), sys.argv[2], progress=False)
+"""
+
+
+@pytest.mark.fem
+def test_monitor_and_figure(tmp_path: Path) -> None:
+    """Declared before all else is imported. Points that have not ruptured have not slid, others at most since then."""
+    pytest.importorskip("dolfinx")
+    table = slip_weakening({"duration": 3e-6})
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
+    script = MONITORED.format(EXAMPLES["Monitor"].strip())
+    done = subprocess.run(
+        [sys.executable, "-c", script, "case.toml", "run"], cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(PACKAGE.parent)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with Record(tmp_path / "run") as record:
+        sliding, since = record.interface.sliding_time, record.interface.rupture_time
+        assert sliding.attrs["units"] == "s" and float(sliding.max()) > 1e-6
+        assert (sliding.values[np.isnan(since.values)] == 0).all()
+        step = record.summary["time_step"]
+        assert (sliding + since).max() <= record.interface.time[-1] + step
+        (line,) = executed("Figure")["opening"](record).axes[0].lines
+        np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
+
+
+def test_benchmark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rayleigh_example.py").write_text(EXAMPLES["Benchmark"], encoding="utf-8")
+    monkeypatch.setattr(ruptfx.bench, "__path__", [*ruptfx.bench.__path__, str(tmp_path)])
+    assert run_benchmark("rayleigh_example", out=tmp_path / "numbers")
+    assert (tmp_path / "numbers" / "rayleigh_example.json").is_file()
+
+
+def test_lumped_model(tmp_path: Path) -> None:
+    """It comes to rest after v^2 / (2 mu g)."""
+    (tmp_path / "example.py").write_text(EXAMPLES["Lumped model"], encoding="utf-8")
+    table = {"plugins": ["example.py"], "kind": "sliding_block", "speed": 2.0, "mu_d": 0.5}
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
+    found = lumped.simulate(read_case(tmp_path / "case.toml"), tmp_path / "run")
+    assert float(found.slip[-1]) == pytest.approx(4.0 / 9.81)
+    assert (tmp_path / "run" / "figures" / "slip.png").is_file()
