@@ -112,7 +112,7 @@ MONITORS = (
         "rupture_time", "s", "first time the slip rate passed rupture_threshold, linear between steps", start=np.nan,
         update=_first_passing,
     ),
-    Monitor("friction_work", "J/m2", "work that friction took per area", update=_work),
+    Monitor("friction_work", "J/m2", "work of friction per area in all steps", update=_work),
 )  # fmt: skip
 
 ENERGIES = {

@@ -19,6 +19,7 @@ from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic, rupture
 from ruptfx.case import parse_case
+from ruptfx.fields import MONITORS
 from ruptfx.model import Model
 
 DURATION = 8e-6
@@ -59,7 +60,7 @@ LAWS: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 NOT_SMOOTH = {("velocity_weakening", "compliant")}
-FIELDS_OF_STEPS = ("peak_slip_rate", "rupture_time", "mean_slip_rate", "opening")  # not of one time, or zero
+FIELDS_OF_STEPS = ("mean_slip_rate", "opening", *(monitor.name for monitor in MONITORS))  # not of one time, or zero
 
 
 def plates(law: dict[str, Any], contact: dict[str, Any], steps: int) -> dict[str, Any]:
