@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.options import PetscOptions
+from ruptfx.implicit.solution import Rates
 from ruptfx.steppers import Stepper
-from ruptfx.steppers._options import PetscOptions
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ class GeneralizedAlphaMotion:
     collective = True
 
     def __init__(self, model: Model, stepper: GeneralizedAlpha, dt: float) -> None:
-        from ruptfx.equilibrium import Equilibrium
+        from ruptfx.implicit.equilibrium import Equilibrium
 
         self.model, self.dt = model, dt
         self._weights, self._halvings = stepper.weights(), stepper.halvings
@@ -103,9 +105,7 @@ class GeneralizedAlphaMotion:
         ConvergenceError
             On all ranks: none even after the last halving; the state is that of the last good step.
         """
-        from ruptfx.equilibrium import ConvergenceError
-
-        carried = self._equilibrium.carried(state)
+        carried = self._equilibrium.forces.carried(state)
         if "acceleration" not in state.fields:
             state.fields["acceleration"] = np.where(self._driven, 0.0, -carried / self.model.mass)
         dt = state.numbers.get("dt", self.dt)
@@ -130,8 +130,6 @@ class GeneralizedAlphaMotion:
 
     def _advance(self, state: State, dt: float, carried: np.ndarray) -> None:
         """One step of size `dt` from `carried`, the forces at its beginning."""
-        from ruptfx.equilibrium import Rates
-
         alpha_m, alpha_f, gamma, beta = self._weights
         acceleration = state.fields["acceleration"]
         # Newmark: u = u* + beta dt^2 a, v = v* + gamma dt a with a the new acceleration.
@@ -146,7 +144,7 @@ class GeneralizedAlphaMotion:
         rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
         added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
         solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)
-        self._equilibrium.count_work(state, solution, rates.velocity_of(solution.displacement), carried)
+        self._equilibrium.forces.count_work(state, solution, rates.velocity_of(solution.displacement), carried)
         state.velocity[:] = rates.velocity_of(solution.displacement)
         acceleration[:] = np.where(self._driven, 0.0, c_M * (solution.displacement - predictor))
         solution.commit(state)

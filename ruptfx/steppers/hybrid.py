@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx import parallel
+from ruptfx.implicit import ConvergenceError
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.units import Duration, Speed
@@ -97,8 +98,6 @@ class HybridMotion:
         return (self._fast if state.numbers.get("fast", SLOW) == FAST else self._slow).energies(state)
 
     def _step_slow(self, state: State) -> None:
-        from ruptfx.equilibrium import ConvergenceError
-
         state.numbers["fast"] = SLOW
         try:
             self._slow.step(state)
@@ -165,7 +164,7 @@ class HybridMotion:
 
     def _bring_faults_up(self, state: State) -> None:
         """Explicit fields of the faults are a step behind: one more fault step, with the displacement as it is."""
-        from ruptfx.response import FaultResponse
+        from ruptfx.implicit.response import FaultResponse
 
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None

@@ -9,14 +9,15 @@ import numpy as np
 
 from ruptfx import parallel
 from ruptfx.contact import require
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.options import PetscOptions
 from ruptfx.projection import ProjectionError
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
-from ruptfx.steppers._options import PetscOptions
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
-    from ruptfx.equilibrium import Solution
+    from ruptfx.implicit.solution import Solution
     from ruptfx.model import Model, State
 
 
@@ -70,8 +71,8 @@ class PetscTsMotion:
 
     def __init__(self, model: Model, stepper: PetscTs, dt: float) -> None:
         from ruptfx import fem
-        from ruptfx.equilibrium import Equilibrium
-        from ruptfx.solvers import CaseOptions
+        from ruptfx.implicit.equilibrium import Equilibrium
+        from ruptfx.implicit.solvers import CaseOptions
 
         self.model, self.dt, self._scheme = model, dt, stepper.scheme
         self._equilibrium = Equilibrium(model)
@@ -98,7 +99,7 @@ class PetscTsMotion:
 
     def _set_up_second_order(self) -> None:
         """F(t, u, v, a) = 0 and its Jacobian."""
-        from ruptfx.solvers import TOLERANCE, choose
+        from ruptfx.implicit.solvers import TOLERANCE, choose
 
         matrix = self._equilibrium.tangent.matrix
         self._unit = self._mean_mass()  # driven rows say a = a_D, in the size of the others
@@ -149,11 +150,11 @@ class PetscTsMotion:
     def _balance(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Internal and damping forces less the load [N]; not a number where a law fails."""
         if time - self._state.time < 1e-9 * self.dt:
-            internal = self._equilibrium.internal(self._state)
+            internal = self._equilibrium.forces.internal(self._state)
         else:
             solution = self._answer(time, u)
             internal = np.full_like(u, np.nan) if solution is None else solution.internal
-        return internal + self._equilibrium.damping_force(v) - self._equilibrium.load(time)
+        return internal + self._equilibrium.forces.damping_force(v) - self._equilibrium.forces.load(time)
 
     def _accelerated(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """a(t, u, v) [m/s2]."""
@@ -202,11 +203,9 @@ class PetscTsMotion:
         ConvergenceError
             On all ranks: TS gave up; the state is that of the last good step.
         """
-        from ruptfx.equilibrium import ConvergenceError
-
         self._state, ts = state, self._ts
         equilibrium = self._equilibrium
-        carried = equilibrium.carried(state)
+        carried = equilibrium.forces.carried(state)
         self._put(state)
         ts.setTime(state.time)
         ts.setTimeStep(state.numbers.get("dt", self.dt))
@@ -233,7 +232,7 @@ class PetscTsMotion:
                 + (f"; {self._error}" if self._error else "; reduce stepper.time_step")
             )
         velocity = self._new_velocity(ts.getTime())
-        equilibrium.count_work(state, solution, velocity, carried)
+        equilibrium.forces.count_work(state, solution, velocity, carried)
         state.velocity[:] = velocity
         solution.commit(state)
         state.numbers["dt"] = ts.getTimeStep()

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ruptfx import parallel
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.options import PetscOptions
 from ruptfx.schema import Part, unit_of
 from ruptfx.steppers import Stepper
-from ruptfx.steppers._options import PetscOptions
 from ruptfx.units import Duration, Fraction, Length
 
 if TYPE_CHECKING:
-    from ruptfx.equilibrium import Solution
     from ruptfx.fault import Fault
+    from ruptfx.implicit.solution import Solution
     from ruptfx.model import Model, State
 
 MOST_HALVINGS = 12
@@ -65,7 +66,8 @@ class QuasiStaticMotion:
     collective = True
 
     def __init__(self, model: Model, stepper: QuasiStatic) -> None:
-        from ruptfx.equilibrium import Equilibrium  # not at the top: cases are read also where there is no DOLFINx
+        # Not at the top: cases are read also where there is no DOLFINx.
+        from ruptfx.implicit.equilibrium import Equilibrium
         from ruptfx.model import three_digits
         from ruptfx.radiation import radiation_impedance
 
@@ -125,8 +127,6 @@ class QuasiStaticMotion:
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """The equilibrium, or None where there is none and a smaller step may help."""
-        from ruptfx.equilibrium import ConvergenceError
-
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
@@ -171,8 +171,8 @@ class QuasiStaticMotion:
         as those of waves that are no longer computed, lose.
         """
         model, time = self.model, state.time
-        loads = [self.equilibrium.load(t) for t in (time, time + solution.dt)]
-        before, after = self.equilibrium.internal(state) - loads[0], solution.internal - loads[1]
+        loads = [self.equilibrium.forces.load(t) for t in (time, time + solution.dt)]
+        before, after = self.equilibrium.forces.internal(state) - loads[0], solution.internal - loads[1]
         moved = solution.displacement - state.displacement
         mean = 0.5 * (before + after)
         state.energy["boundary_work"] += model.owned_dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)

@@ -14,10 +14,11 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 pytest.importorskip("dolfinx")
 
 from ruptfx import parallel
-from ruptfx.equilibrium import ConvergenceError, Equilibrium
 from ruptfx.fault import Fault
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.equilibrium import Equilibrium
+from ruptfx.implicit.response import FaultResponse
 from ruptfx.model import Model
-from ruptfx.response import FaultResponse
 from ruptfx.schema import CaseError, alternatives
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
@@ -110,9 +111,9 @@ def test_equilibrium_balances_and_leaves_the_state_alone(method: str) -> None:
     solution.commit(state)
     assert state.step == 1 and state.time == 1e-4 and state.faults["main"]["slip"].min(initial=1.0) > 0
     # The tractions of the state say the same as the solution.
-    np.testing.assert_allclose(equilibrium.internal(state), solution.internal, atol=1e-9 * solution.scale)
+    np.testing.assert_allclose(equilibrium.forces.internal(state), solution.internal, atol=1e-9 * solution.scale)
     free = ~model.loads.prescribed
-    unbalanced = (solution.internal - equilibrium.load(state.time))[free]
+    unbalanced = (solution.internal - equilibrium.forces.load(state.time))[free]
     assert np.abs(unbalanced).max() < 1e-9 * solution.scale
     # What is held carries the load: sum of reactions = 0.1 of the final traction times the length, 12 mm.
     held = ~free.reshape(-1, 2)[: model.owned_nodes, 0]
@@ -148,7 +149,7 @@ def test_options_of_the_case_choose_the_solver(options: dict[str, Any]) -> None:
 
 def test_multigrid_solves_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """What large systems get: CG while the tangent is symmetric, GMRES where friction follows pressure."""
-    monkeypatch.setattr("ruptfx.solvers.DIRECT", {2: 0})
+    monkeypatch.setattr("ruptfx.implicit.solvers.DIRECT", {2: 0})
     sliding = case({
         "order": 2, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.1},
         "boundaries": [*HELD[:2], {**HELD[2], "traction": [3e6, -1e6]}, {**HELD[0], "edge": "upper.left"}],

@@ -11,7 +11,7 @@ from small_cases import HOMALITE, OPERATOR
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.equilibrium import Equilibrium
+from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model, State
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]

@@ -14,7 +14,8 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.equilibrium import ConvergenceError, Equilibrium
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
 from ruptfx.record import Record
 from ruptfx.simulation import simulate

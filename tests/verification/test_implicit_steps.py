@@ -50,7 +50,7 @@ def test_second_order_on_a_manufactured_motion(scheme: str) -> None:
             wanted = 2 * omega**2 * np.cos(2 * omega * time) + square * np.sin(omega * time) ** 2
             return size * wanted * model.mass * mode
 
-        motion._equilibrium.load = load
+        motion._equilibrium.forces.load = load
         advance(motion, state, duration)
         exact = size * np.sin(omega * duration) ** 2 * mode
         errors.append(np.linalg.norm(state.displacement - exact) / np.linalg.norm(size * mode))

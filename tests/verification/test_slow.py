@@ -19,8 +19,8 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import plots, simulation
 from ruptfx.case import parse_case
-from ruptfx.equilibrium import ConvergenceError
 from ruptfx.fem import MPI
+from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
 from ruptfx.record import Record
 from ruptfx.simulation import Interrupted, simulate

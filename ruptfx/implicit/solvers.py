@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from ruptfx import fem
+from ruptfx.implicit.options import PetscOptions
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
-from ruptfx.steppers._options import PetscOptions
 
 PETSc: Any = fem.PETSc
 # Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.

@@ -1,0 +1,74 @@
+"""Forces of bodies, interfaces and boundaries in implicit steps, and the work they do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.implicit.solution import Solution
+from ruptfx.model import Model, State
+
+
+class Forces:
+    """Forces at a time or in a state of a model.
+
+    Attributes
+    ----------
+    dashpot : ndarray, shape (nodes * components,)
+        Of boundaries and mass damping: force per velocity [N s/m].
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
+        self._driven = model.loads.prescribed
+
+    def load(self, time: float) -> np.ndarray:
+        """F: nodal force of the boundaries [N]."""
+        return self.model.loads.force(time)
+
+    def damping_force(self, velocity: np.ndarray) -> np.ndarray:
+        """C v + eta K_v v [N]: dashpots, mass damping and the Kelvin-Voigt layer."""
+        force, viscosity = self.dashpot * velocity, self.model.viscosity
+        if viscosity is not None:
+            layer = np.zeros_like(force)
+            viscosity.operator.add_internal_force(velocity, layer)
+            self.model.sum_shared(layer)
+            force -= viscosity.eta * layer
+        return force
+
+    def internal(self, state: State) -> np.ndarray:
+        """K u + J' W (T - T_0) [N] of a state, from the tractions it holds."""
+        force = -self.model.internal_force(state.displacement)
+        for fault in self.model.faults:
+            fields = state.faults[fault.name]
+            change = [fault.components(fields, "shear_traction") - fault.driving_shear(state.time)]
+            if fault.interface.has_normal:
+                change.insert(0, (fault.normal_stress_0 - fields["normal_stress"])[:, None])
+            fault.interface.assemble(np.concatenate(change, axis=1), force)
+        return force
+
+    def carried(self, state: State) -> np.ndarray:
+        """Internal and damping forces less the load of a state [N]."""
+        return self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
+
+    def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
+        """Add to the energies of a state, before `commit`, the work of loads and driven edges and what damping takes,
+        by the mean forces over the step: exact for average acceleration.
+
+        Parameters
+        ----------
+        velocity : ndarray, shape (nodes * components,)
+            At the end of the step [m/s].
+        carried : ndarray, shape (nodes * components,)
+            `carried` at its beginning [N].
+        """
+        mass, dot = self.model.mass, self.model.owned_dot
+        moved = solution.displacement - state.displacement
+        load, before = self.load(state.time + solution.dt), self.load(state.time)
+        damped, damped_before = self.damping_force(velocity), self.damping_force(state.velocity)
+        state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
+        state.energy["boundary_work"] += 0.5 * dot(before + load, moved)
+        # Driven edges do what their reactions do, and what sets their own mass in motion.
+        reaction = 0.5 * (carried + solution.internal + damped - load)
+        inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
+        state.energy["boundary_work"] += dot(self._driven.astype(float), reaction * moved + inertia)

@@ -1,0 +1,84 @@
+"""What an implicit step is solved for: rates as functions of the displacement, and the equilibrium that was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ruptfx.fault import FaultState
+    from ruptfx.implicit.response import FaultResponse
+    from ruptfx.model import State
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Velocity and acceleration as functions of the unknown displacement u.
+
+    Attributes
+    ----------
+    mass : float
+        c_M in a = c_M (u - displacement) [1/s2].
+    damping : float
+        c_C in v = velocity + c_C (u - displacement) [1/s].
+    displacement, velocity : ndarray, shape (nodes * components,)
+        Predictors [m], [m/s].
+    """
+
+    mass: float
+    damping: float
+    displacement: np.ndarray
+    velocity: np.ndarray
+
+    def acceleration_of(self, u: np.ndarray) -> np.ndarray:
+        return self.mass * (u - self.displacement)
+
+    def velocity_of(self, u: np.ndarray) -> np.ndarray:
+        return self.velocity + self.damping * (u - self.displacement)
+
+
+@dataclass
+class Solution:
+    """An equilibrium, not yet part of the state.
+
+    Attributes
+    ----------
+    displacement : ndarray, shape (nodes * components,)
+        At the end of the step [m], complete at ghosts.
+    internal : ndarray, shape (nodes * components,)
+        K u + J' W (T - T_0) [N] at every local node: what bodies and interfaces resist.
+    faults : dict of str to FaultState
+        New fault fields.
+    dt : float
+        Length of the step [s].
+    iterations, outer : int
+        Newton iterations in all, and outer ones of the multipliers (1 without).
+    residuals : list of float
+        Norm of R after every Newton iteration [N].
+    scale : float
+        Norm of the largest of the forces that balance [N].
+    tangents : dict of str to ndarray, shape (n, local, local)
+        dT / d[u] by fault [Pa/m], of `Equilibrium.answer`.
+    """
+
+    displacement: np.ndarray
+    internal: np.ndarray
+    faults: dict[str, FaultState]
+    dt: float
+    iterations: int
+    outer: int
+    residuals: list[float]
+    scale: float
+    _answers: dict[str, FaultResponse] = field(repr=False, default_factory=dict)
+    tangents: dict[str, np.ndarray] = field(repr=False, default_factory=dict)
+
+    def commit(self, state: State) -> None:
+        """Make it the state at the end of the step; arrays of the state keep their place."""
+        state.displacement[:] = self.displacement
+        state.time += self.dt
+        state.step += 1
+        state.numbers["dt_before"] = self.dt
+        for name, answer in self._answers.items():
+            answer.commit(state, self.faults[name], self.dt)

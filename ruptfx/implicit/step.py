@@ -1,0 +1,102 @@
+"""One implicit step to be solved: what is out of balance at a displacement."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.fault import Fault, FaultState
+from ruptfx.implicit.response import Response
+from ruptfx.implicit.solution import Rates
+from ruptfx.model import State
+from ruptfx.projection import ProjectionError
+
+if TYPE_CHECKING:
+    from ruptfx.implicit.equilibrium import Equilibrium
+
+
+class Step:
+    """One step to be solved: R(u) and what goes with it.
+
+    Attributes
+    ----------
+    driven : ndarray, shape (nodes * components,)
+        The displacement with driven edges where they end [m].
+    multipliers : dict of str to FaultState
+        Fields with the tractions of the last outer iteration.
+    displacement, residual, internal, responses, scale, round_off, error
+        Of the last evaluation; `residual` is not a number where a law failed on this rank, which is `error`.
+        `round_off` [N] is what rounding leaves of large displacements in a small residual.
+    """
+
+    def __init__(
+        self, equilibrium: Equilibrium, state: State, dt: float, rates: Rates | None, load: np.ndarray, easing: float
+    ) -> None:
+        self._equilibrium, self._state = equilibrium, state
+        self.dt, self.time, self.rates, self._load = dt, state.time + dt, rates, load
+        self.driven = equilibrium.model.loads.moved(state.displacement, state.time, self.time)
+        self.multipliers: dict[str, FaultState] = dict(state.faults)
+        self._body = {
+            fault.name: easing * equilibrium.body_stiffness(fault.interface, rates)
+            for fault in equilibrium.model.faults
+        }
+        self.displacement = self.residual = self.internal = np.zeros(0)
+        self.responses: dict[str, Response] = {}
+        self.scale = self.round_off = 0.0
+        self.error: ProjectionError | None = None
+
+    @property
+    def tangents(self) -> dict[str, np.ndarray]:
+        return {name: response.tangent for name, response in self.responses.items()}
+
+    def update_multipliers(self) -> None:
+        """Take the last tractions; what was evaluated with others is void."""
+        self.multipliers = {name: response.state for name, response in self.responses.items()}
+        self.displacement = np.zeros(0)
+
+    def evaluate(self, u: np.ndarray) -> None:
+        """Collective."""
+        equilibrium, model = self._equilibrium, self._equilibrium.model
+        self.displacement, self.error = u.copy(), None
+        elastic = -model.internal_force(u)
+        parts = [elastic, self._load]
+        if self.rates:
+            parts.append(model.mass * self.rates.acceleration_of(u))
+            parts.append(equilibrium.forces.damping_force(self.rates.velocity_of(u)))
+        self.internal = elastic.copy()
+        carried = 0.0
+        try:
+            for fault in model.faults:
+                response = self._respond(fault, u)
+                self.responses[fault.name] = response
+                fault.interface.assemble(response.traction, self.internal)
+                area = (fault.interface.owned * fault.interface.weight)[:, None]
+                carried += float(np.sum((area * tractions(fault, response.state)) ** 2))
+        except ProjectionError as error:
+            self.error = error
+            self.internal = np.full_like(u, np.nan)  # SNES takes a shorter step, on all ranks
+        self.residual = self.internal - self._load + sum(parts[2:], np.zeros_like(u))
+        driven = equilibrium.driven
+        if self.error is None:
+            self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
+        squares = [model.owned_dot(part, part) for part in parts]
+        stiff = equilibrium.tangent.diagonal * u
+        *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.owned_dot(stiff, stiff)])
+        self.scale = float(np.sqrt(max(summed)))
+        # Not more than that: a body that nothing holds flies far.
+        self.round_off = min(20 * np.finfo(float).eps * float(np.sqrt(stiffest)), 1e-7 * self.scale)
+
+    def _respond(self, fault: Fault, u: np.ndarray) -> Response:
+        fields = self.multipliers[fault.name]
+        return self._equilibrium.answers[fault.name](
+            self._state.faults[fault.name], fault.interface.jump(u), self.dt,
+            self._state.numbers.get("dt_before", 0.0), self.time,
+            (fields["normal_stress"], fault.components(fields, "shear_traction")), self._body[fault.name],
+        )  # fmt: skip
+
+
+def tractions(fault: Fault, fields: FaultState) -> np.ndarray:
+    """Normal stress and shear tractions, shape (n, 1 + tangents) [Pa]."""
+    return np.column_stack([fields["normal_stress"], fault.components(fields, "shear_traction")])
