@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, parallel, run_directory
+from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.case import Case
-from ruptfx.checkpoint import Checkpoint, Checkpoints
 from ruptfx.model import Model, State
 from ruptfx.progress import Progress
 from ruptfx.record import Record
-from ruptfx.recorder import Recorder, versions, write_summary
+from ruptfx.recording import run_directory
+from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
+from ruptfx.recording.recorder import Recorder, versions, write_summary
 from ruptfx.stopping import StopRules
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well

@@ -22,10 +22,11 @@ from small_cases import impact
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import __version__, checkpoint, run_directory
+from ruptfx import __version__
 from ruptfx.case import read_case
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
+from ruptfx.recording import checkpoint, run_directory
 
 CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6}
 LIMIT = 120  # seconds; a deadlock looks like a slow run

@@ -11,9 +11,9 @@ from small_cases import case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bulk_fields import BulkFields
 from ruptfx.model import Model
 from ruptfx.record import Record
+from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
 from ruptfx.simulation import simulate
 

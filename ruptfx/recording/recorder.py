@@ -19,14 +19,14 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, __version__, fem, parallel
-from ruptfx.bulk_fields import BulkFields
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
-from ruptfx.interface_file import InterfaceFile
+from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
-    from ruptfx.checkpoint import Checkpoint
     from ruptfx.model import Model, State
+    from ruptfx.recording.checkpoint import Checkpoint
     from ruptfx.steppers import Motion
 
 class DiskError(RuptfxError):

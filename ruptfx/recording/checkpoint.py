@@ -23,7 +23,7 @@ from ruptfx import RuptfxError, __version__, fem, parallel
 
 if TYPE_CHECKING:
     from ruptfx.model import Model, State
-    from ruptfx.recorder import Recorder
+    from ruptfx.recording.recorder import Recorder
 
 FOLDER = "checkpoints"
 KEPT = 2
