@@ -20,9 +20,9 @@ from matplotlib.figure import Figure
 
 from ruptfx import Record, read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
-from ruptfx.plots import mode_map
 from ruptfx.plots.bulk import Raster
 from ruptfx.plots.style import GUIDE, TIME_MAP, letter, styled
+from ruptfx.study import mode_map
 
 HERE, OUT = Path(__file__).parent, Path("studies/figures")
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}

@@ -194,7 +194,7 @@ def plot(
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx."""
     with _reported():
         if (run / "study.json").exists():
-            from ruptfx.plots import mode_map
+            from ruptfx.study import mode_map
 
             for path in mode_map.save(run, formats=tuple(format_)):
                 screen.print(str(path))

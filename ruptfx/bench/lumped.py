@@ -19,13 +19,13 @@ import xarray
 from ruptfx.bench import Check, Outcome
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import silent
-from ruptfx.lumped._chain import Chain, History, Integrator
-from ruptfx.lumped._roughness import ContactLayer, Surface
-from ruptfx.lumped._slider import Slider, linear_rates
-from ruptfx.lumped._slider_protocols import SlideHoldSlide
-from ruptfx.lumped._slider_stability import ModulatedLoad, StabilityDiagram, onset
 from ruptfx.lumped.maxwell_slip import MaxwellSlip, large_number_limit, late_amplitude_law
+from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface
 from ruptfx.lumped.spring_block import SpringBlock
+from ruptfx.lumped.spring_block.chain import Chain, History, Integrator
+from ruptfx.lumped.spring_slider.protocols import SlideHoldSlide
+from ruptfx.lumped.spring_slider.slider import Slider, linear_rates
+from ruptfx.lumped.spring_slider.stability import ModulatedLoad, StabilityDiagram, onset
 
 ROUGHNESS = "Baygeldi et al. (2026)"
 CHAIN = "Rubinstein et al. (2011)"

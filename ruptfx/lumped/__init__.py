@@ -1,6 +1,6 @@
 """Lumped models: a few masses and springs that explain the field, read from the same kind of case file.
 
-One model per file, the file name is the top-level `kind` of the case. They need neither DOLFINx nor MPI.
+One model per file or package, whose name is the top-level `kind` of the case. They need neither DOLFINx nor MPI.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
     if refined:
         write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
     if any(axis.numeric for axis in study.axes):
-        from ruptfx.plots import mode_map
+        from ruptfx.study import mode_map
 
         mode_map.save(store.path)
 

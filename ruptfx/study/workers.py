@@ -1,4 +1,4 @@
-"""Running points in child processes that may crash: one `ruptfx.serve` under mpiexec for every slot of a worker."""
+"""Running points in child processes that may crash: one `ruptfx.case_server` per slot of a worker."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Child:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         # A session of its own: Ctrl-C is for the study, which then ends its children.
         self._process = subprocess.Popen(
-            launch.mpi_command(ranks, "ruptfx.serve"), env=launch.mpi_environment(ranks), bufsize=0,
+            launch.mpi_command(ranks, "ruptfx.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
         )  # fmt: skip
 

@@ -9,8 +9,8 @@ import pytest
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped._roughness import ContactLayer, Surface, read_profile, roughness_of
 from ruptfx.lumped.maxwell_slip import MaxwellSlip, slide, transition
+from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface, read_profile, roughness_of
 from ruptfx.schema import CaseError
 
 

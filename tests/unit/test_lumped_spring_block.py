@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ruptfx.case import parse_case
-from ruptfx.lumped._chain import Chain, Contacts, History, Integrator
-from ruptfx.lumped._chain_events import Breaks, Event, catalogue, chaining, slow_fronts
 from ruptfx.lumped.spring_block import SpringBlock
+from ruptfx.lumped.spring_block.chain import Chain, Contacts, History, Integrator
+from ruptfx.lumped.spring_block.events import Breaks, Event, catalogue, chaining, slow_fronts
 from ruptfx.schema import CaseError
 
 

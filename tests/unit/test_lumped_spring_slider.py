@@ -11,10 +11,10 @@ import pytest
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.lumped import read_result, redraw, simulate
-from ruptfx.lumped._slider import Slider, critical_stiffness, integrate
-from ruptfx.lumped._slider_fit import Fit, modelled, read_trace
-from ruptfx.lumped._slider_protocols import VelocitySteps
 from ruptfx.lumped.spring_slider import PMMA, SpringSlider
+from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
+from ruptfx.lumped.spring_slider.protocols import VelocitySteps
+from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
 from ruptfx.schema import CaseError, find
 
 W = 16.0

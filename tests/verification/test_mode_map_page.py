@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ruptfx.plots import mode_map
-from ruptfx.study import read_study
+from ruptfx.study import mode_map, read_study
 from ruptfx.study.store import write_json
 from ruptfx.study.table import rows, write_csv
 

@@ -8,8 +8,8 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.lumped._chain_events import Breaks, Event, local_speeds
 from ruptfx.lumped._style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, TWO_COLUMNS, new_figure, styled
+from ruptfx.lumped.spring_block.events import Breaks, Event, local_speeds
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:

@@ -11,8 +11,8 @@ from scipy.optimize import brentq, fsolve
 
 from ruptfx import RuptfxError
 from ruptfx.lumped import Progress, variable
-from ruptfx.lumped._slider import Motion, Slider, critical_stiffness, integrate, linear_rates, oscillates
-from ruptfx.lumped._slider_protocols import Experiment, Samples
+from ruptfx.lumped.spring_slider.protocols import Experiment, Samples
+from ruptfx.lumped.spring_slider.slider import Motion, Slider, critical_stiffness, integrate, linear_rates, oscillates
 from ruptfx.units import Positive, Speed
 
 Amplitude = Annotated[float, Field(ge=0, lt=0.95)]

@@ -15,8 +15,8 @@ from scipy.stats import t as student
 
 from ruptfx import RuptfxError
 from ruptfx.lumped import Progress, variable
-from ruptfx.lumped._slider import Slider, integrate
-from ruptfx.lumped._slider_protocols import Experiment
+from ruptfx.lumped.spring_slider.protocols import Experiment
+from ruptfx.lumped.spring_slider.slider import Slider, integrate
 from ruptfx.number_files import number, require_increasing
 
 _COLUMNS = ("time", "drive_speed", "friction")

@@ -357,7 +357,7 @@ def page(shown: Map) -> str:
         "colours": [matplotlib.colors.to_hex(COLOURS(part)) for part in np.linspace(0, 1, 33)],
         "facets": facets,
     }  # fmt: skip
-    template = files("ruptfx.plots").joinpath("mode_map.html").read_text(encoding="utf-8")
+    template = files("ruptfx.study").joinpath("mode_map.html").read_text(encoding="utf-8")
     # "</script>" and "<!--" would change where the script element that holds the data ends.
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     # In one pass: a title that reads like a placeholder stays a title.

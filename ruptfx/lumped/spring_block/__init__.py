@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from ruptfx import RuptfxError
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
-from ruptfx.lumped._chain import Chain, History, Integrator
-from ruptfx.lumped._chain_events import (
+from ruptfx.lumped.spring_block.chain import Chain, History, Integrator
+from ruptfx.lumped.spring_block.events import (
     Breaks,
     Event,
     before_sliding,
@@ -222,7 +222,7 @@ class SpringBlock(LumpedModel):
 
     @staticmethod
     def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped._chain_figures import figures
+        from ruptfx.lumped.spring_block.figures import figures
 
         return figures(dataset)
 

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from scipy.stats import beta
 
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent, variable
-from ruptfx.lumped._roughness import ContactLayer, Surface
+from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface
 from ruptfx.units import Fraction, NonNegative, Positive, Speed
 
 Coefficient = NonNegative
@@ -165,7 +165,7 @@ class MaxwellSlip(LumpedModel):
 
     @staticmethod
     def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped._maxwell_figures import figures
+        from ruptfx.lumped.maxwell_slip.figures import figures
 
         return figures(dataset)
 

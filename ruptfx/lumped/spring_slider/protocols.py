@@ -10,7 +10,7 @@ import xarray
 from pydantic import Field
 
 from ruptfx.lumped import Progress, variable
-from ruptfx.lumped._slider import Motion, Slider, integrate
+from ruptfx.lumped.spring_slider.slider import Motion, Slider, integrate
 from ruptfx.schema import Part
 from ruptfx.units import Duration, Length, Speed
 

@@ -13,10 +13,10 @@ from ruptfx.friction import AnyFriction
 from ruptfx.friction._rate_and_state import RateAndState
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import LumpedModel, Progress, Summary, silent
-from ruptfx.lumped._slider import Slider, critical_stiffness
-from ruptfx.lumped._slider_fit import Fit
-from ruptfx.lumped._slider_protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
-from ruptfx.lumped._slider_stability import Bifurcation, ModulatedLoad, StabilityDiagram
+from ruptfx.lumped.spring_slider.fit import Fit
+from ruptfx.lumped.spring_slider.protocols import Experiment, ModulatedSpeed, SlideHoldSlide, VelocitySteps
+from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness
+from ruptfx.lumped.spring_slider.stability import Bifurcation, ModulatedLoad, StabilityDiagram
 from ruptfx.units import NonNegative, Positive
 
 _EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, Fit)
@@ -87,7 +87,7 @@ class SpringSlider(LumpedModel):
 
     @staticmethod
     def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped._slider_figures import figures
+        from ruptfx.lumped.spring_slider.figures import figures
 
         return figures(dataset)
 
