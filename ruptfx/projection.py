@@ -6,8 +6,8 @@
 V is the mean slip rate of one step; the strength sees slip rate, state and normal stress at the time of the traction
 (`TracedLaw` says how, to second order). The root is bracketed by V = 0 and by the V that leaves no traction, and found
 by Newton steps in V or in the logarithm of the rate that the law sees, whichever fits, with bisection as the way out.
-The same algorithm exists twice, for arrays here and in `fault.c` for the explicit hot path; both evaluate the traced
-law.
+The same algorithm exists twice, for arrays here and in `fault_step.c` for the explicit hot path; both evaluate the
+traced law.
 
 With two tangents the slip rate may turn, and each may have its own impedance. What the step before carries over is
 added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the unit

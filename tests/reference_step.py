@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.contact import Point
-from ruptfx.fault import Clock, Fault, FaultState, impedances
+from ruptfx.fault import Fault, FaultState
+from ruptfx.fault_step import Clock, impedances
 from ruptfx.fields import MONITORS, Moment, component_names
 from ruptfx.projection import TracedLaw, project
 

@@ -216,7 +216,7 @@ class _Kick:
     """
 
     def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
-        from ruptfx.fault import Clock, FaultStep  # not at the top: cases are read also where there is no DOLFINx
+        from ruptfx.fault_step import Clock, FaultStep  # not at the top: cases are read also where there is no DOLFINx
 
         clock = Clock.of_step(dt, number)
         self.length = clock.kick

@@ -15,7 +15,8 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 pytest.importorskip("dolfinx")
 
 from ruptfx.contact import Point
-from ruptfx.fault import Clock, Fault, FaultStep, impedances
+from ruptfx.fault import Fault
+from ruptfx.fault_step import Clock, FaultStep, impedances
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.interface import Interface, Line
 from ruptfx.model import Model

@@ -195,7 +195,7 @@ def test_an_existing_directory_is_refused_on_all(shared_tmp_path: Path) -> None:
 @pytest.mark.parametrize("steps", [3, 40])
 def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One interface point has no admissible traction in one step, on one rank: no hang, one message, files kept."""
-    from ruptfx.fault import FaultStep
+    from ruptfx.fault_step import FaultStep
 
     plain = FaultStep.__call__
 

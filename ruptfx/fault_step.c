@@ -1,5 +1,5 @@
-// One explicit step of an interface: jumps, trial traction, projection, force.  The blanks are filled in by fault.py from
-// the traced contact method and friction law; the algorithm is that of projection.py, eight points at a time.
+// One explicit step of an interface: jumps, trial traction, projection, force. The blanks are filled in by fault_step.py
+// from the traced contact method and friction law; the algorithm is that of projection.py, eight points at a time.
 #include <math.h>
 
 #define LANES 8
