@@ -32,6 +32,11 @@ test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at s
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
+docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	timeout 600 $(BIN)/python -m pytest -m docs tests/docs
+	@echo "Open docs/_build/html/index.html"
+
 bench: env ## benchmarks with acceptance numbers; fails when one is missed
 	$(BIN)/ruptfx bench all --out runs/bench
 
@@ -41,4 +46,4 @@ docker: ## build the image and run the demo in it, as you, with files in ./out
 	docker run --rm --user "$$(id -u):$$(id -g)" -v "$$PWD/out:/out" ruptfx
 
 clean: ## remove .venv, caches and runs/demo; other runs stay
-	rm -rf .venv runs/demo build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv runs/demo docs/_build build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -1,0 +1,56 @@
+"""The site: every code block of README and docs/ runs, every link inside leads somewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from page_blocks import ROOT, blocks, matches, run_page
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+pytestmark = pytest.mark.docs
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=NAMES[1:])
+def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    run_page(page, tmp_path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Relative links; those in the site are checked by Sphinx, too, but not those out of docs/."""
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)|<img src=\"([^\"]+)\"", page.read_text()):
+        link = target[0] or target[1]
+        if not re.match(r"[a-z]+:", link):
+            assert (page.parent / link).exists() or (page.parent / f"{link}.md").exists(), f"{page}: {link}"
+
+
+def test_blocks_are_read_as_said(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "```sh\ntrue\n```\n\n<!-- not run: it would never end -->\n```sh\nsleep inf\n```\n\n"
+        ":::{note}\n```{code-block} toml\n:caption: a.toml\nx = 1\n```\n:::\n"
+    )
+    found = [(block.line, block.language, block.caption, block.text, block.wanted) for block in blocks(page)]
+    assert found == [
+        (1, "sh", "", "true\n", True), (6, "sh", "", "sleep inf\n", False), (11, "toml", "a.toml", "x = 1\n", True)
+    ]  # fmt: skip
+
+
+def test_a_block_that_fails_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for number, text in enumerate(("```sh\nfalse\n```\n", "```python\n1 / 0\n```\n", "```console\n$ echo a\nb\n```\n")):
+        page = tmp_path / f"page{number}.md"
+        page.write_text(text)
+        (tmp_path / str(number)).mkdir()
+        with pytest.raises((AssertionError, ZeroDivisionError)):
+            run_page(page, tmp_path / str(number))
+
+
+def test_shown_output_is_compared_line_by_line() -> None:
+    assert matches("speed ... m/s\n...\nend\n", "begin\nspeed 1.25   m/s\nmore\nend\n")
+    assert not matches("end\nspeed ...\n", "speed 1\nend\n")  # the other order
+    assert not matches("[x]\n", "x\n")  # brackets are characters
