@@ -1,7 +1,7 @@
 """The code blocks of a page of docs/, run from top to bottom in one directory, as its reader would.
 
-- `sh` and `console` blocks are run by bash and must succeed. Output that a `console` block shows below a `$ command` must
-  come: line by line, `...` standing for anything.
+- `sh` and `console` blocks are run by bash and must succeed. Output that a `console` block shows below a `$ command`
+  must come: line by line, `...` standing for anything.
 - `python` blocks share their names.
 - A `toml`, `python` or other block with a `:caption:` is saved under that name, and not run.
 - `toml` blocks without one must be TOML; other languages are only shown.
@@ -23,7 +23,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FENCE = re.compile(
-    r"^(?P<indent> *)(?P<fence>```+|:::+)(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=indent)(?P=fence) *$", re.MULTILINE | re.DOTALL
+    r"^(?P<indent> *)(?P<fence>```+|:::+)(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=indent)(?P=fence) *$",
+    re.MULTILINE | re.DOTALL,
 )
 NOT_RUN = re.compile(r"<!-- not run: \S.*?-->\s*$", re.DOTALL)
 SECONDS = 60

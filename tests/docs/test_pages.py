@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import pytest
-
 from page_blocks import ROOT, blocks, matches, run_page
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
