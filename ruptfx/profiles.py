@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from scipy.interpolate import CubicSpline
 
 from ruptfx.number_files import two_columns
 from ruptfx.places import Center, HalfWidth, Position
@@ -106,6 +107,65 @@ class Parabola(Part):
         return self.tip + (position - self.center) ** 2 / (2 * self.radius)
 
 
+class Sinusoid(Part):
+    """`mean + amplitude cos(2 pi position / wavelength + phase)`."""
+
+    kind: Literal["sinusoid"]
+    amplitude: float
+    wavelength: PositiveMetre
+    mean: float = 0.0
+    phase: Annotated[float, Unit("rad")] = 0.0
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self.mean + self.amplitude * np.cos(2 * np.pi * position / self.wavelength + self.phase)
+
+
+class SelfAffine(Part):
+    """A self-affine rough profile, the same for a seed on any mesh and any rank count.
+
+    The sum of a_k cos(q_k x + phi_k), q_k = 2 pi k / length, with phases of the seed. Between the wavelengths `rolloff`
+    and `shortest` the heights a_k^2 fall as q^-(1 + 2 hurst), from `longest` to `rolloff` they are equal. The root mean
+    square of the heights over `length`, after which the profile repeats itself, is exactly `rms`.
+    Source: Hu and Tonder (1992); Yastrebov, Anciaux, Molinari (2017).
+    """
+
+    kind: Literal["self_affine"]
+    rms: Annotated[float, Field(ge=0)]
+    hurst: Annotated[float, Field(gt=0, lt=1), Unit("1")]
+    length: PositiveMetre
+    longest: PositiveMetre
+    shortest: PositiveMetre
+    rolloff: PositiveMetre | None = None
+    """Without it, `longest`."""
+    seed: Annotated[int, Field(ge=0)]
+    mean: float = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SelfAffine:
+        rolloff = self.longest if self.rolloff is None else self.rolloff
+        if not self.shortest <= rolloff <= self.longest <= self.length:
+            raise ValueError(
+                f"wavelengths need shortest <= rolloff <= longest <= length, these are {self.shortest:g}, {rolloff:g}, "
+                f"{self.longest:g} and {self.length:g} m"
+            )
+        if not len(self._waves()):
+            raise ValueError(
+                f"no wavelength length / k is between shortest = {self.shortest:g} and longest = {self.longest:g} m"
+            )
+        return self
+
+    def _waves(self) -> np.ndarray:
+        """Numbers k of the waves."""
+        return np.arange(np.ceil(self.length / self.longest - 1e-9), np.floor(self.length / self.shortest + 1e-9) + 1)
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        wavenumber = 2 * np.pi * self._waves() / self.length
+        amplitude = np.maximum(wavenumber, 2 * np.pi / (self.rolloff or self.longest)) ** (-0.5 - self.hurst)
+        amplitude *= self.rms / np.sqrt(0.5 * np.sum(amplitude**2))
+        phase = np.random.default_rng(self.seed).uniform(0, 2 * np.pi, len(wavenumber))
+        return self.mean + np.cos(np.outer(position, wavenumber) + phase) @ amplitude
+
+
 class Random(Part):
     """Gaussian random field with an exponential correlation, the same for a seed on any mesh and any rank count.
 
@@ -154,9 +214,11 @@ class RandomClasses(Part):
 
 
 class Table(Part):
-    """Linear interpolation between given points, which cover the interface unless `extend` is set."""
+    """Interpolation between given points, which cover the interface unless `extend` is set."""
 
     kind: Literal["table"]
+    interpolation: Literal["linear", "cubic"] = "linear"
+    """`cubic`: the spline whose curvature is continuous (not-a-knot ends), for measured surfaces."""
     positions: list[Position] = []
     values: list[float] = []
     extend: bool = False
@@ -200,6 +262,8 @@ class Table(Part):
                 f"{position.min():.6g} to {position.max():.6g} m; add to the table, or set extend = true to go on with "
                 "its first and last value"
             )
+        if self.interpolation == "cubic":
+            return CubicSpline(self.positions, self.values)(np.clip(position, first, last))
         return np.interp(position, self.positions, self.values)
 
 
@@ -210,6 +274,8 @@ KINDS: dict[str, type[Part]] = {
     "taper": Taper,
     "cone": Cone,
     "parabola": Parabola,
+    "sinusoid": Sinusoid,
+    "self_affine": SelfAffine,
     "random": Random,
     "random_classes": RandomClasses,
     "table": Table,

@@ -21,6 +21,8 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "taper": {"inside": 2.0, "outside": 1.0, "center": 0.0, "half_width": 0.3, "width": 0.2},
     "cone": {"slope": 0.5, "center": 0.0, "tip": 0.1, "limit": 0.4},
     "parabola": {"radius": 2.0, "center": 0.1, "tip": 0.01},
+    "sinusoid": {"mean": 1.0, "amplitude": 0.5, "wavelength": 0.8, "phase": 0.3},
+    "self_affine": {"rms": 0.1, "hurst": 0.8, "length": 2.0, "longest": 1.0, "shortest": 0.05, "seed": 3},
     "random": {"mean": 1.0, "standard_deviation": 0.1, "correlation_length": 0.1, "seed": 3},
     "random_classes": {"values": [1.0, 2.0], "weights": [1.0, 3.0], "cell": 0.07, "seed": 3},
     "table": {"positions": [-1.0, 0.0, 2.0], "values": [0.0, 1.0, 3.0]},
@@ -57,6 +59,50 @@ def test_closed_forms() -> None:
     # 0.2^2 / (2 * 2) away from the tip.
     np.testing.assert_allclose(profile("parabola")(np.array([-0.1, 0.1, 0.3])), [0.02, 0.01, 0.02])
     np.testing.assert_allclose(profile("table")(np.array([-1.0, -0.5, 1.0, 2.0])), [0, 0.5, 2, 3])
+
+
+def test_a_sinusoid_and_a_spline() -> None:
+    # 1 + 0.5 cos(0.3) at zero, the mean a quarter of a wavelength after the phase is made up for.
+    shape = profile("sinusoid")
+    zero = 0.8 * (0.25 - 0.3 / (2 * np.pi))
+    np.testing.assert_allclose(shape(np.array([0.0, zero])), [1 + 0.5 * np.cos(0.3), 1.0], rtol=1e-15)
+    # A not-a-knot spline is exact for cubics, and clamped beyond its ends where it may be extended.
+    places = np.array([-1.0, -0.3, 0.2, 0.9, 1.0])
+    spline = KINDS["table"].model_validate({
+        "kind": "table", "interpolation": "cubic", "positions": places.tolist(), "extend": True,
+        "values": (places**3 - places).tolist(),
+    })  # fmt: skip
+    np.testing.assert_allclose(spline(X), X**3 - X, atol=1e-15)
+    np.testing.assert_allclose(spline(np.array([1.5])), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("hurst", [0.5, 0.8])
+def test_heights_of_a_self_affine_profile(hurst: float) -> None:
+    """Their root mean square is exact, their mean spectrum falls as q^-(1 + 2 H), and is flat up to the roll-off."""
+    numbers = {"rms": 3e-6, "hurst": hurst, "length": 1e-3, "longest": 5e-4, "rolloff": 1e-4, "shortest": 5e-6}
+    x = np.arange(512) * 1e-3 / 512  # the highest wave has number 200
+    power = np.zeros(257)
+    for seed in range(64):
+        heights = KINDS["self_affine"].model_validate({"kind": "self_affine", "seed": seed, **numbers})(x)
+        np.testing.assert_allclose([np.sqrt(np.mean(heights**2)), np.mean(heights)], [3e-6, 0], atol=1e-18, rtol=1e-12)
+        power += np.abs(np.fft.rfft(heights)) ** 2
+    inside = np.arange(11, 200)
+    slope = np.polyfit(np.log(inside), np.log(power[inside]), 1)[0]
+    assert abs(-0.5 * (slope + 1) - hurst) < 1e-6  # heights of all seeds are the same, only phases differ
+    np.testing.assert_allclose(power[2:11], power[10], rtol=1e-9)
+    assert power[1] + power[201:].sum() < 1e-20 * power[10]
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"shortest": 2.0}, "shortest <= rolloff <= longest <= length, these are 2, 1, 1 and 2 m"),
+        ({"length": 1.2, "longest": 0.9, "shortest": 0.7}, "no wavelength length / k is between shortest = 0.7"),
+    ],
+)  # fmt: skip
+def test_wavelengths_that_do_not_fit(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        KINDS["self_affine"](**{"kind": "self_affine", **EXAMPLES["self_affine"], **changes})
 
 
 def test_a_table_must_cover_the_interface_or_say_how_it_goes_on() -> None:
