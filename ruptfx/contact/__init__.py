@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from ruptfx.schema import Alternative, CaseError, alternative, alternatives
 
 Array = Any
+Way = Literal["explicit", "implicit"]
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class ContactMethod(Alternative):
         return 0.0, 0.0
 
 
-def require(faults: Iterable[Any], way: Literal["explicit", "implicit"]) -> None:
+def require(faults: Iterable[Any], way: Way) -> None:
     """Refuse contact methods that steps of this kind cannot use.
 
     Raises

@@ -149,9 +149,9 @@ class Equilibrium:
             if tolerance is None:
                 continue
             now, before = step.responses[fault.name].state, step.multipliers[fault.name]
-            tractions = [tractions(fault, fields) for fields in (now, before)]
-            change = np.abs(tractions[0] - tractions[1]).max(initial=0)
-            size = max(np.abs(fault.normal_stress_0).max(initial=0), np.abs(tractions[0]).max(initial=0))
+            ours, theirs = (tractions(fault, fields) for fields in (now, before))
+            change = np.abs(ours - theirs).max(initial=0)
+            size = max(np.abs(fault.normal_stress_0).max(initial=0), np.abs(ours).max(initial=0))
             change, size = (parallel.largest(self.model.comm, value) for value in (change, size))
             settled = settled and change <= tolerance * size
         return settled

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
+from ruptfx.contact import Way
 from ruptfx.schema import Alternative, alternative
 
 
@@ -31,6 +32,13 @@ class Motion(Protocol):
 class Stepper(Alternative):
     """The contract of a time stepper."""
 
+    ways: ClassVar[tuple[Way, ...]] = ("explicit",)
+    """How it asks interfaces for their traction: from what is known at the time (explicit), or with the displacement it
+    is solved with (implicit). The contact method must be able to do all of them."""
+    second_order: ClassVar[bool] = True
+    """Whether its error falls with the square of the step, with all options as they are; False where they decide."""
+    conserving: ClassVar[dict[str, Any] | None] = None
+    """Fields with which the energy budget closes to round-off; None if it does not."""
     inertia: ClassVar[bool] = True
     """Whether it solves the equation of motion, or only equilibrium."""
     adaptive: ClassVar[bool] = False

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.solution import Rates
@@ -34,6 +35,9 @@ class GeneralizedAlpha(Stepper):
     weighted sum of tractions at both ends needs neither. `petsc_ts` drives it nevertheless, with its stage tractions.
     Source: Newmark (1959); Hilber, Hughes and Taylor (1977); Chung and Hulbert (1993).
     """
+
+    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    conserving: ClassVar[dict[str, Any] | None] = {"scheme": "average_acceleration"}
 
     scheme: SchemeName = "generalized_alpha"
     spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8

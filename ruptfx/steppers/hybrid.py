@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx import parallel
+from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
@@ -31,6 +32,7 @@ class Hybrid(Stepper):
     times at which the two balance energy. Every switch is in the log.
     """
 
+    ways: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
     adaptive: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ class Leapfrog(Stepper):
     Second order, conserves the discrete energy exactly, stable for dt <= 2 / omega_max. Dashpots and mass damping are
     implicit, so they do not shorten the step.
     """
+
+    conserving: ClassVar[dict[str, Any] | None] = {}
 
     safety: Fraction = 0.9
     """Time step over the stable one."""

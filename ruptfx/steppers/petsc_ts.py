@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from ruptfx import parallel
-from ruptfx.contact import require
+from ruptfx.contact import Way, require
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.projection import ProjectionError
@@ -32,6 +32,9 @@ class PetscTs(Stepper):
     signals are those of all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart
     `alpha2` finds its acceleration anew, so that it goes on to the order of the scheme, not to the same bits.
     """
+
+    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    second_order: ClassVar[bool] = False
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
     time_step: Duration | None = None

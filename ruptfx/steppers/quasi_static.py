@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ruptfx import parallel
+from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.schema import Part, unit_of
@@ -36,6 +37,7 @@ class QuasiStatic(Stepper):
     Source: Rice 1993); kind = "hybrid" computes them.
     """
 
+    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
 
