@@ -11,16 +11,9 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from ruptfx import RuptfxError, fem, parallel
-from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.schema import nearest
 
-# Vertices of the facets of a cell in DOLFINx order.
-FACETS: dict[str, list[tuple[int, ...]]] = {
-    "triangle": [(1, 2), (0, 2), (0, 1)],
-    "quadrilateral": [(0, 1), (0, 2), (1, 3), (2, 3)],
-    "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
-    "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
-}
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import RuptfxError, fem, parallel
-from ruptfx.bodies import FACETS
+from ruptfx.meshes import FACETS
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from ruptfx.friction import FrictionLaw
 from ruptfx.interface import Interface
 from ruptfx.nucleation import Nucleation
 from ruptfx.projection import TracedLaw, explain
+from ruptfx.state import FaultState
 
-FaultState = dict[str, np.ndarray]
 _FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
 
 

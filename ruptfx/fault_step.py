@@ -20,10 +20,11 @@ import numpy as np
 
 from ruptfx import native
 from ruptfx.contact import ContactMethod, Point, Trial
-from ruptfx.fault import Fault, FaultState
+from ruptfx.fault import Fault
 from ruptfx.fields import MONITORS, Moment, Monitor, component_names
 from ruptfx.interface import Interface
 from ruptfx.projection import BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
+from ruptfx.state import FaultState
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
 
 

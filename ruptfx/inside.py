@@ -75,7 +75,7 @@ class Inside:
         for nodes, shape in self._cells:
             nodal[nodes] += shape.T @ weights
         total = nodal.ravel()
-        self.model.sum_shared(total)
+        self.model.layout.sum_shared(total)
         return total
 
     def force(self, force: Sequence[float]) -> np.ndarray:

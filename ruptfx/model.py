@@ -1,4 +1,4 @@
-"""The semi-discrete system: M a = -K u - C v - J' W (T - T_0) + boundary forces; and its state.
+"""The semi-discrete system: M a = -K u - C v - J' W (T - T_0) + boundary forces.
 
 Vectors hold the local degrees of freedom of a blocked Lagrange space, ghosts included, node by node. Diagonal
 quantities (mass, dashpots, edge forces) are complete at every local node, so that ranks update shared nodes alike and
@@ -7,26 +7,25 @@ exchange nothing but the internal force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
-from ruptfx.fault import Fault, FaultState
-from ruptfx.fields import ACCUMULATED
+from ruptfx.fault import Fault
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
+from ruptfx.nodes import Nodes
 from ruptfx.operators import ufl_form
 from ruptfx.places import Place, located, positions, shifted
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest
+from ruptfx.spectrum import highest_frequency
+from ruptfx.state import State
 
 
 @dataclass(frozen=True)
@@ -49,65 +48,6 @@ class Viscosity:
     bulk: operators.Bulk
     operator: operators.Operator
     nodes: np.ndarray
-
-
-def three_digits(value: float) -> float:
-    """Rounded down, so that a result does not depend on the last digits of an eigenvalue and hence on the ranks."""
-    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
-    return float(np.floor(value / unit * (1 + 1e-9)) * unit)
-
-
-@dataclass
-class State:
-    """Everything that changes during a run.
-
-    Attributes
-    ----------
-    time, step : float, int
-        Time [s] of the displacement and number of steps done.
-    displacement, velocity, force : ndarray, shape (nodes * components,)
-        Velocity is half of `lag` behind the displacement; `force` is internal force under way.
-    faults : dict of str to dict of ndarray
-        Fields of every fault by name, `lag` behind the displacement.
-    energy : dict of str to float
-        Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
-    fields : dict of str to ndarray, shape (nodes * components,)
-        Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
-    numbers : dict of str to float
-        Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
-    """
-
-    displacement: np.ndarray
-    velocity: np.ndarray
-    force: np.ndarray
-    faults: dict[str, FaultState]
-    time: float = 0.0
-    step: int = 0
-    energy: dict[str, float] = field(
-        default_factory=lambda: dict.fromkeys(ACCUMULATED, 0.0)
-    )
-    fields: dict[str, np.ndarray] = field(default_factory=dict)
-    numbers: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def lag(self) -> float:
-        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in
-        explicit runs, else zero."""
-        return self.numbers.get("lag", 0.0)
-
-    @property
-    def fault_time(self) -> float:
-        """Time of the fields of the faults [s]; every step asks for it, so without the displacement then."""
-        return self.time - self.lag
-
-    def at_faults(self) -> tuple[float, np.ndarray]:
-        """Time of the fields of the faults [s], and the displacement then."""
-        return self.fault_time, self.displacement - self.lag * self.velocity if self.lag else self.displacement
-
-    def at_velocity(self) -> tuple[float, np.ndarray]:
-        """Time of the velocity [s], where explicit steps balance energy, and the displacement then."""
-        half = 0.5 * self.lag
-        return self.time - half, self.displacement - half * self.velocity if half else self.displacement
 
 
 class Model:
@@ -137,15 +77,12 @@ class Model:
             raise CaseError(f"plane = '{case.plane}': the mesh has {dim} dimensions")
         self.components = {"antiplane": 1, "solid": 3}.get(case.plane, 2)
         self.space = fem.lagrange(self.mesh, case.order, self.components)
-        index_map = self.space.dofmap.index_map
-        self.owned_nodes = index_map.size_local
-        self.nodes = index_map.size_local + index_map.num_ghosts
-        self.total_nodes = index_map.size_global
-        self.coordinates = self.space.tabulate_dof_coordinates()[:, :dim]
+        self.layout = Nodes(self.space, self.bodies)
+        self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
+        self.coordinates = self.layout.coordinates
         self.materials = self._materials()
         self.bulk = operators.Bulk(self.space, case.plane, self.materials, self.bodies.cell_body)
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
-        self._exchange = fem.dolfinx.fem.Function(self.space)
         self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
         self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
@@ -182,8 +119,8 @@ class Model:
             raise CaseError(
                 f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
             )
-        stable = 2 / self.highest_frequency(self.free_inverse_mass())
-        eta = given.eta or three_digits(given.fraction * stable)
+        stable = 2 / highest_frequency(self)
+        eta = given.eta or parallel.three_digits(given.fraction * stable)
         bulk = operators.Bulk(self.space, self.case.plane, self.materials, self.bodies.cell_body, only=chosen)
         touched = np.zeros(self.nodes, dtype=bool)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
@@ -195,18 +132,6 @@ class Model:
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
         return np.where(self.loads.prescribed, 0.0, 1 / self.mass)
-
-    def stable_time_step(self, compliant: Sequence[Fault] | None = None) -> float:
-        """Largest stable explicit step [s], with the contact stiffness of all faults or of those given.
-
-        2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
-        eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
-        """
-        stable = 2 / self.highest_frequency(self.free_inverse_mass(), compliant)
-        if self.viscosity is None:
-            return stable
-        eta = self.viscosity.eta
-        return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
 
     def _materials(self) -> list[Material]:
         """Material of every body, in the order of the bodies."""
@@ -321,95 +246,17 @@ class Model:
         function.x.array[cells] = values[: len(cells)]
         return function
 
-    def sum_shared(self, vector: np.ndarray) -> None:
-        """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""
-        if self.comm.size > 1:
-            x = self._exchange.x
-            x.array[:] = vector
-            x.scatter_reverse(fem.dolfinx.la.InsertMode.add)
-            x.scatter_forward()
-            vector[:] = x.array
-
-    @cached_property
-    def node_body(self) -> np.ndarray:
-        """Index of the body of every local node, the first where welded bodies share it; collective."""
-        dofs, c = self.space.dofmap.list, self.components
-        body = np.zeros(self.nodes, dtype=np.int64)
-        for number in reversed(range(len(self.bodies.names))):
-            here = np.zeros(self.nodes * c)
-            here.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
-            self.sum_shared(here)
-            body[here[::c] > 0] = number
-        return body
-
-    @cached_property
-    def numbering(self) -> np.ndarray:
-        """Place of every local node in an order that does not depend on the partition (body, y, x); collective."""
-        owned = slice(0, self.owned_nodes)
-        keys = np.column_stack([self.coordinates[owned], self.node_body[owned]])
-        everything = parallel.gather_rows(self.comm, keys)
-        place = None
-        if everything is not None:
-            # Global numbers are contiguous by rank, so gathered rows are in that order.
-            extent = np.ptp(everything[:, :-1], axis=0).max()
-            order = np.lexsort(np.round(everything / np.append(np.full(keys.shape[1] - 1, extent), 1.0), 9).T)
-            place = np.empty_like(order)
-            place[order] = np.arange(len(order))
-        place = self.comm.bcast(place, root=0)
-        return place[self.space.dofmap.index_map.local_to_global(np.arange(self.nodes, dtype=np.int32))]
-
-    def gather_nodes(self, field: np.ndarray) -> np.ndarray:
-        """A nodal field of the whole problem on rank 0, in the order of `numbering`; empty elsewhere.
-
-        Parameters
-        ----------
-        field : ndarray, shape (nodes * columns,)
-
-        Returns
-        -------
-        ndarray, shape (total_nodes, columns) or (0, columns)
-        """
-        rows = field.reshape(self.nodes, -1)[: self.owned_nodes]
-        gathered = parallel.gather_rows(self.comm, rows)
-        places = parallel.gather_rows(self.comm, self.numbering[: self.owned_nodes])
-        if gathered is None or places is None:
-            return np.zeros((0, rows.shape[1]))
-        ordered = np.empty_like(gathered)
-        ordered[places] = gathered
-        return ordered
-
-    def scatter_nodes(self, rows: np.ndarray) -> np.ndarray:
-        """The inverse of `gather_nodes`, from rows known to this rank; shape (nodes * columns,)."""
-        return np.ascontiguousarray(rows[self.numbering]).ravel()
-
-    @cached_property
-    def shared_nodes(self) -> np.ndarray:
-        """True for every local node that another rank knows too."""
-        if self.comm.size == 1:
-            return np.zeros(self.nodes, dtype=bool)
-        flag = self._exchange.x
-        flag.array[:] = 0
-        flag.array[self.owned_nodes * self.components :] = 1
-        flag.scatter_reverse(fem.dolfinx.la.InsertMode.add)
-        flag.scatter_forward()
-        return flag.array.reshape(self.nodes, -1)[:, 0] > 0
-
     def initial_state(self) -> State:
         """At rest in the initial stress."""
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
         return State(zero, zero.copy(), self.force.array, {fault.name: fault.initial_state() for fault in self.faults})
 
-    def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
-        """Sum over the degrees of freedom this rank owns."""
-        owned = self.owned_nodes * self.components
-        return float(a[:owned] @ b[:owned])
-
     def internal_force(self, displacement: np.ndarray) -> np.ndarray:
         """-K u of bodies and elastic supports, summed over ranks [N]."""
         force = np.zeros_like(displacement)
         self.operator.add_internal_force(displacement, force)
-        self.sum_shared(force)
+        self.layout.sum_shared(force)
         self.loads.add_support_force(displacement, force)
         return force
 
@@ -432,8 +279,8 @@ class Model:
             found = fault.elastic_energy(state.faults[fault.name], half * state.velocity, half, time)
             held, taken = held + found[0], taken + found[1]
         here = {
-            "kinetic": 0.5 * self.owned_dot(state.velocity, self.mass * state.velocity),
-            "strain": 0.0 - 0.5 * self.owned_dot(earlier, force),
+            "kinetic": 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity),
+            "strain": 0.0 - 0.5 * self.layout.owned_dot(earlier, force),
             "interface_elastic": held,
             "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
             "damping": state.energy["damping"],
@@ -442,61 +289,6 @@ class Model:
         }
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
-
-    def highest_frequency(self, free: np.ndarray, compliant: Sequence[Fault] | None = None) -> float:
-        """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
-
-        Parameters
-        ----------
-        free : ndarray, shape (nodes * components,)
-            Inverse lumped mass [1/kg], zero where the motion is prescribed.
-        compliant : sequence of Fault, optional
-            The interfaces whose contact stiffness counts; all when left out.
-        """
-        root = np.sqrt(free)
-        counted = self.faults if compliant is None else compliant
-        stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
-
-        def apply(vector: np.ndarray) -> np.ndarray:
-            u = root * vector
-            force = self.internal_force(u)
-            for fault, (normal, shear) in stiffness:
-                if normal or shear:
-                    face = fault.interface
-                    spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
-                    face.add_force(force, spring * face.jump(u), scale=np.ones_like(u))
-            return -root * force
-
-        def dot(a: np.ndarray, b: np.ndarray) -> float:
-            return float(parallel.total(self.comm, self.owned_dot(a, b)))
-
-        # A start that every partition makes alike: pseudo-random in the coordinates.
-        x = np.repeat(
-            self.coordinates @ (np.array([12.9898, 78.233, 37.719])[: self.coordinates.shape[1]]), self.components
-        )
-        scale = parallel.total(self.comm, np.abs(x[: self.owned_nodes]).sum()) / self.total_nodes
-        vector = np.sin(4.3758e4 * x / scale) * (root > 0)
-        vector /= np.sqrt(dot(vector, vector))
-        before, beta = np.zeros_like(vector), 0.0
-        diagonal: list[float] = []
-        off: list[float] = []
-        highest = 0.0
-        for _ in range(200):
-            w = apply(vector) - beta * before
-            diagonal.append(dot(w, vector))
-            if not np.isfinite(diagonal[-1]):
-                break
-            w -= diagonal[-1] * vector
-            beta = np.sqrt(dot(w, w))
-            if len(diagonal) % 10 == 0 or beta == 0:
-                last, highest = highest, eigh_tridiagonal(diagonal, off, eigvals_only=True)[-1]
-                if highest - last < 2e-3 * highest:
-                    break
-            off.append(beta)
-            before, vector = vector, w / beta
-        if not np.isfinite(diagonal[-1]) or highest <= 0:
-            raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
-        return float(np.sqrt(highest))
 
     def wave_speeds(self) -> WaveSpeeds:
         """Of the slowest body, the scale of the pictures."""

@@ -1,4 +1,5 @@
-"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce."""
+"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce; and rounding
+that makes numbers the same on any number of ranks."""
 
 from __future__ import annotations
 
@@ -67,3 +68,9 @@ def gather_rows(comm: Any, rows: np.ndarray) -> np.ndarray | None:
 def share_rows(comm: Any, rows: np.ndarray) -> np.ndarray:
     """Rows of all ranks, one below the other, on every rank."""
     return np.concatenate(comm.allgather(np.ascontiguousarray(rows)))
+
+
+def three_digits(value: float) -> float:
+    """Rounded down, so that a result does not depend on the last digits of an eigenvalue and hence on the ranks."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / unit * (1 + 1e-9)) * unit)

@@ -22,6 +22,7 @@ from ruptfx.places import patches
 from ruptfx.profiles import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import leapfrog
 from ruptfx.stopping import StopRules
 
@@ -62,7 +63,7 @@ def preflight(case: Case) -> Iterator[Row]:
     if len(model.materials) > 1 and case.plane in ("stress", "strain"):
         yield from _pairing(model)
     motion = case.stepper.bind(model)
-    stable = model.stable_time_step()
+    stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
     if steps is None:
@@ -238,9 +239,9 @@ def _expected_slip_rate(model: Model, fault: Fault) -> float:
     at 1 m/s."""
     face = fault.interface
     impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
-    mobility = 1 / impedance[model.node_body[face.plus]]
+    mobility = 1 / impedance[model.layout.body[face.plus]]
     if face.other_side == "meshed":
-        mobility = mobility + 1 / impedance[model.node_body[face.minus]]
+        mobility = mobility + 1 / impedance[model.layout.body[face.minus]]
     elif face.other_side != "rigid":
         mobility = 2 * mobility
     normal, law, fast = fault.normal_stress_0, fault.friction, np.ones(len(face.plus))

@@ -14,12 +14,13 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.case import Case
-from ruptfx.model import Model, State
+from ruptfx.model import Model
 from ruptfx.progress import Progress
 from ruptfx.record import Record
 from ruptfx.recording import run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
 from ruptfx.recording.recorder import Recorder, versions, write_summary
+from ruptfx.state import State
 from ruptfx.stopping import StopRules
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well

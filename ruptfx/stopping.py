@@ -13,7 +13,8 @@ from ruptfx.units import Duration
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 
 class StopWhen(Part):

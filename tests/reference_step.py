@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.contact import Point
-from ruptfx.fault import Fault, FaultState
+from ruptfx.fault import Fault
 from ruptfx.fault_step import Clock, impedances
 from ruptfx.fields import MONITORS, Moment, component_names
 from ruptfx.projection import TracedLaw, project
+from ruptfx.state import FaultState
 
 
 def advance_reference(

@@ -12,7 +12,8 @@ from ruptfx import fem
 from ruptfx.analysis.front import crossing
 from ruptfx.bench import Check
 from ruptfx.case import parse_case
-from ruptfx.model import Model, State
+from ruptfx.model import Model
+from ruptfx.state import State
 
 Array = np.ndarray
 

@@ -100,7 +100,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     middle = opening[:, opening.shape[1] // 2]
     step = result.time[2] - result.time[1]
     # Momentum of the upper body per area, while nothing has left it.
-    upper = result.model.node_body == result.model.bodies.names.index("upper")
+    upper = result.model.layout.body == result.model.bodies.names.index("upper")
     mass = result.model.mass.reshape(-1, 2)[:, 1]
     momentum = float(mass[upper] @ result.state.velocity.reshape(-1, 2)[upper, 1]) / float(np.ptp(result.position))
     found = {"largest gap": middle.max(), "time it is open": step * np.count_nonzero(middle > 0), "momentum": momentum}

@@ -76,7 +76,7 @@ def seismograms(size: float, kind: str) -> tuple[np.ndarray, np.ndarray, float]:
     problem = parse_case(case(size, kind))
     model = Model(problem, fem.MPI.COMM_SELF)
     motion, state = problem.stepper.bind(model), model.initial_state()
-    upper = model.node_body == model.bodies.names.index("upper")
+    upper = model.layout.body == model.bodies.names.index("upper")
     nodes = []
     for x, depth in RECEIVERS.values():
         away = np.hypot(*(model.coordinates - [x, HEIGHT - depth]).T)

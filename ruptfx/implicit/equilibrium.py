@@ -42,7 +42,8 @@ from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.implicit.step import Step, tractions
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.interface import Interface
-from ruptfx.model import Model, State
+from ruptfx.model import Model
+from ruptfx.state import State
 
 MAX_OUTER = 100
 # What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger

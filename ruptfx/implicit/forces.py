@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.implicit.solution import Solution
-from ruptfx.model import Model, State
+from ruptfx.model import Model
+from ruptfx.state import State
 
 
 class Forces:
@@ -32,7 +33,7 @@ class Forces:
         if viscosity is not None:
             layer = np.zeros_like(force)
             viscosity.operator.add_internal_force(velocity, layer)
-            self.model.sum_shared(layer)
+            self.model.layout.sum_shared(layer)
             force -= viscosity.eta * layer
         return force
 
@@ -62,7 +63,7 @@ class Forces:
         carried : ndarray, shape (nodes * components,)
             `carried` at its beginning [N].
         """
-        mass, dot = self.model.mass, self.model.owned_dot
+        mass, dot = self.model.mass, self.model.layout.owned_dot
         moved = solution.displacement - state.displacement
         load, before = self.load(state.time + solution.dt), self.load(state.time)
         damped, damped_before = self.damping_force(velocity), self.damping_force(state.velocity)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx.contact import Point, Trial
-from ruptfx.fault import Fault, FaultState
+from ruptfx.fault import Fault
 from ruptfx.fields import MONITORS, Moment
 from ruptfx.projection import Projected, TracedLaw, project
 
 if TYPE_CHECKING:
-    from ruptfx.model import State
+    from ruptfx.state import FaultState, State
 
 
 @dataclass

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ruptfx.fault import FaultState
     from ruptfx.implicit.response import FaultResponse
-    from ruptfx.model import State
+    from ruptfx.state import FaultState, State
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import parallel
-from ruptfx.fault import Fault, FaultState
+from ruptfx.fault import Fault
 from ruptfx.implicit.response import Response
 from ruptfx.implicit.solution import Rates
-from ruptfx.model import State
 from ruptfx.projection import ProjectionError
+from ruptfx.state import FaultState, State
 
 if TYPE_CHECKING:
     from ruptfx.implicit.equilibrium import Equilibrium
@@ -81,9 +81,9 @@ class Step:
         driven = equilibrium.driven
         if self.error is None:
             self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
-        squares = [model.owned_dot(part, part) for part in parts]
+        squares = [model.layout.owned_dot(part, part) for part in parts]
         stiff = equilibrium.tangent.diagonal * u
-        *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.owned_dot(stiff, stiff)])
+        *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.layout.owned_dot(stiff, stiff)])
         self.scale = float(np.sqrt(max(summed)))
         # Not more than that: a body that nothing holds flies far.
         self.round_off = min(20 * np.finfo(float).eps * float(np.sqrt(stiffest)), 1e-7 * self.scale)

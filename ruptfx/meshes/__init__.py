@@ -12,6 +12,14 @@ import numpy as np
 
 from ruptfx.schema import Alternative, alternative
 
+# Vertices of the facets of a cell in DOLFINx order.
+FACETS: dict[str, list[tuple[int, ...]]] = {
+    "triangle": [(1, 2), (0, 2), (0, 1)],
+    "quadrilateral": [(0, 1), (0, 2), (1, 3), (2, 3)],
+    "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
+    "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
+}
+
 
 @dataclass
 class RawMesh:

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError
-from ruptfx.meshes import MeshSource, RawMesh, _geo
+from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
@@ -58,8 +58,6 @@ class GmshFile(MeshSource):
 
     def build(self) -> RawMesh:
         points, cell, cells, bodies, cell_body, named = _read(Path(self.file), self.trust)
-        from ruptfx.bodies import FACETS  # not at the top: cases are read also where there is no DOLFINx
-
         points = points[:, : 3 if cell in ("hexahedron", "tetrahedron") else 2] * self.scale
         for name, sides in self.interfaces.items():
             _check_names(self.file, name, sides, named, bodies)

@@ -22,7 +22,8 @@ from ruptfx.operators import ufl_form
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 _UNITS = {"velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
 _TEXTS = {
@@ -81,9 +82,9 @@ class BulkFields:
         """Points, cells and body of every point on rank 0, in an order that does not depend on the partition."""
         model = self.model
         cells = self._linear_cells()
-        points = model.gather_nodes(model.coordinates.ravel())
-        body = model.gather_nodes(np.repeat(model.node_body, model.components))
-        linear = parallel.gather_rows(model.comm, model.numbering[cells])
+        points = model.layout.gather(model.coordinates.ravel())
+        body = model.layout.gather(np.repeat(model.layout.body, model.components))
+        linear = parallel.gather_rows(model.comm, model.layout.numbering[cells])
         if linear is None:
             return None, None, None
         return points, linear[np.lexsort(np.sort(linear, axis=1).T)], body[:, 0].astype(np.int32)
@@ -142,7 +143,7 @@ class BulkFields:
         _, displacement = state.at_velocity()
         stress = self._stress(displacement)
         columns = np.column_stack([state.velocity.reshape(-1, c), displacement.reshape(-1, c), stress])
-        rows = model.gather_nodes(columns.ravel())
+        rows = model.layout.gather(columns.ravel())
         if len(rows) == 0:
             return {}
         velocity, displacement, stress = np.split(rows, [c, 2 * c], axis=1)
@@ -195,7 +196,7 @@ class BulkFields:
         for form, used in self._stress_forms:
             vector = np.zeros_like(displacement)
             fem.dolfinx.fem.assemble_vector(vector, form)
-            model.sum_shared(vector)
+            model.layout.sum_shared(vector)
             columns.append((vector / self._volume).reshape(-1, c)[:, :used])
         return np.concatenate(columns, axis=1) + self.initial_stress
 

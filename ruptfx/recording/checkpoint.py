@@ -22,8 +22,9 @@ import numpy as np
 from ruptfx import RuptfxError, __version__, fem, parallel
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
     from ruptfx.recording.recorder import Recorder
+    from ruptfx.state import State
 
 FOLDER = "checkpoints"
 KEPT = 2
@@ -67,7 +68,7 @@ class Checkpoints:
         """
         model = self._model
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
-        arrays = {name: model.gather_nodes(values) for name, values in nodal.items()}
+        arrays = {name: model.layout.gather(values) for name, values in nodal.items()}
         faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
         energy = model.comm.gather(state.energy, root=0)
         self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
@@ -158,8 +159,8 @@ class Checkpoint:
 
         arrays = parallel.on_root(model.comm, read)
         for name in ("displacement", "velocity"):
-            getattr(state, name)[:] = model.scatter_nodes(arrays[f"nodes/{name}"])
-        state.fields = {name: model.scatter_nodes(arrays[f"nodes/{name}"]) for name in self.manifest["fields"]}
+            getattr(state, name)[:] = model.layout.scatter(arrays[f"nodes/{name}"])
+        state.fields = {name: model.layout.scatter(arrays[f"nodes/{name}"]) for name in self.manifest["fields"]}
         for fault in model.faults:
             for name, values in state.faults[fault.name].items():
                 values[:] = arrays[f"faults/{fault.name}/{name}"][fault.interface.number]

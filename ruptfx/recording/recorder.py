@@ -25,8 +25,9 @@ from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.interface_file import InterfaceFile
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
     from ruptfx.recording.checkpoint import Checkpoint
+    from ruptfx.state import State
     from ruptfx.steppers import Motion
 
 class DiskError(RuptfxError):

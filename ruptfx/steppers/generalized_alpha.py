@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.solution import Rates
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 SchemeName = Literal["generalized_alpha", "average_acceleration", "newmark", "hht"]
 
@@ -78,10 +81,8 @@ class GeneralizedAlpha(Stepper):
         return alpha_m, alpha_f, gamma, beta if self.beta is None else self.beta
 
     def bind(self, model: Model) -> GeneralizedAlphaMotion:
-        from ruptfx.model import three_digits
-
         return GeneralizedAlphaMotion(
-            model, self, self.time_step or three_digits(self.courant * model.stable_time_step())
+            model, self, self.time_step or parallel.three_digits(self.courant * stable_time_step(model))
         )
 
 

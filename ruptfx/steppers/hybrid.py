@@ -10,13 +10,15 @@ from pydantic import Field, model_validator
 
 from ruptfx import parallel
 from ruptfx.contact import Way
+from ruptfx.fields import component_names
 from ruptfx.implicit import ConvergenceError
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.units import Duration, Speed
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 SLOW, FAST = 0.0, 1.0
 LOOK_EVERY = 25  # explicit steps between looks at all ranks
@@ -154,8 +156,6 @@ class HybridMotion:
 
     def _start(self, state: State) -> None:
         """Explicit steps start from one time for all; slip goes on at the rate it has."""
-        from ruptfx.fields import component_names
-
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             for mean, now in zip(

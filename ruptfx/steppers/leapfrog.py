@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ruptfx import native
+from ruptfx import native, parallel
 from ruptfx.contact import require
 from ruptfx.schema import CaseError
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 
 class Leapfrog(Stepper):
@@ -33,12 +35,10 @@ class Leapfrog(Stepper):
     """Given instead of chosen; refused if it is not stable."""
 
     def bind(self, model: Model) -> LeapfrogMotion:
-        from ruptfx.model import three_digits
-
         require(model.faults, "explicit")
-        stable = model.stable_time_step()
+        stable = stable_time_step(model)
         if self.time_step is None:
-            return LeapfrogMotion(model, three_digits(self.safety * stable))
+            return LeapfrogMotion(model, parallel.three_digits(self.safety * stable))
         if self.time_step > stable:
             raise CaseError(
                 f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, "
@@ -51,10 +51,10 @@ def what_limits(model: Model, stable: float) -> str:
     """Whether elements or the stiffness of an interface set the stable step: measured without that stiffness;
     collective."""
     compliant = [fault for fault in model.faults if any(fault.contact.stiffness())]
-    without = model.stable_time_step([]) if compliant else stable
+    without = stable_time_step(model, []) if compliant else stable
     if without < 1.05 * stable:  # no more than the highest frequencies are uncertain
         return "set by the elements" + " and the elastic supports of boundaries" * bool(model.loads.supports)
-    first = min(compliant, key=lambda fault: model.stable_time_step([fault])) if len(compliant) > 1 else compliant[0]
+    first = min(compliant, key=lambda fault: stable_time_step(model, [fault])) if len(compliant) > 1 else compliant[0]
     return f"set by the contact stiffness of faults.{first.name} ({without:.4g} s without it)"
 
 
@@ -70,7 +70,7 @@ class LeapfrogMotion:
     def __init__(self, model: Model, dt: float) -> None:
         self.model, self.dt = model, dt
         c = model.components
-        held = np.repeat(model.shared_nodes, c) | model.loads.acting
+        held = np.repeat(model.layout.shared, c) | model.loads.acting
         for fault in model.faults:
             for side in (fault.interface.plus, fault.interface.minus):
                 held.reshape(-1, c)[side] = True

@@ -13,12 +13,14 @@ from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.projection import ProjectionError
 from ruptfx.schema import CaseError
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
     from ruptfx.implicit.solution import Solution
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 
 class PetscTs(Stepper):
@@ -43,8 +45,6 @@ class PetscTs(Stepper):
     petsc_options: PetscOptions = {}
 
     def bind(self, model: Model) -> PetscTsMotion:
-        from ruptfx.model import three_digits
-
         require(model.faults, "implicit")
         for fault in model.faults:
             if fault.contact.multiplier_tolerance() is not None:
@@ -64,7 +64,7 @@ class PetscTs(Stepper):
                 "cannot; use '1', '2', or scheme = 'rk'"
             )
         courant = self.courant or (10.0 if self.scheme == "alpha2" else 0.5)
-        return PetscTsMotion(model, self, self.time_step or three_digits(courant * model.stable_time_step()))
+        return PetscTsMotion(model, self, self.time_step or parallel.three_digits(courant * stable_time_step(model)))
 
 
 class PetscTsMotion:

@@ -13,13 +13,15 @@ from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.schema import Part, unit_of
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Fraction, Length
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
     from ruptfx.implicit.solution import Solution
-    from ruptfx.model import Model, State
+    from ruptfx.model import Model
+    from ruptfx.state import State
 
 MOST_HALVINGS = 12
 MOST_GROWTH, MOST_SHRINKING = 1.5, 0.1
@@ -70,19 +72,18 @@ class QuasiStaticMotion:
     def __init__(self, model: Model, stepper: QuasiStatic) -> None:
         # Not at the top: cases are read also where there is no DOLFINx.
         from ruptfx.implicit.equilibrium import Equilibrium
-        from ruptfx.model import three_digits
         from ruptfx.radiation import radiation_impedance
 
-        self.model, self._stepper, self._rounded = model, stepper, three_digits
+        self.model, self._stepper = model, stepper
         self._radiation = {
             f.name: radiation_impedance(model, f) if stepper.radiation_damping else np.zeros(len(f.interface.plus))
             for f in model.faults
         }
         self.equilibrium = Equilibrium(model, stepper.petsc_options, self._radiation)
         self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
-        self._smallest = stepper.smallest_step or 0.1 * model.stable_time_step()
+        self._smallest = stepper.smallest_step or 0.1 * stable_time_step(model)
         self._greatest = stepper.largest_step or model.case.duration / 100
-        self.dt = three_digits(min(stepper.first_step or self._first_step(), self._greatest))
+        self.dt = parallel.three_digits(min(stepper.first_step or self._first_step(), self._greatest))
         self._warned = False
         self._driven = model.loads.prescribed.astype(float)
 
@@ -109,7 +110,7 @@ class QuasiStaticMotion:
         while True:
             solution = self._solve(state, dt, halvings)
             if solution is None:
-                dt, halvings = self._rounded(0.5 * dt), halvings + 1
+                dt, halvings = parallel.three_digits(0.5 * dt), halvings + 1
                 continue
             error = self._error(state, solution)
             if error <= 1:
@@ -117,7 +118,7 @@ class QuasiStaticMotion:
             if dt <= self._smallest:
                 self._warn(state, error)
                 break
-            dt = self._rounded(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
+            dt = parallel.three_digits(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
         moved = self._account(state, solution)
         solution.commit(state)
         self._lose_kinetic(state, moved / dt)
@@ -164,7 +165,7 @@ class QuasiStaticMotion:
         newton = solution.iterations / solution.outer
         if newton > EASY:
             growth = min(growth, 0.7 if newton > HARD else 1.0)
-        return self._rounded(min(max(dt * stepped(growth), self._smallest), self._greatest))
+        return parallel.three_digits(min(max(dt * stepped(growth), self._smallest), self._greatest))
 
     def _account(self, state: State, solution: Solution) -> np.ndarray:
         """Count the work done in the step; the displacement added in it [m].
@@ -177,8 +178,9 @@ class QuasiStaticMotion:
         before, after = self.equilibrium.forces.internal(state) - loads[0], solution.internal - loads[1]
         moved = solution.displacement - state.displacement
         mean = 0.5 * (before + after)
-        state.energy["boundary_work"] += model.owned_dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)
-        state.energy["damping"] -= model.owned_dot((1 - self._driven) * mean, moved)
+        dot = model.layout.owned_dot
+        state.energy["boundary_work"] += dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)
+        state.energy["damping"] -= dot((1 - self._driven) * mean, moved)
         for fault in model.faults:
             # Radiation is part of the traction times the slip rate that counts as friction.
             radiated = self._radiated(fault, state, solution)
@@ -194,7 +196,7 @@ class QuasiStaticMotion:
 
     def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:
         """Take over the velocity; equilibrium knows no inertia, so the change of kinetic energy is lost or gained."""
-        mass, dot = self.model.mass, self.model.owned_dot
+        mass, dot = self.model.mass, self.model.layout.owned_dot
         state.energy["damping"] += 0.5 * (dot(state.velocity, mass * state.velocity) - dot(velocity, mass * velocity))
         state.velocity[:] = velocity
 

@@ -41,7 +41,7 @@ def with_boundary(kind: str, changes: dict[str, Any] | None = None) -> Case:
 
 def by_number(model: Model, field: np.ndarray) -> np.ndarray:
     """A nodal field in an order that does not depend on the ranks, on every rank."""
-    return model.comm.bcast(model.gather_nodes(field), root=0)
+    return model.comm.bcast(model.layout.gather(field), root=0)
 
 
 @every_boundary
@@ -102,7 +102,7 @@ def test_explicit_and_implicit_steps_agree(kind: str) -> None:
             })  # fmt: skip
             model, _, state = march(smooth)
             ends.append(state.displacement)
-        both = [np.sqrt(parallel.total(COMM, model.owned_dot(u, u))) for u in (ends[1], ends[1] - ends[0])]
+        both = [np.sqrt(parallel.total(COMM, model.layout.owned_dot(u, u))) for u in (ends[1], ends[1] - ends[0])]
         away.append(both[1] / both[0])
     assert away[0] < 0.01 and away[1] < 0.35 * away[0]
 

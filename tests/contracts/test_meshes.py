@@ -13,9 +13,9 @@ from small_cases import Given, case, tilted, two_boxes, wavy_plates
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, fem
-from ruptfx.bodies import FACETS, distribute
+from ruptfx.bodies import distribute
 from ruptfx.interface import Interface, build_interface
-from ruptfx.meshes import RawMesh
+from ruptfx.meshes import FACETS, RawMesh
 from ruptfx.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.half_plate import HalfPlate

@@ -128,13 +128,13 @@ def test_internal_force_does_not_depend_on_the_partition() -> None:
     """<v, K u> of given fields: the same number on any number of ranks as on one."""
     here = Model(case({"mesh.length": 16e-3}))
     force = here.internal_force(smooth_field(here))
-    product = float(parallel.total(COMM, here.owned_dot(force, smooth_field(here, 1))))
-    mass = float(parallel.total(COMM, here.owned_dot(here.mass, np.ones_like(here.mass))))
+    product = float(parallel.total(COMM, here.layout.owned_dot(force, smooth_field(here, 1))))
+    mass = float(parallel.total(COMM, here.layout.owned_dot(here.mass, np.ones_like(here.mass))))
     # Two plates of 16 x 4 mm, two components.
     assert mass == pytest.approx(2 * 2 * 16e-3 * 4e-3 * 1246.0, rel=1e-12)
     alone = Model(case({"mesh.length": 16e-3}), fem.MPI.COMM_SELF)
     force = alone.internal_force(smooth_field(alone))
-    assert product == pytest.approx(alone.owned_dot(force, smooth_field(alone, 1)), rel=1e-10)
+    assert product == pytest.approx(alone.layout.owned_dot(force, smooth_field(alone, 1)), rel=1e-10)
 
 
 def test_the_time_step_does_not_depend_on_the_ranks() -> None:

@@ -133,9 +133,9 @@ def test_shared_nodes_belong_to_the_first_body(shared_tmp_path: Path) -> None:
     """On any number of ranks: a (0) before b, c (2) before d; 3 elements of order 3 and one node more on x = 0."""
     model = Model(parse_case(table(shared_tmp_path, *VARIANTS["two materials"])))
     on_line = np.abs(model.coordinates[:, 0]) < 1e-9
-    assert set(model.node_body[on_line]) <= {0, 2}
+    assert set(model.layout.body[on_line]) <= {0, 2}
     for body in (0, 2):
-        count = np.sum((model.node_body == body)[: model.owned_nodes] & on_line[: model.owned_nodes])
+        count = np.sum((model.layout.body == body)[: model.owned_nodes] & on_line[: model.owned_nodes])
         assert parallel.total(COMM, count) == 10
 
 
@@ -177,7 +177,7 @@ def test_edges_of_two_bodies_at_the_same_place(shared_tmp_path: Path) -> None:
         nodes = Edge(model, edge, "edge").nodes
         nodes = nodes[nodes < model.owned_nodes]
         body = np.full(len(nodes), model.bodies.names.index(edge.partition(".")[0]))
-        np.testing.assert_array_equal(model.node_body[nodes], body)
+        np.testing.assert_array_equal(model.layout.body[nodes], body)
         assert parallel.total(COMM, len(nodes)) == count
 
 

@@ -9,7 +9,8 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, march, merged, plates
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
-from ruptfx.model import Model, State
+from ruptfx.model import Model
+from ruptfx.state import State
 
 pytestmark = pytest.mark.fem
 

@@ -12,7 +12,8 @@ pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
 from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.model import Model, State
+from ruptfx.model import Model
+from ruptfx.state import State
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 

@@ -11,8 +11,9 @@ from small_cases import SPLIT, case
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import Case
-from ruptfx.model import Model, State
+from ruptfx.model import Model
 from ruptfx.schema import CaseError
+from ruptfx.state import State
 
 pytestmark = pytest.mark.fem
 

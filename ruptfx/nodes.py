@@ -1,0 +1,116 @@
+"""The nodes of a model: which of them other ranks share, sums over them, and an order that no partition changes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from ruptfx import fem, parallel
+from ruptfx.bodies import Bodies
+
+
+class Nodes:
+    """Nodes of a blocked Lagrange space over the ranks; ghosts are local nodes, too, after the owned ones.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+    bodies : Bodies
+
+    Attributes
+    ----------
+    count, owned, total : int
+        Local nodes, those of them this rank owns, and nodes of all ranks.
+    components : int
+    coordinates : ndarray, shape (count, dim)
+        [m].
+    """
+
+    def __init__(self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies) -> None:
+        self.space, self.bodies, self.comm = space, bodies, space.mesh.comm
+        index_map = space.dofmap.index_map
+        self.components = space.dofmap.index_map_bs
+        self.owned = index_map.size_local
+        self.count = index_map.size_local + index_map.num_ghosts
+        self.total = index_map.size_global
+        self.coordinates = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
+        self._exchange = fem.dolfinx.fem.Function(space)
+
+    def sum_shared(self, vector: np.ndarray) -> None:
+        """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""
+        if self.comm.size > 1:
+            x = self._exchange.x
+            x.array[:] = vector
+            x.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+            x.scatter_forward()
+            vector[:] = x.array
+
+    @cached_property
+    def body(self) -> np.ndarray:
+        """Index of the body of every local node, the first where welded bodies share it; collective."""
+        dofs, c = self.space.dofmap.list, self.components
+        body = np.zeros(self.count, dtype=np.int64)
+        for number in reversed(range(len(self.bodies.names))):
+            here = np.zeros(self.count * c)
+            here.reshape(-1, c)[dofs[self.bodies.cell_body[: len(dofs)] == number]] = 1
+            self.sum_shared(here)
+            body[here[::c] > 0] = number
+        return body
+
+    @cached_property
+    def numbering(self) -> np.ndarray:
+        """Place of every local node in an order that does not depend on the partition (body, y, x); collective."""
+        owned = slice(0, self.owned)
+        keys = np.column_stack([self.coordinates[owned], self.body[owned]])
+        everything = parallel.gather_rows(self.comm, keys)
+        place = None
+        if everything is not None:
+            # Global numbers are contiguous by rank, so gathered rows are in that order.
+            extent = np.ptp(everything[:, :-1], axis=0).max()
+            order = np.lexsort(np.round(everything / np.append(np.full(keys.shape[1] - 1, extent), 1.0), 9).T)
+            place = np.empty_like(order)
+            place[order] = np.arange(len(order))
+        place = self.comm.bcast(place, root=0)
+        return place[self.space.dofmap.index_map.local_to_global(np.arange(self.count, dtype=np.int32))]
+
+    def gather(self, field: np.ndarray) -> np.ndarray:
+        """A nodal field of the whole problem on rank 0, in the order of `numbering`; empty elsewhere.
+
+        Parameters
+        ----------
+        field : ndarray, shape (count * columns,)
+
+        Returns
+        -------
+        ndarray, shape (total, columns) or (0, columns)
+        """
+        rows = field.reshape(self.count, -1)[: self.owned]
+        gathered = parallel.gather_rows(self.comm, rows)
+        places = parallel.gather_rows(self.comm, self.numbering[: self.owned])
+        if gathered is None or places is None:
+            return np.zeros((0, rows.shape[1]))
+        ordered = np.empty_like(gathered)
+        ordered[places] = gathered
+        return ordered
+
+    def scatter(self, rows: np.ndarray) -> np.ndarray:
+        """The inverse of `gather`, from rows known to this rank; shape (count * columns,)."""
+        return np.ascontiguousarray(rows[self.numbering]).ravel()
+
+    @cached_property
+    def shared(self) -> np.ndarray:
+        """True for every local node that another rank knows too."""
+        if self.comm.size == 1:
+            return np.zeros(self.count, dtype=bool)
+        flag = self._exchange.x
+        flag.array[:] = 0
+        flag.array[self.owned * self.components :] = 1
+        flag.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+        flag.scatter_forward()
+        return flag.array.reshape(self.count, -1)[:, 0] > 0
+
+    def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Sum over the degrees of freedom this rank owns."""
+        owned = self.owned * self.components
+        return float(a[:owned] @ b[:owned])

@@ -1,0 +1,83 @@
+"""The highest frequency of a model by the Lanczos method, and the explicit time step it allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from ruptfx import RuptfxError, parallel
+
+if TYPE_CHECKING:
+    from ruptfx.fault import Fault
+    from ruptfx.model import Model
+
+
+def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None) -> float:
+    """Largest stable explicit step [s], with the contact stiffness of all faults or of those given.
+
+    2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
+    eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
+    """
+    stable = 2 / highest_frequency(model, compliant)
+    if model.viscosity is None:
+        return stable
+    eta = model.viscosity.eta
+    return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
+
+
+def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) -> float:
+    """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
+
+    Parameters
+    ----------
+    model : Model
+    compliant : sequence of Fault, optional
+        The interfaces whose contact stiffness counts; all when left out.
+    """
+    root = np.sqrt(model.free_inverse_mass())
+    counted = model.faults if compliant is None else compliant
+    stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
+
+    def apply(vector: np.ndarray) -> np.ndarray:
+        u = root * vector
+        force = model.internal_force(u)
+        for fault, (normal, shear) in stiffness:
+            if normal or shear:
+                face = fault.interface
+                spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
+                face.add_force(force, spring * face.jump(u), scale=np.ones_like(u))
+        return -root * force
+
+    def dot(a: np.ndarray, b: np.ndarray) -> float:
+        return float(parallel.total(model.comm, model.layout.owned_dot(a, b)))
+
+    # A start that every partition makes alike: pseudo-random in the coordinates.
+    x = np.repeat(
+        model.coordinates @ (np.array([12.9898, 78.233, 37.719])[: model.coordinates.shape[1]]), model.components
+    )
+    scale = parallel.total(model.comm, np.abs(x[: model.owned_nodes]).sum()) / model.total_nodes
+    vector = np.sin(4.3758e4 * x / scale) * (root > 0)
+    vector /= np.sqrt(dot(vector, vector))
+    before, beta = np.zeros_like(vector), 0.0
+    diagonal: list[float] = []
+    off: list[float] = []
+    highest = 0.0
+    for _ in range(200):
+        w = apply(vector) - beta * before
+        diagonal.append(dot(w, vector))
+        if not np.isfinite(diagonal[-1]):
+            break
+        w -= diagonal[-1] * vector
+        beta = np.sqrt(dot(w, w))
+        if len(diagonal) % 10 == 0 or beta == 0:
+            last, highest = highest, eigh_tridiagonal(diagonal, off, eigvals_only=True)[-1]
+            if highest - last < 2e-3 * highest:
+                break
+        off.append(beta)
+        before, vector = vector, w / beta
+    if not np.isfinite(diagonal[-1]) or highest <= 0:
+        raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
+    return float(np.sqrt(highest))

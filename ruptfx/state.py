@@ -1,0 +1,64 @@
+"""Everything that changes during a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ruptfx.fields import ACCUMULATED
+
+FaultState = dict[str, np.ndarray]
+
+
+@dataclass
+class State:
+    """Everything that changes during a run.
+
+    Attributes
+    ----------
+    time, step : float, int
+        Time [s] of the displacement and number of steps done.
+    displacement, velocity, force : ndarray, shape (nodes * components,)
+        Velocity is half of `lag` behind the displacement; `force` is internal force under way.
+    faults : dict of str to dict of ndarray
+        Fields of every fault by name, `lag` behind the displacement.
+    energy : dict of str to float
+        Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
+    fields : dict of str to ndarray, shape (nodes * components,)
+        Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
+    numbers : dict of str to float
+        Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
+    """
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    faults: dict[str, FaultState]
+    time: float = 0.0
+    step: int = 0
+    energy: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(ACCUMULATED, 0.0)
+    )
+    fields: dict[str, np.ndarray] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def lag(self) -> float:
+        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in
+        explicit runs, else zero."""
+        return self.numbers.get("lag", 0.0)
+
+    @property
+    def fault_time(self) -> float:
+        """Time of the fields of the faults [s]; every step asks for it, so without the displacement then."""
+        return self.time - self.lag
+
+    def at_faults(self) -> tuple[float, np.ndarray]:
+        """Time of the fields of the faults [s], and the displacement then."""
+        return self.fault_time, self.displacement - self.lag * self.velocity if self.lag else self.displacement
+
+    def at_velocity(self) -> tuple[float, np.ndarray]:
+        """Time of the velocity [s], where explicit steps balance energy, and the displacement then."""
+        half = 0.5 * self.lag
+        return self.time - half, self.displacement - half * self.velocity if half else self.displacement
