@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 
 from ruptfx import Record, read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
-from ruptfx.plots.bulk import Raster
-from ruptfx.plots.style import GUIDE, TIME_MAP, letter, styled
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import GUIDE, TIME_MAP, letter, styled
 from ruptfx.study import mode_map
 
 HERE, OUT = Path(__file__).parent, Path("studies/figures")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from ruptfx.figure_style import letter, new_figure, note, styled
 from ruptfx.friction import FrictionLaw
-from ruptfx.plots.style import letter, new_figure, note, styled
 
 STRESSES = (1e6, 3e6, 10e6)  # Pa
 RATE = 0.1  # m/s

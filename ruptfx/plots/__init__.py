@@ -1,5 +1,8 @@
 """Figures of a run, from its record; good enough for a paper and drawn without a display or DOLFINx.
 
+A figure is one file of this folder, found by its name. Its function of the same name draws a `Record`; its `suits`
+says which runs it is drawn for.
+
 >>> from ruptfx import Record, plots                                                     # doctest: +SKIP
 >>> plots.space_time(Record("out/impact")).savefig("space_time.pdf")                     # doctest: +SKIP
 """
@@ -8,41 +11,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
-from ruptfx.plots.along import front, slip_profiles, snapshots, space_time
-from ruptfx.plots.budget import energy_budget
-from ruptfx.plots.bulk import fringes, most_fringes, wavefield
-from ruptfx.plots.cycles import cycles, is_uneven
-from ruptfx.plots.style import STYLE
+from ruptfx.figure_style import STYLE
 from ruptfx.record import Record
+from ruptfx.schema import own_kinds, own_module
 
-__all__ = [
-    "all_figures", "cycles", "energy_budget", "fringes", "front", "save_all", "slip_profiles", "snapshots",
-    "space_time", "wavefield",
-]
+Draw = Callable[..., Figure]
 
-_ALONG = (space_time, snapshots, slip_profiles, front)
-MOST_FRINGES = 60
+_FILES = {name: own_module(__name__, name) for name in own_kinds(__name__)}
+FIGURES: dict[str, Draw] = {name: getattr(file, name) for name, file in _FILES.items()}
+"""The functions that draw, by name."""
+globals().update(FIGURES)
+
+if TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Draw: ...
+
+
+def suits(name: str, record: Record) -> bool:
+    """Whether a figure is drawn for a run: the run has the data, and the figure would show something of it."""
+    return bool(_FILES[name].suits(record))
 
 
 def all_figures(record: Record) -> dict[str, Figure]:
-    """Every figure the run has the data for, by name: of the interface and the bodies only in two dimensions.
-
-    Fringes are left out where materials have no fringe constant, and where there are too many to be seen. Runs with
-    slow and fast phases have a figure of their own.
-    """
-    draw: list[Callable[[Record], Figure]] = []
-    if record.interfaces and "slip_rate" in record.interface:
-        draw += (cycles, slip_profiles) if is_uneven(record) else _ALONG
-    if (record.path / "bulk.h5").is_file() and record.bulk["points"].shape[1] == 2:
-        draw += [fringes] * (0 < most_fringes(record) < MOST_FRINGES) + [wavefield]
-    if (record.path / "energy.csv").is_file():
-        draw += [energy_budget]
-    return {function.__name__: function(record) for function in draw}
+    """Every figure that suits the run, by name."""
+    return {name: draw(record) for name, draw in FIGURES.items() if suits(name, record)}
 
 
 def save_all(

@@ -8,33 +8,16 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ruptfx.plots.style import (
-    GUIDE,
-    RATE_MAP,
-    Array,
-    along,
-    direction,
-    edges,
-    guides,
-    letter,
-    new_figure,
-    note,
-    remark,
-    scale,
-    styled,
-    turned,
-    whose_speeds,
-)
+from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, note, remark, scale, styled
+from ruptfx.plots._record import along, direction, guides, has_slip_rates, is_uneven, turned, whose_speeds
 from ruptfx.record import Record
 
-UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
 SLOWEST = 1e-10  # m/s
 
 
-def is_uneven(record: Record) -> bool:
-    """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
-    gaps = np.diff(record.interface["time"].values)
-    return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
+def suits(record: Record) -> bool:
+    """Whether the run has slow and fast phases."""
+    return has_slip_rates(record) and is_uneven(record)
 
 
 def ruptures(record: Record) -> list[tuple[int, int]]:

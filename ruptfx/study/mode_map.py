@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ruptfx import RuptfxError
-from ruptfx.plots.style import MUTED, WIDTH, letter, new_figure, note, scale, styled
+from ruptfx.figure_style import MUTED, WIDTH, letter, new_figure, note, scale, styled
 from ruptfx.study.definition import Axis, Study
 from ruptfx.study.harvest import PICTURES
 from ruptfx.study.table import Row, read_csv, unit_of

@@ -68,7 +68,7 @@ def test_the_tree_is_that_of_the_package() -> None:
     there = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
     folders = {name for name in there if (PACKAGE / name / "__init__.py").is_file()}
     assert set(lines) == {f"{name}/" if name in folders else name for name in there}
-    for folder in folders - {*FOLDERS, "bench"}:
+    for folder in folders - {*FOLDERS, "bench", "plots"}:
         files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
         assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
     assert {f"{name}/" for name in FOLDERS if name != "profiles"} < set(lines)
@@ -235,7 +235,9 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
         assert (sliding.values[np.isnan(since.values)] == 0).all()
         step = record.summary["time_step"]
         assert (sliding + since).max() <= record.interface.time[-1] + step
-        (line,) = executed("Figure")["opening"](record).axes[0].lines
+        example = executed("Figure")
+        assert example["suits"](record)
+        (line,) = example["opening"](record).axes[0].lines
         np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
 
 

@@ -17,7 +17,7 @@ from ruptfx.case import parse_case
 from ruptfx.interface import Interface, build_interface
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
-from ruptfx.plots.style import along
+from ruptfx.plots._record import along
 from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
 from ruptfx.steppers.quasi_static import slip_to_resolve

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx.analysis.energy import PARTS, closure
-from ruptfx.plots.style import MUTED, letter, new_figure, note, scale, styled
+from ruptfx.figure_style import MUTED, letter, new_figure, note, scale, styled
 from ruptfx.record import Record
 
 _COLOURS = {
@@ -14,6 +14,11 @@ _COLOURS = {
     "damping": "#e69f00",
 }  # safe for colour-blind readers
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
+
+
+def suits(record: Record) -> bool:
+    """Whether energies were saved."""
+    return (record.path / "energy.csv").is_file()
 
 
 @styled

@@ -1,89 +1,16 @@
-"""The common look of all figures: sizes, colours, units on axes, panel letters, wave speeds.
-
-Figures are made without pyplot, so they need no display and leave no global state behind.
-"""
+"""What figures of a record ask of it: wave speeds to compare with, labels along the interface, times to show."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import wraps
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 
+from ruptfx.analysis.modes import LEVEL
+from ruptfx.figure_style import Array
 from ruptfx.record import Record
 
-Array = np.ndarray
-
-WIDTH = 7.0  # inch, two columns of a journal
-STYLE: Any = {
-    "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 8, "legend.fontsize": 7, "xtick.labelsize": 7,
-    "ytick.labelsize": 7, "axes.linewidth": 0.6, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
-    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
-    "lines.linewidth": 1.0, "legend.frameon": False, "savefig.dpi": 200, "figure.dpi": 100, "pdf.fonttype": 42,
-    "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
-}
-GUIDE = "#1769aa"  # wave speeds
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # of the bodies they belong to
-MUTED = "#888888"
-# Perceptually uniform, cut where lines and guides would not show.
-RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
-TIME_MAP = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1, 256)))
-WAVE_MAP = "inferno"
-
-_PREFIXES = {
-    "m": [(1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
-    "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s")],
-    "Pa": [(1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
-    "m/s": [(1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
-    "J/m": [(1e-3, "mJ/m"), (1.0, "J/m"), (1e3, "kJ/m"), (1e6, "MJ/m"), (1e9, "GJ/m"), (1e12, "TJ/m")],
-}
-
-
-def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw with the common style, whatever the user's own settings are."""
-
-    @wraps(draw)
-    def inside(*args: Any, **options: Any) -> Figure:
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update(STYLE)
-            return draw(*args, **options)
-
-    return inside
-
-
-def scale(values: Array | float, unit: str) -> tuple[float, str]:
-    """Size and name of the unit in which the largest value reads well: 0.06 m gives (1e-3, "mm")."""
-    numbers = np.abs(np.asarray(values, dtype=float))
-    largest = float(numbers[np.isfinite(numbers)].max(initial=0.0))
-    choices = _PREFIXES[unit]
-    if largest == 0:
-        return next(((size, name) for size, name in choices if size == 1.0), choices[0])
-    least = 0.05 if unit == "m/s" else 0.9  # slip rates read best in m/s
-    fitting = [(size, name) for size, name in choices if largest >= least * size]
-    return fitting[-1] if fitting else choices[0]
-
-
-def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Figure, Array]:
-    """Figure and its array of axes, shape (rows, columns)."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
-
-
-def letter(axes: Iterable[Axes]) -> None:
-    """Panel letters (a), (b), ... above the upper left corner."""
-    for index, ax in enumerate(axes):
-        ax.set_title(f"({chr(ord('a') + index)})", loc="left", fontweight="bold")
-
-
-def note(ax: Axes, text: str) -> None:
-    """A remark in the middle of an empty panel."""
-    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED, backgroundcolor="white")
 
 
 class Guide(NamedTuple):
@@ -149,12 +76,6 @@ def end_time(record: Record) -> float:
     return float(last[0]) if last.sum() > 0 else float(record.case.get("duration", 1.0))
 
 
-def remark(figure: Figure, *texts: str) -> None:
-    """What has to be known to read the figure right, in small type below it."""
-    if any(texts):
-        figure.supxlabel("\n".join(text for text in texts if text), fontsize=6.5, color=MUTED)
-
-
 def whose_speeds(record: Record) -> str:
     """Which line style is which body's, where their wave speeds differ."""
     groups = [", ".join(names) for names in _bodies_by_speeds(record).values()]
@@ -193,6 +114,28 @@ def nearest(saved: Array, wanted: Array) -> Array:
     return np.abs(np.asarray(saved)[None, :] - np.atleast_1d(wanted)[:, None]).argmin(axis=1)
 
 
-def edges(centres: Array) -> Array:
-    """Cell edges half-way between the centres; the outer cells end at the outer centres."""
-    return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])
+def rate_range(record: Record, rate: Array) -> tuple[float, float, bool]:
+    """Sliding threshold, largest slip rate but for a thousandth, and whether pulses call for a logarithmic scale."""
+    low = LEVEL * (record.interface.attrs.get("V_imp") or rate.max())
+    sliding = rate[rate > low]
+    middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (low, rate.max())
+    return float(low), float(high), bool(high > 10 * middle)
+
+
+UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
+
+
+def has_slip_rates(record: Record) -> bool:
+    """Whether it has an interface that slides."""
+    return bool(record.interfaces) and "slip_rate" in record.interface
+
+
+def is_uneven(record: Record) -> bool:
+    """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
+    gaps = np.diff(record.interface["time"].values)
+    return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
+
+
+def has_pictures(record: Record) -> bool:
+    """Whether fields of the bodies were saved, in two dimensions."""
+    return (record.path / "bulk.h5").is_file() and record.bulk["points"].shape[1] == 2

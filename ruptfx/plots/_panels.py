@@ -1,0 +1,69 @@
+"""Pictures of the bodies at several times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import WIDTH, Array, empty_figure, letter, new_figure, scale
+from ruptfx.plots._record import default_times, nearest
+from ruptfx.record import Record
+
+
+def panels(
+    record: Record,
+    time: float | Sequence[float] | None,
+    picture: Callable[[int, Raster], Array],
+    label: str,
+    line: str,
+    **look: Any,
+) -> Figure:
+    """One panel per time, in two columns if there are several, with one common scale."""
+    bulk = record.bulk
+    saved = bulk["time"].values
+    rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
+    if not len(rows):
+        return without("no snapshot was saved")
+    points = bulk["points"].values
+    raster = Raster(points, bulk["cells"].values)
+    images = [picture(int(row), raster) for row in rows]
+    extend = "neither"
+    if "vmax" not in look:
+        # A few bright pixels at the tip must not darken the waves.
+        look["vmax"] = max(np.nanquantile(image, 0.998) for image in images) or 1.0
+        extend = "max"
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(points, axis=0), "m"), scale(saved, "s")
+    columns = min(len(rows), 2)
+    lines = -(-len(rows) // columns)
+    width = (WIDTH - 0.6) / columns
+    height = lines * (0.3 + width * raster.shape[0] / raster.shape[1]) + 0.9
+    height += 0.35 * (len(rows) % columns)  # labels below a panel that has none under it
+    figure, axes = new_figure(lines, columns, height, sharex=True, sharey=True)
+    extent = [value / x_size for value in raster.extent]
+    for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
+        ax.set_facecolor("#dbe4ec")  # what has no value is no shade of the picture
+        shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
+        for data in record.interfaces.values():
+            ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
+        ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
+    for ax in axes.ravel()[:len(rows)][-columns:]:
+        ax.set_xlabel(f"x ({x_unit})")
+        ax.tick_params(labelbottom=True)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"y ({x_unit})")
+    for ax in axes.ravel()[len(rows):]:
+        ax.set_visible(False)
+    figure.colorbar(
+        shown, ax=axes.ravel().tolist(), label=label, location="bottom", shrink=0.4, aspect=30, extend=extend
+    )
+    letter(axes.ravel()[: len(rows)])
+    return figure
+
+
+def without(text: str) -> Figure:
+    """The figure where there is nothing to show."""
+    return empty_figure(text, "x (m)", "y (m)")

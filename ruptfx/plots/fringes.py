@@ -1,0 +1,120 @@
+"""Figure of isochromatic fringes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.photoelasticity import fringe_order, intensity
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import Array, remark, scale, styled
+from ruptfx.plots._panels import panels, without
+from ruptfx.plots._record import has_pictures
+from ruptfx.record import Record
+
+MOST_FRINGES = 60  # that pixels of a figure show
+
+
+class Plates:
+    """What makes fringes of stress: the fringe constants of the bodies and the thickness of the plates.
+
+    Parameters
+    ----------
+    record : Record
+    fringe_constant, thickness : float, optional
+        For all bodies [N/m], and of the plates [m], instead of those of the case.
+
+    Attributes
+    ----------
+    constants : dict of str to float
+        By body [N/m]; NaN where it is not known.
+    thickness : float
+        [m], NaN where it is not known.
+    missing : str
+        Why there are no fringes; empty where there are.
+    """
+
+    def __init__(self, record: Record, fringe_constant: float | None = None, thickness: float | None = None) -> None:
+        case, self._bulk = record.case, record.bulk
+        given = case.get("materials", {})
+        self.constants = {}
+        for name in map(str, np.atleast_1d(self._bulk.attrs.get("bodies", ["bodies"]))):
+            material = given.get(name, given.get("default", {}))
+            self.constants[name] = float(fringe_constant or material.get("fringe_constant", np.nan))
+        self.thickness = float(thickness or case.get("output", {}).get("plate_thickness", np.nan))
+        self.missing = ""
+        if "fringe" not in self._bulk or self._bulk.sizes.get("component") != 2:
+            self.missing = "no fringes: they are of stresses in a plane"
+        elif not np.isfinite(list(self.constants.values())).any():
+            self.missing = "no fringes: no material\nhas a fringe_constant"
+        elif not np.isfinite(self.thickness):
+            self.missing = "no fringes:\noutput.plate_thickness is not given"
+
+    def order(self, row: int) -> Array:
+        """Fringe order at every point of a snapshot."""
+        constant = np.array(list(self.constants.values()))[self._bulk["body"].values]
+        return fringe_order(self._bulk["fringe"].isel(time=row).values, constant, self.thickness)
+
+    def per_fringe(self) -> str:
+        """Stress of a fringe, of every body where they differ."""
+        texts = {}
+        for name, constant in self.constants.items():
+            size, unit = scale(constant / self.thickness, "Pa")
+            known = np.isfinite(constant)
+            texts[name] = f"{constant / self.thickness / size:.3g} {unit} per fringe" if known else "no fringe constant"
+        if len(set(texts.values())) == 1:
+            return next(iter(texts.values()))
+        return ", ".join(f"{text} ({name})" for name, text in texts.items())
+
+
+def most_fringes(record: Record) -> float:
+    """Largest fringe order at the last snapshot but for a hundredth of the points; 0 where there are none."""
+    plates = Plates(record)
+    if plates.missing or not record.bulk.sizes["time"]:
+        return 0.0
+    return float(np.nanquantile(plates.order(-1), 0.99))
+
+
+def suits(record: Record) -> bool:
+    """Whether there are fringes, and not too many to be seen."""
+    return has_pictures(record) and 0 < most_fringes(record) < MOST_FRINGES
+
+
+@styled
+def fringes(
+    record: Record,
+    time: float | Sequence[float] | None = None,
+    fringe_constant: float | None = None,
+    thickness: float | None = None,
+    field: str = "dark",
+) -> Figure:
+    """Isochromatic fringes as a polariscope shows them, with the interface drawn.
+
+    Bodies whose material has no fringe constant are left blank; without a constant or the thickness of the plates the
+    figure says what is missing. Where the initial stress of the bodies is assumed it says so, too.
+
+    Parameters
+    ----------
+    record : Record
+    time : float or sequence of float, optional
+        Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
+    fringe_constant, thickness : float, optional
+        Of all bodies [N/m], and of the plates [m]. Default: `fringe_constant` of the materials and
+        `output.plate_thickness` of the case.
+    field : str
+        "dark" or "light" field of the polariscope.
+    """
+    plates = Plates(record, fringe_constant, thickness)
+    if plates.missing:
+        return without(plates.missing)
+
+    def light(row: int, raster: Raster) -> Array:
+        return intensity(raster(plates.order(row)), field)
+
+    label = f"{field.capitalize()}-field intensity; {plates.per_fringe()}"
+    figure = panels(record, time, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
+    stress = str(record.bulk.attrs.get("initial_stress", ""))
+    remark(figure, f"Initial stress {stress}." if stress.startswith("assumed") else "")
+    return figure

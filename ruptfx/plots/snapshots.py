@@ -1,0 +1,96 @@
+"""Figure of slip rate and tractions along the interface at several times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ruptfx.analysis import rupture_origin
+from ruptfx.figure_style import GUIDE, empty_figure, letter, new_figure, remark, scale, styled
+from ruptfx.plots._record import (
+    along,
+    default_times,
+    direction,
+    guides,
+    has_slip_rates,
+    is_uneven,
+    nearest,
+    rate_range,
+    turned,
+    whose_speeds,
+)
+from ruptfx.record import Record
+
+
+def suits(record: Record) -> bool:
+    """Whether the run slides and one scale of time shows it."""
+    return has_slip_rates(record) and not is_uneven(record)
+
+
+@styled
+def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
+    """Slip rate, shear traction and normal stress along the interface at several times, one row each.
+
+    Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
+    in the direction of the slip; where that turns their sign the figure says so. Slip rates have a logarithmic axis
+    where narrow pulses ask for it.
+
+    Parameters
+    ----------
+    record : Record
+    times : sequence of float, optional
+        Times [s]; the nearest saved ones are drawn. Default: four while the rupture runs.
+    """
+    data = record.interface
+    saved = data["time"].values
+    rows = default_times(record, saved, 4) if times is None else nearest(saved, np.asarray(times))
+    if not len(rows):
+        return empty_figure("no time was saved", "Position along the interface (m)", "Time (s)")
+    position, sign = data["position"].values, direction(record)
+    x_size, x_unit = scale(np.ptp(position), "m")
+    names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
+             "normal_stress": ("Normal stress", "Pa")}
+    figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
+    axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
+    for column, (name, (title, unit)) in enumerate(names.items()):
+        values = data[name].isel(time=rows).values * (1.0 if name == "normal_stress" else sign)
+        size, printed = scale(values, unit)
+        for ax, row, line in zip(axes[:, column], rows, values / size, strict=True):
+            if name == "slip_rate":
+                ax.fill_between(position / x_size, line, color="#c1440e", alpha=0.25, lw=0)
+            ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
+            ax.set_ylabel(f"{title} ({printed})")
+            _marks(ax, record, saved[row], x_size, named=column > 0)
+        middle, largest = values.mean() / size, np.abs(values).max() / size
+        if np.ptp(values) / size < 0.01 * largest:  # show rounding as what it is
+            axes[0, column].set_ylim(middle - 0.05 * largest, middle + 0.05 * largest)
+        low, _, logarithmic = rate_range(record, np.abs(values))
+        if name == "slip_rate" and logarithmic:
+            axes[0, 0].set_yscale("log", nonpositive="clip")
+            axes[0, 0].set_ylim(low / size, 2 * values.max() / size)
+        axes[-1, column].set_xlabel(along(record, x_size, x_unit))
+    t_size, t_unit = scale(saved, "s")
+    for ax, row in zip(axes[:, 0], rows, strict=True):
+        ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
+    remark(figure, turned(record), whose_speeds(record))
+    letter(axes.ravel())
+    return figure
+
+
+def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) -> None:
+    start, begin = rupture_origin(record)
+    left, right = ax.get_xlim()
+    labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other
+    for sign in (-1, 1):
+        for name, speed, style in guides(record, "c_s", "c_p"):
+            place = (start + sign * speed * (time - begin)) / x_size
+            if not (time > begin and left < place < right):
+                continue
+            ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
+            if named and place > labelled + 0.08 * (right - left):
+                labelled = place
+                ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
+                            textcoords="offset points", ha="center", va="bottom", annotation_clip=False)

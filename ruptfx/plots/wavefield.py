@@ -1,0 +1,38 @@
+"""Figure of the particle velocity in the bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import WAVE_MAP, Array, styled
+from ruptfx.plots._panels import panels, without
+from ruptfx.plots._record import has_pictures
+from ruptfx.record import Record
+
+
+def suits(record: Record) -> bool:
+    """Whether there are pictures of the bodies."""
+    return has_pictures(record)
+
+
+@styled
+def wavefield(record: Record, time: float | Sequence[float] | None = None) -> Figure:
+    """Particle speed in the two bodies, with the interface drawn: shear Mach fronts show as straight lines.
+
+    Parameters
+    ----------
+    record : Record
+    time : float or sequence of float, optional
+        Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
+    """
+    if "velocity" not in record.bulk:
+        return without("no velocities were saved")
+
+    def speed(row: int, raster: Raster) -> Array:
+        return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
+
+    return panels(record, time, speed, "Particle speed (m/s)", "white", cmap=WAVE_MAP, vmin=0)

@@ -1,0 +1,93 @@
+"""Contract of the figures: every file of `plots/`, found by its name, is right for every run that it suits."""
+
+import re
+
+import numpy as np
+import pytest
+import synthetic
+from matplotlib import pyplot
+
+from ruptfx import plots
+from ruptfx.record import Record
+from ruptfx.schema import own_kinds
+
+TIME, POSITION = synthetic.times(121), synthetic.points(40)
+QUANTITY = r"[fpnµmckMGT]?(?:m|s|g|N|Pa|J|W|K|Hz|rad)[²³]?"
+# Numbers without a unit say what they count.
+UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|per fringe|coefficient|fraction|ratio|number", re.I)
+
+
+def write(path, kind):
+    """A run directory of a kind that figures have to cope with."""
+    crack = synthetic.crack(TIME, POSITION)
+    if kind == "slow and fast":  # two ruptures of 60 us, loaded for 10 s each
+        rest = np.full((20, len(POSITION)), 1e-9)
+        steps = [(rest, 0.5), (crack, TIME[1]), (rest, 0.5), (crack, TIME[1]), (rest, 0.5)]
+        time = np.cumsum(np.concatenate([np.full(len(field), step) for field, step in steps]))
+        return synthetic.write_run(path, np.concatenate([field for field, _ in steps]), time, POSITION)
+    if kind in SAVED:
+        count = SAVED[kind]
+        return synthetic.write_run(path, crack[:count], TIME[:count], POSITION, complete=False, snapshots=count)
+    fields = {"train": np.maximum(synthetic.train(TIME, POSITION), 0), "at rest": 0 * crack}
+    plane = "antiplane" if kind == "antiplane" else "stress"
+    return synthetic.write_run(path, fields.get(kind, crack), TIME, POSITION, plane=plane)
+
+
+SAVED = {"killed at once": 1, "killed early": 2}
+KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane"]
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory):
+    path = tmp_path_factory.mktemp("runs")
+    found = {kind: Record(write(path / kind, kind)) for kind in KINDS}
+    yield found
+    for record in found.values():
+        record.close()
+
+
+def test_every_file_is_a_figure():
+    assert set(plots.FIGURES) == set(own_kinds("ruptfx.plots"))
+    assert all(getattr(plots, name) is draw and draw.__doc__ for name, draw in plots.FIGURES.items())
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_some_run_has_it(name, records):
+    """Otherwise nothing below tests it: give `synthetic.write_run` the data that it needs."""
+    assert any(plots.suits(name, record) for record in records.values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_figure(name, kind, records):
+    if not plots.suits(name, records[kind]):
+        return
+    figure = plots.FIGURES[name](records[kind])
+    figure.canvas.draw()
+    assert pyplot.get_fignums() == []  # belongs to no window, and is gone when nobody holds it
+    shown = [ax for ax in figure.axes if ax.get_visible()]
+    labels = [axis.get_label_text() for ax in shown for axis in (ax.xaxis, ax.yaxis)]
+    # Inner panels share their labels, a colour bar has one.
+    assert sum(map(bool, labels)) >= 2
+    for label in filter(None, labels):
+        assert UNIT.search(label), label
+    for ax in shown:
+        drawn = [artist for artist in (*ax.lines, *ax.collections, *ax.images) if np.size(values_of(artist))]
+        assert drawn or any(text.get_text().strip() for text in ax.texts)  # a panel without data says why
+    letters = [ax.get_title(loc="left") for ax in shown if ax.get_title(loc="left")]
+    assert letters == [f"({chr(97 + i)})" for i in range(len(letters))]
+
+
+def values_of(artist):
+    """What an artist shows."""
+    values = artist.get_xdata() if hasattr(artist, "get_xdata") else artist.get_array()
+    return values if values is not None else artist.get_offsets()
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_record_is_left_as_it_was(name, records):
+    with Record(records["train"].path) as again:
+        if plots.suits(name, again):
+            plots.FIGURES[name](again)
+            for key in again.interface:
+                np.testing.assert_array_equal(again.interface[key], records["train"].interface[key], err_msg=key)
