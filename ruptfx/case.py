@@ -31,8 +31,11 @@ class FaultCase(Part):
     """One interface of the mesh: how contact is enforced, which friction law, what it carries initially."""
 
     contact: AnyContact
+    """How opening and slip are enforced."""
     friction: AnyFriction
+    """The law of the strength."""
     initial_stress: InitialStress
+    """What the interface carries before anything moves."""
     gap: VaryingGap | None = None
     """Distance of the two sides where nothing has moved; the initial normal stress is zero where it is open."""
     nucleation: list[AnyNucleation] = []
@@ -48,9 +51,11 @@ class Output(Part):
     """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots."""
 
     interface_interval: Duration | None = None
+    """Time between records of the interface; duration / 300 without it."""
     interface_steps: Annotated[int, Field(ge=1)] | None = None
     """Also save the interface every so many steps: where steps vary, records follow what happens."""
     bulk_interval: Duration | None = None
+    """Time between snapshots of the bodies; duration / 6 without it."""
     checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
     """Wall-clock time between checkpoints."""
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
@@ -58,6 +63,7 @@ class Output(Part):
     rupture_threshold: Speed = 1e-3
     """Slip rate whose first passing is the rupture time."""
     figures: bool = True
+    """Whether a run ends with its pictures."""
     plate_thickness: Length | None = None
     """Of the bodies, as a polariscope looks through them; fringes need it."""
 
@@ -71,7 +77,7 @@ class KelvinVoigt(Part):
     fraction: Fraction = 0.1
     """eta over the stable time step without it; 0.1 to 0.3 (Source: Day et al. 2005)."""
     eta: Duration | None = None
-    """Given instead [s]."""
+    """Viscosity over modulus, given instead of the fraction."""
     thickness: Length | None = None
     """Elements whose centre is that close to an interface; without it, those that touch one."""
 
@@ -82,6 +88,7 @@ class Damping(Part):
     mass: Rate = 0.0
     """Force per mass and velocity."""
     kelvin_voigt: KelvinVoigt | None = None
+    """Viscosity next to the interfaces, against the noise behind sharp fronts."""
 
 
 class Case(CaseFile):
@@ -94,22 +101,34 @@ class Case(CaseFile):
     """
 
     title: str = ""
+    """What figures and tables are headed with."""
     plane: Plane
+    """Plane stress, plane strain, antiplane shear (motion in z only) or a solid in three dimensions."""
     order: Annotated[int, Field(ge=1, le=8)] = 4
+    """Polynomial order of the spectral elements."""
     operator: str = "matrix_free"
+    """How the stiffness is applied: `matrix_free` is fastest and takes isotropic bodies, `ufl_form` takes all."""
     duration: Duration
+    """Simulated time."""
     positions: Literal["x"] | None = None
     """Positions along interfaces on x are x. Required where positions are given and such an interface does not begin
     at x = 0: until version 0.1 they were lengths from its left end."""
     mesh: AnyMesh
+    """Shape, size and elements of the bodies."""
     materials: dict[Name, AnyMaterial]
     """By body; `default` is for the bodies not listed."""
     faults: dict[Name, FaultCase] = {}
+    """Interfaces by name; the meshes made here call theirs `main`."""
     boundaries: list[AnyBoundary] = []
+    """What acts on edges and inside of the bodies, an entry each; edges that are not named are free."""
     damping: Damping = Damping()
+    """Damping of the bodies; none without it."""
     stepper: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
+    """How time advances; keys without `kind` are those of `leapfrog`."""
     output: Output = Output()
+    """What is saved and how often."""
     stop_when: StopWhen | None = None
+    """What ends the run before its duration."""
 
     @field_validator("stepper", mode="before")
     @classmethod
@@ -286,7 +305,8 @@ def case_schema() -> dict[str, Any]:
     definitions = schema.pop("$defs")
     definitions["case"] = schema
     bare = find("ruptfx.steppers", "leapfrog").model_json_schema()  # as the case reads one without a kind
-    schema["properties"]["stepper"] = {"anyOf": [{"$ref": "#/$defs/steppers"}, bare]}
+    stepper = schema["properties"]["stepper"]
+    schema["properties"]["stepper"] = {"anyOf": [{"$ref": stepper.pop("$ref")}, bare], **stepper}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ruptfx case",
         "oneOf": [{"$ref": "#/$defs/case"}, {"$ref": "#/$defs/lumped"}], "$defs": definitions,

@@ -19,6 +19,7 @@ from ruptfx.schema import (
     Unit,
     alternatives,
     broken,
+    first_line,
     from_outside,
     kinds,
     nearest,
@@ -62,7 +63,7 @@ def describe_folder(name: str) -> Iterator[Any]:
             except RuptfxError as error:
                 yield _broken(kind, str(error))
                 continue
-            yield Panel((described.__doc__ or "").strip().partition("\n")[0], title=Text(kind), title_align="left")
+            yield Panel(first_line(described), title=Text(kind), title_align="left")
     else:
         for kind, cls in alternatives(f"ruptfx.{name}").items():
             yield _panel(kind, cls)
@@ -76,7 +77,7 @@ def _broken(kind: str, reason: str) -> Panel:
 
 def _panel(kind: str, cls: type[Part]) -> Panel:
     grid = Table.grid(padding=(0, 2))
-    grid.add_row("", (cls.__doc__ or "").strip().partition("\n")[0])
+    grid.add_row("", first_line(cls))
     for label in ("formula", "example", "source"):
         if getattr(cls, label, ""):
             grid.add_row(label, getattr(cls, label))

@@ -19,7 +19,9 @@ class Place(Part):
     """A point; it stands for the position of the nearest point of the interface."""
 
     x: Annotated[float, Unit("m")]
+    """Coordinate along x."""
     y: Annotated[float, Unit("m")]
+    """Coordinate along y."""
 
 
 class _Along:

@@ -25,6 +25,7 @@ class Constant(Part):
 
     kind: Literal["constant"] = "constant"
     value: float
+    """The value, everywhere."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return np.full_like(position, self.value)
@@ -35,9 +36,13 @@ class Boxcar(Part):
 
     kind: Literal["boxcar"]
     inside: float
+    """Value in the box."""
     outside: float
+    """Value beyond it."""
     center: Center
+    """Middle of the box."""
     half_width: HalfWidth
+    """Half the length of the box."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         # A node on the edge belongs to the box, whatever the rounding of its coordinate.
@@ -50,9 +55,13 @@ class Gaussian(Part):
 
     kind: Literal["gaussian"]
     background: float
+    """Value far away."""
     amplitude: float
+    """Added in the middle."""
     center: Center
+    """Where it is largest."""
     width: HalfWidth
+    """Standard deviation."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.background + self.amplitude * np.exp(-0.5 * ((position - self.center) / self.width) ** 2)
@@ -67,10 +76,15 @@ class Taper(Part):
 
     kind: Literal["taper"]
     inside: float
+    """Value within half_width."""
     outside: float
+    """Value beyond half_width + width."""
     center: Center
+    """Middle of the profile."""
     half_width: HalfWidth
+    """Where the step begins."""
     width: PositiveMetre
+    """Length of the step."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         distance = np.abs(position - self.center)
@@ -86,9 +100,13 @@ class Cone(Part):
 
     kind: Literal["cone"]
     slope: float
+    """Change per distance."""
     center: Center
+    """Where the tip is."""
     tip: float = 0.0
+    """Value at the center."""
     limit: float | None = None
+    """Largest value."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         values = self.tip + self.slope * np.abs(position - self.center)
@@ -100,8 +118,11 @@ class Parabola(Part):
 
     kind: Literal["parabola"]
     radius: PositiveMetre
+    """Of curvature at the tip."""
     center: Center
+    """Where the tip is."""
     tip: float = 0.0
+    """Value at the center."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.tip + (position - self.center) ** 2 / (2 * self.radius)
@@ -112,9 +133,13 @@ class Sinusoid(Part):
 
     kind: Literal["sinusoid"]
     amplitude: float
+    """Of the cosine."""
     wavelength: PositiveMetre
+    """Of the cosine."""
     mean: float = 0.0
+    """Added to it."""
     phase: Annotated[float, Unit("rad")] = 0.0
+    """Of the cosine at position 0."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.mean + self.amplitude * np.cos(2 * np.pi * position / self.wavelength + self.phase)
@@ -131,14 +156,21 @@ class SelfAffine(Part):
 
     kind: Literal["self_affine"]
     rms: Annotated[float, Field(ge=0)]
+    """Root mean square of the heights."""
     hurst: Annotated[float, Field(gt=0, lt=1), Unit("1")]
+    """Hurst exponent."""
     length: PositiveMetre
+    """Period of the profile."""
     longest: PositiveMetre
+    """Longest wavelength."""
     shortest: PositiveMetre
+    """Shortest wavelength."""
     rolloff: PositiveMetre | None = None
     """Without it, `longest`."""
     seed: Annotated[int, Field(ge=0)]
+    """Of the random numbers."""
     mean: float = 0.0
+    """Added to it."""
 
     @model_validator(mode="after")
     def _ordered(self) -> SelfAffine:
@@ -175,10 +207,15 @@ class Random(Part):
 
     kind: Literal["random"]
     mean: float
+    """Of the field."""
     standard_deviation: Annotated[float, Field(ge=0)]
+    """Of the field; values beyond three of them are clipped."""
     correlation_length: PositiveMetre
+    """Distance over which the correlation falls by 1/e."""
     seed: Annotated[int, Field(ge=0)]
+    """Of the random numbers."""
     modes: Annotated[int, Field(ge=16)] = 512
+    """Number of cosines."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         random = np.random.default_rng(self.seed)
@@ -193,9 +230,13 @@ class RandomClasses(Part):
 
     kind: Literal["random_classes"]
     values: list[float]
+    """One of them for each cell."""
     weights: list[Annotated[float, Field(ge=0)]]
+    """How often, relative to each other; one for each value."""
     cell: PositiveMetre
+    """Length of a cell."""
     seed: Annotated[int, Field(ge=0)]
+    """Of the random numbers."""
 
     @model_validator(mode="after")
     def _matching(self) -> RandomClasses:
@@ -220,7 +261,9 @@ class Table(Part):
     interpolation: Literal["linear", "cubic"] = "linear"
     """`cubic`: the spline whose curvature is continuous (not-a-knot ends), for measured surfaces."""
     positions: list[Position] = []
+    """At least two, increasing."""
     values: list[float] = []
+    """One for each position."""
     extend: bool = False
     """Beyond the ends the first and the last value go on."""
     file: str | None = None

@@ -27,6 +27,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     SerializeAsAny,
     TypeAdapter,
     ValidationError,
@@ -36,7 +37,8 @@ from pydantic import (
     model_validator,
 )
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from ruptfx import RuptfxError
 
@@ -153,7 +155,17 @@ class Part(BaseModel, metaclass=_Reworded):
         allow_inf_nan=False,
         arbitrary_types_allowed=True,
         validate_default=True,
+        use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """With a description of `kind`, too: what the kind is."""
+        schema = handler(core)
+        kind = handler.resolve_ref_schema(schema).get("properties", {}).get("kind")
+        if kind is not None:
+            kind.setdefault("description", first_line(cls))
+        return schema
 
     @model_validator(mode="before")
     @classmethod
@@ -215,7 +227,7 @@ class Alternative(Part):
     @classmethod
     def summary(cls) -> str:
         """First line of the docstring."""
-        return (cls.__doc__ or "").strip().partition("\n")[0]
+        return first_line(cls)
 
     @model_serializer(mode="wrap")
     def _with_kind(self, handler: Any) -> dict[str, Any]:
@@ -390,17 +402,24 @@ def json_schema(root: type[Part], packages: list[str]) -> dict[str, Any]:
         for kind, cls in alternatives(package).items():
             entry = cls.model_json_schema(mode="validation")
             definitions.update(entry.pop("$defs", {}))
-            entry["properties"] = {"kind": {"const": kind}, **entry.get("properties", {})}
+            what = {"const": kind, "description": first_line(cls)}
+            entry["properties"] = {"kind": what, **entry.get("properties", {})}
             entry["required"] = ["kind", *entry.get("required", [])]
             choices.append(entry)
         definitions[package.rpartition(".")[2]] = {"oneOf": choices}
 
     def link(node: Any) -> Any:
         if isinstance(node, dict):
-            return {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {k: link(v) for k, v in node.items()}
+            found = {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {}
+            return found | {key: link(value) for key, value in node.items() if key != _FOLDER}
         return [link(item) for item in node] if isinstance(node, list) else node
 
     return link(schema)
+
+
+def first_line(described: object) -> str:
+    """Of a docstring."""
+    return (described.__doc__ or "").strip().partition("\n")[0]
 
 
 class Unit(str):

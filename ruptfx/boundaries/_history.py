@@ -36,7 +36,9 @@ class Sampled(Part):
 
     kind: Literal["sampled"]
     times: Annotated[list[float], Field(min_length=2), Unit("s")]
+    """At least two, increasing."""
     values: Annotated[list[float], Field(min_length=2), Unit("1")]
+    """One for each time."""
 
     @model_validator(mode="after")
     def _matching(self) -> Sampled:

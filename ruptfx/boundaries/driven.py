@@ -19,12 +19,15 @@ class Driven(EdgeBoundary):
     example: ClassVar[str] = '{ kind = "driven", edge = "upper.left", component = "x", velocity = 2.0, ramp = 4e-6 }'
 
     component: Component
+    """Direction of the given motion."""
     velocity: Velocity
+    """Of the edge, once the ramp is over."""
     ramp: Time = 0.0
     """Time over which the velocity grows linearly from zero."""
     x_range: Range | None = None
+    """Only the part of the edge between these x moves."""
     y_range: Range | None = None
-    """Only the part of the edge within these coordinates moves."""
+    """Only the part of the edge between these y moves."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_component(f"{key}.component", self.component, plane, components)

@@ -48,6 +48,7 @@ class IncidentWave(EdgeBoundary):
     velocity: Velocity
     """Of the particles, where the history is 1."""
     history: History
+    """Course of the particle velocity in time."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.direction", self.direction, "xyz" if plane == "solid" else "xy")

@@ -35,6 +35,7 @@ class Moment(Boundary):
     source: ClassVar[str] = "Aki and Richards (2002), chapter 3"
 
     point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
+    """Where it acts."""
     body: str | None = None
     """Where bodies meet, the one that it acts on."""
     moment: Annotated[list[float], Field(min_length=2, max_length=6), Unit("N m")]

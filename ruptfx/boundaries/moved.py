@@ -35,16 +35,20 @@ class Moved(EdgeBoundary):
     source: ClassVar[str] = "Fritsch and Carlson (1980)"
 
     component: Component
+    """Direction of the given motion."""
     quantity: Literal["displacement", "velocity"]
     """What `values` are: displacement [m] or velocity [m/s]."""
     times: Annotated[list[float], Unit("s")] = []
+    """At least two, increasing."""
     values: list[float] = []
+    """One for each time, in m or m/s."""
     file: str | None = None
     """CSV file with two columns, time and value, instead; relative to the case file. Lines before the first number and
     lines that begin with # are skipped. The resolved case holds its numbers."""
     x_range: Range | None = None
+    """Only the part of the edge between these x moves."""
     y_range: Range | None = None
-    """Only the part of the edge within these coordinates moves."""
+    """Only the part of the edge between these y moves."""
 
     @model_validator(mode="before")
     @classmethod

@@ -26,9 +26,11 @@ class PointForce(Boundary):
     example: ClassVar[str] = '{ kind = "point_force", point = [5.3e-3, 2.2e-3], force = [1e3, -2e3], ramp = 3e-6 }'
 
     point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
+    """Where it acts."""
     body: str | None = None
     """Where bodies meet, the one that it acts on."""
     force: Annotated[list[float], Field(min_length=1, max_length=3), Unit("N")]
+    """One component for each direction in which the plane moves."""
     ramp: Time = 0.0
     """Time over which the force grows linearly from zero."""
     history: History | None = None

@@ -30,6 +30,7 @@ class Spring(EdgeBoundary):
     normal: Foundation = 0.0
     """Traction per displacement along the normal."""
     tangential: Foundation = 0.0
+    """Traction per displacement along the edge."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         if components == "z" and self.normal:

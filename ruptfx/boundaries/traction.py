@@ -24,13 +24,15 @@ class Traction(EdgeBoundary):
     example: ClassVar[str] = '{ kind = "traction", edge = "upper.top", traction = [1e6, 2e6], ramp = 3e-6 }'
 
     traction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("Pa")]
+    """One component for each direction in which the plane moves; of stress tensors' sign: tension is outward."""
     ramp: Time = 0.0
     """Time over which the traction grows linearly from zero."""
     history: History | None = None
     """Factor of the traction in time."""
     x_range: Range | None = None
+    """Only the sides of elements whose middle is between these x are loaded."""
     y_range: Range | None = None
-    """Only the sides of elements whose middle is within these coordinates are loaded."""
+    """Only the sides of elements whose middle is between these y are loaded."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.traction", self.traction, components)

@@ -18,7 +18,9 @@ class Compliant(ContactMethod):
     traction_ends_slip = True
 
     C_n: Stiffness
+    """Normal traction per elastic opening."""
     C_s: Stiffness
+    """Shear traction per elastic tangential jump."""
 
     def trial(self, point: Point) -> Trial:
         stretch = zip(point.shear_traction_0, point.slip_jump, point.slip, strict=True)

@@ -12,6 +12,7 @@ class Memory(FrictionLaw):
     """The held law sees the remembered normal stress, the sum of the state fields, instead of the normal stress."""
 
     law: AnyFriction
+    """The law that is held."""
 
     def start(self, normal_stress: np.ndarray) -> LawState:
         """Own state fields before the first slip [Pa]."""

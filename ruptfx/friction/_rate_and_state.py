@@ -33,10 +33,15 @@ class Creeping(FrictionLaw):
     """
 
     a: VaryingExponent
+    """Direct effect: change of the coefficient with the logarithm of the slip rate, at once."""
     b: VaryingExponent
+    """Evolution effect: change of the coefficient with the logarithm of the slip rate, over D_c."""
     D_c: VaryingLength
+    """Slip over which the state follows a change of the slip rate."""
     f_0: VaryingCoefficient
+    """Steady coefficient at the slip rate V_0."""
     V_0: VaryingSpeed
+    """Reference slip rate."""
     V_initial: VaryingSpeed = 1e-9
     """Slip rate [m/s] at which the initial shear stress is carried, where the interface is given at rest."""
 

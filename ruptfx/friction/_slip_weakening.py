@@ -19,8 +19,11 @@ class SlipWeakening(FrictionLaw):
     """Integral of `left` over all ratios: fracture energy over drop and D_c."""
 
     mu_s: VaryingCoefficient
+    """Static coefficient, at no slip."""
     mu_d: VaryingCoefficient
+    """Dynamic coefficient, after much slip."""
     D_c: VaryingLength
+    """Slip-weakening distance."""
 
     def left(self, ratio: Array) -> Array:
         """Part of the drop that is left after the slip `ratio` D_c, from 1 to 0."""

@@ -22,7 +22,9 @@ class Cohesion(FrictionLaw):
     source = "Coulomb (1785); lost with slip as in Palmer and Rice (1973)"
 
     law: AnyFriction
+    """The law that is held."""
     c: VaryingPressure
+    """Cohesion before any slip."""
     D_cohesion: VaryingLength = NEVER
     """Slip [m] that breaks the bond; by default it never breaks."""
 

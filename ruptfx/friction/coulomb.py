@@ -16,6 +16,7 @@ class Coulomb(FrictionLaw):
     source = "Coulomb (1785)"
 
     mu_d: VaryingCoefficient
+    """Friction coefficient."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {}

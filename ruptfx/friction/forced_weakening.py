@@ -27,10 +27,13 @@ class ForcedWeakening(FrictionLaw):
     source = "Andrews (1985); forced rupture of the SCEC/USGS benchmarks, Harris et al. (2018)"
 
     law: AnyFriction
+    """The law that is held."""
     mu_d: VaryingCoefficient
+    """Coefficient at the end of the forced weakening."""
     arrival: VaryingInstant
     """Time [s] at which weakening begins; before the start of the run where negative."""
     t_w: VaryingDelay = 0.0
+    """Time it takes; 0: at once."""
     end: VaryingInstant = NEVER
     """Time [s] from which the held law is alone again."""
 

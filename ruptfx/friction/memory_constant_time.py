@@ -21,6 +21,7 @@ class MemoryConstantTime(Memory):
     source = "Prakash and Clifton (1993), relaxation at a constant rate; its limits: Scala, Festa, Vilotte (2017)"
 
     t_c: VaryingTime
+    """Time in which the memory follows the normal stress."""
 
     def start(self, normal_stress: np.ndarray) -> LawState:
         return {"theta_p": normal_stress + 0.0}

@@ -21,7 +21,9 @@ class PrakashClifton(Memory):
     source = "Prakash and Clifton (1993); Prakash (1998); with V_star: Cochard and Rice (2000)"
 
     L_p: VaryingLength
+    """Slip over which the memory follows the normal stress."""
     D: VaryingRatio = 1.0
+    """Share of the normal stress that the memory tends to."""
     theta_p_ratio: VaryingRatio = 1.0
     """Initial theta_p / (D sigma); below 1 the interface starts weak and strengthens as it slips."""
     V_star: VaryingVelocity = 0.0

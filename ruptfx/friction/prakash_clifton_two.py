@@ -24,9 +24,13 @@ class PrakashCliftonTwo(Memory):
     source = "Prakash (1998); Coker, Lykotrafitis, Needleman, Rosakis (2005)"
 
     L_1: VaryingLength
+    """Slip over which the first memory follows."""
     L_2: VaryingLength
+    """Slip over which the second memory follows."""
     C: VaryingRatio = 0.5
+    """Share of the normal stress that the first memory tends to."""
     D: VaryingRatio = 0.5
+    """Share of the normal stress that the second memory tends to."""
     theta_1_ratio: VaryingRatio = 1.0
     """Initial theta_1 / (C sigma)."""
     theta_2_ratio: VaryingRatio = 1.0

@@ -26,7 +26,9 @@ class RateAndStateFlashHeating(Creeping):
     source = "Dunham, Belanger, Cong, Kozdon (2011); flash heating: Rice (2006); SCEC/USGS benchmark TPV103"
 
     f_w: VaryingCoefficient
+    """Fully weakened coefficient."""
     V_w: VaryingSpeed
+    """Slip rate above which it weakens strongly."""
     psi_initial: VaryingCoefficient | None = None
     """Initial state; without it, the state that carries the initial shear stress at the initial slip rate."""
 

@@ -35,13 +35,21 @@ class RateAndStatePowerLaw(FrictionLaw):
     source = "Povirk and Needleman (1993); Coker, Lykotrafitis, Needleman, Rosakis (2005)"
 
     mu_s: VaryingCoefficient
+    """Steady coefficient at rest."""
     mu_d: VaryingCoefficient
+    """Steady coefficient at high slip rates."""
     V_0: VaryingSpeed
+    """Slip rate of the direct effect."""
     V_1: VaryingSpeed
+    """Slip rate around which the steady coefficient falls."""
     p: VaryingExponent
+    """Exponent of that fall."""
     m: VaryingExponent
+    """The direct effect is the power 1/m of the slip rate."""
     L_0: VaryingLength
+    """Slip over which the state follows."""
     A_0: VaryingRatio = 1.0
+    """Rate at which the state grows at rest."""
     theta_0_initial: VaryingTime
     """State before the first slip [s]; L_0 / theta_0_initial is the slip rate it remembers."""
 

@@ -23,6 +23,7 @@ class RateAndStateSaturating(RateAndState):
     source = "Dieterich (1979), cutoff time; Baumberger and Caroli (2006), review in Advances in Physics 55"
 
     theta_c: VaryingTime
+    """Age below which contacts weaken no further."""
 
     def contact(self, theta: Array) -> Array:
         return self.b * np.log1p(theta / self.theta_c)

@@ -20,10 +20,13 @@ class TimeWeakening(FrictionLaw):
     source = "Kostrov (1966), prescribed rupture speed; Andrews (1985), time weakening"
 
     mu_s: VaryingCoefficient
+    """Coefficient before the arrival."""
     mu_d: VaryingCoefficient
+    """Coefficient after it."""
     arrival: VaryingDelay
     """Time [s] after the start at which weakening begins."""
     t_w: VaryingDelay = 0.0
+    """Time the fall takes; 0: at once."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {"clock": np.zeros_like(normal_stress)}

@@ -15,8 +15,11 @@ class VelocityWeakening(FrictionLaw):
     source = "Kammer, Yastrebov, Spijker, Molinari (2012), with V_w = sqrt(omega / (mu_s - mu_d)) of the thesis form"
 
     mu_s: VaryingCoefficient
+    """Coefficient at rest."""
     mu_d: VaryingCoefficient
+    """Coefficient at high slip rates."""
     V_w: VaryingSpeed
+    """Slip rate over which it falls by 1/e."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {}

@@ -34,6 +34,7 @@ class LumpedModel(CaseFile, Alternative):
     """The contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
 
     title: str = ""
+    """What figures are headed with."""
 
     def run(self, progress: Progress = silent) -> xarray.Dataset:
         """The full result, with units and names; the same for the same case (random draws have a seed).

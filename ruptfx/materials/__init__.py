@@ -28,6 +28,7 @@ class Material(Alternative):
     """The contract of a material."""
 
     density: Density
+    """Mass per volume."""
     fringe_constant: FringeConstant | None = None
     """Of the material and the light, f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
     drawn where it and `output.plate_thickness` are given."""

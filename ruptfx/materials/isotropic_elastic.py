@@ -16,7 +16,9 @@ class IsotropicElastic(Material):
     """Isotropic linear elasticity (Hooke's law)."""
 
     young_modulus: Modulus
+    """Young's modulus."""
     poisson_ratio: PoissonRatio
+    """Poisson's ratio."""
 
     @property
     def shear_modulus(self) -> float:

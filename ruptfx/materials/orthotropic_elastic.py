@@ -19,11 +19,15 @@ class OrthotropicElastic(Material):
     """
 
     E_1: Modulus
+    """Young's modulus along the first axis."""
     E_2: Modulus
+    """Young's modulus along the second axis."""
     nu_12: ContractionRatio
     """Contraction along 2 over the stretch, under stress along 1; nu_21 is nu_12 E_2 / E_1."""
     nu_23: ContractionRatio
+    """Contraction along the third axis under tension along the second."""
     G_12: Modulus
+    """Shear modulus between the first and the second axis."""
     E_3: Modulus | None = None
     """By default E_2."""
     nu_13: ContractionRatio | None = None

@@ -19,7 +19,9 @@ class BlockOnRigid(MeshSource):
     """
 
     length: Length
+    """Along x."""
     height: Length
+    """Along y."""
     element_size: Length
     """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0

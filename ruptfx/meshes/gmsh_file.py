@@ -36,7 +36,9 @@ class Sides(Part):
     """Which bodies an interface separates, one or several on a side; its normal points from minus to plus."""
 
     plus: OneOrMore
+    """Body or bodies on the side that the normal points to."""
     minus: OneOrMore
+    """Body or bodies on the other side."""
 
 
 class GmshFile(MeshSource):
@@ -50,7 +52,9 @@ class GmshFile(MeshSource):
     """
 
     file: CasePath
+    """Mesh of Gmsh (`.msh`) or of a format that meshio reads, or a `.geo` script that Gmsh meshes."""
     interfaces: Annotated[dict[Name, Sides], Field(min_length=1)]
+    """By name of the physical group: which bodies are on its sides."""
     scale: Positive = 1.0
     """Metres per length unit of the file."""
     trust: bool = False

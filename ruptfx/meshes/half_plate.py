@@ -22,11 +22,13 @@ class HalfPlate(MeshSource):
     """
 
     length: Length
+    """Along x."""
     height: Length
     """Of one plate."""
     element_size: Length
     """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
     symmetry: Literal["antisymmetric", "symmetric"] = "antisymmetric"
+    """`antisymmetric`: the plates shear each other; `symmetric`: they are pulled apart."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
     """Ratio of the heights of neighbouring elements away from the interface."""
     left: Coordinate = 0.0

@@ -22,6 +22,7 @@ class TwoPlates(MeshSource):
     """
 
     length: Length
+    """Along x."""
     height: Length
     """Of each plate."""
     element_size: Length

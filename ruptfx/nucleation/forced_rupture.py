@@ -18,10 +18,15 @@ class ForcedRupture(Nucleation):
     """
 
     center: Center
+    """Where the forced front begins."""
     radius: HalfWidth
+    """How far it runs."""
     speed: Speed
+    """Of the front."""
     mu_d: VaryingCoefficient
+    """Coefficient behind the front."""
     t_w: Time = 0.0
+    """Time the fall takes; 0: at once."""
     start: Instant = 0.0
     """Time [s] at which the front leaves the center; negative: at t = 0 it is already on its way."""
     end: Instant = NEVER

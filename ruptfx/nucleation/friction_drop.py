@@ -15,11 +15,15 @@ class FrictionDrop(Nucleation):
     """Friction drop: at a given time the coefficient falls to mu_d, at once or within t_w, in a patch."""
 
     center: Center
+    """Middle of the patch."""
     half_width: HalfWidth
+    """Half the length of the patch."""
     mu_d: NonNegative = 0.0
+    """Coefficient in the patch afterwards."""
     time: Instant = 0.0
     """Begin of the drop [s]; negative: it is under way, or over, at t = 0."""
     t_w: Time = 0.0
+    """Time the fall takes; 0: at once."""
     end: Instant = NEVER
     """Time [s] from which nothing is forced any more."""
 

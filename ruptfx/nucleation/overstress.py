@@ -13,6 +13,7 @@ class Overstress(Nucleation):
     """Overstress: shear traction added to the initial one from the start, usually above the strength in a patch."""
 
     extra: VaryingStress
+    """Added shear traction, mostly a `boxcar`."""
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
         return evaluate(self.extra, position)

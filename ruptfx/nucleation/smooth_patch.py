@@ -17,9 +17,13 @@ class SmoothPatch(Nucleation):
     """
 
     extra: Stress
+    """Shear traction added in the middle in the end."""
     center: Center
+    """Middle of the patch."""
     radius: HalfWidth
+    """Where the patch ends."""
     rise: Duration
+    """Time in which it is added."""
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
         inside = np.minimum((position - self.center) ** 2 / self.radius**2, 1 - 1e-12)

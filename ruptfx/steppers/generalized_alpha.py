@@ -43,6 +43,7 @@ class GeneralizedAlpha(Stepper):
     conserving: ClassVar[dict[str, Any] | None] = {"scheme": "average_acceleration"}
 
     scheme: SchemeName = "generalized_alpha"
+    """Which member of the family."""
     spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8
     """What is left of unresolved motion after a step: 1 keeps it, 0 removes it; `hht` takes 0.5 to 1."""
     gamma: Annotated[float, Field(ge=0.5, le=1)] | None = None
@@ -50,11 +51,13 @@ class GeneralizedAlpha(Stepper):
     beta: Positive | None = None
     """Of `newmark`; at least gamma / 2, for stability; (gamma + 0.5)^2 / 4 without it."""
     time_step: Duration | None = None
+    """Length of a step; from `courant` without it."""
     courant: Positive = 10.0
     """Time step over the stable explicit one, where it is not given."""
     halvings: Annotated[int, Field(ge=0, le=30)] = 10
     """How often a step is halved before the run stops."""
     petsc_options: PetscOptions = {}
+    """Options of PETSc's solvers that replace the defaults."""
 
     @model_validator(mode="after")
     def _consistent(self) -> GeneralizedAlpha:

@@ -40,8 +40,11 @@ class Hybrid(Stepper):
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Its steps must accept the contact method, which explicit ones must, too: `compliant`."""
     fast: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
+    """Stepper of the ruptures."""
     fast_above: Speed = 1e-2
+    """Slip rate above which fast steps take over."""
     slow_below: Speed = 1e-3
+    """Slip rate below which slow steps come back."""
     calm_for: Duration | None = None
     """Default: shear waves cross the bodies ten times."""
 

@@ -39,10 +39,13 @@ class PetscTs(Stepper):
     second_order: ClassVar[bool] = False
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
+    """Family of PETSc's schemes."""
     time_step: Duration | None = None
+    """Length of a step; from `courant` without it."""
     courant: Positive | None = None
     """Time step over the stable explicit one, where it is not given: 10 for `alpha2`, else 0.5."""
     petsc_options: PetscOptions = {}
+    """Options of PETSc's TS and solvers."""
 
     def bind(self, model: Model) -> PetscTsMotion:
         require(model.faults, "implicit")

@@ -53,9 +53,11 @@ class QuasiStatic(Stepper):
     """Default: a fiftieth of the shortest length in the friction laws; without one, of the slip that relaxes a
     hundredth of the normal stress over the whole interface."""
     rate_tolerance: Fraction = 0.1
+    """Part of the slip of a step that its error may be, besides the slip tolerance."""
     radiation_damping: bool = False
     """Subtract mu / (2 c_s) times the slip rate from the elastic traction."""
     petsc_options: PetscOptions = {}
+    """Options of PETSc's solvers that replace the defaults."""
 
     def bind(self, model: Model) -> QuasiStaticMotion:
         return QuasiStaticMotion(model, self)

@@ -32,17 +32,23 @@ class Axis(Part):
     """
 
     key: str | Annotated[list[str], Field(min_length=1)]
+    """Dotted key of the case, or several that take the same value."""
     name: Name | None = None
     """Column of the table; default is the last word of the key."""
     label: str = ""
     """How figures call it."""
     unit: str = "1"
+    """Of the values, for figures."""
     values: Annotated[list[Any], Field(min_length=1)] | None = None
+    """The values, of any type the key takes."""
     labels: list[str] | list[float] | None = None
     """What tables and figures show for the values: names, or the numbers they stand for."""
     range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    """First and last value, instead."""
     points: Annotated[int, Field(ge=2)] | None = None
+    """How many in the range."""
     spacing: Literal["linear", "log"] = "linear"
+    """Of the points in the range."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Axis:
@@ -123,7 +129,9 @@ class Mark(Part):
     """A point that figures point out, for example a published one."""
 
     label: str
+    """What figures write beside it."""
     point: Annotated[list[float], Field(min_length=2, max_length=2)]
+    """Its values on the first two axes."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +172,7 @@ class Study(Part):
     """
 
     title: str = ""
+    """What figures are headed with."""
     case: CasePath
     """Case file, relative to the study file."""
     plugins: list[CasePath] = []
@@ -171,9 +180,13 @@ class Study(Part):
     set: dict[str, Any] = {}
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
+    """What varies, one table each."""
     sampling: Literal["grid", "latin_hypercube"] = "grid"
+    """All combinations, or a Latin hypercube over the axes that have a range."""
     samples: Annotated[int, Field(ge=1)] | None = None
+    """How many points of the hypercube."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Of the hypercube."""
     ranks: Annotated[int, Field(ge=1)] = 1
     """MPI ranks of every run."""
     time_limit: Duration | None = None
@@ -183,7 +196,9 @@ class Study(Part):
     quantities: list[str] = []
     """Columns of the table; default is every scalar of the summary."""
     refine: Refine = Refine()
+    """How far boundaries are located, and on which finer mesh their neighbours run again."""
     marks: list[Mark] = []
+    """Points that figures show."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Study:

@@ -12,6 +12,7 @@ from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError, launch
 from ruptfx.case import FOLDERS, parse_case
+from ruptfx.describe import file_schema
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
@@ -35,6 +36,23 @@ def test_every_number_that_has_a_unit_says_so(folder: str) -> None:
         for name in cls.model_fields:
             known = {"1", "m", "m/s", "s", "Pa", "Pa/m", "1/s", "kg/m3", "m2/s2", "N/m", "N", "N m", "rad"}
             assert unit_of(cls, name) in known
+
+
+def test_every_key_is_described() -> None:
+    """Also those that a new file of any folder brings: its attributes need docstrings."""
+    todo, found, missing = [("", file_schema())], 0, []
+    while todo:
+        where, node = todo.pop()
+        for key, value in node.get("properties", {}).items():
+            found += 1
+            if len(value.get("description", "").split()) < 2:
+                missing.append(f"{where}.{key}")
+        for key, value in node.items():
+            for item in value if isinstance(value, list) else [value]:
+                if isinstance(item, dict):
+                    todo.append((f"{where}.{item.get('title', key)}", item))
+    assert found > 400
+    assert not missing
 
 
 def test_units_are_found() -> None:

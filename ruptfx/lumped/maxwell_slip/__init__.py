@@ -33,11 +33,15 @@ class MaxwellSlip(LumpedModel):
     """
 
     mu_s: Coefficient = 0.3
+    """Static coefficient of a block."""
     mu_d: Coefficient = 0.225
+    """Dynamic coefficient of a block."""
     alphas: Annotated[list[Positive], Field(min_length=1)] = [1e5, 500.0, 50.0, 20.0, 10.0, 1.0]
     """Shape parameters of the Beta(alpha, alpha) distribution of initial extensions; small is rough."""
     blocks: Count = 300
+    """Blocks of an ensemble."""
     realisations: Count = 100
+    """How many ensembles are drawn and averaged over."""
     periods: Positive = 20.0
     """Length of the run in slip periods, drive displacements of 2 (mu_s - mu_d) N_b / k."""
     normal_force: Positive = 100.0
@@ -45,12 +49,16 @@ class MaxwellSlip(LumpedModel):
     stiffness: Positive = 1e4
     """Spring of one block [N/m]."""
     drive_speed: Speed = 1e-5
+    """Of the body that pulls all springs."""
     threshold: Fraction = 0.13
     """Stick-slip where the late peak-to-peak friction exceeds this fraction of 2 (mu_s - mu_d). The default places
     the transition of 300 blocks at the published alpha = 22; blocks in random phase give 1.2 / sqrt(blocks)."""
     seed: Annotated[int, Field(ge=0)] = 1
+    """Of the random numbers."""
     layer: ContactLayer = ContactLayer()
+    """How heights become spring extensions."""
     surfaces: list[Surface] = []
+    """Surfaces to judge on the roughness map."""
 
     @model_validator(mode="after")
     def _usable(self) -> MaxwellSlip:

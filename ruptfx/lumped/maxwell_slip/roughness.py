@@ -25,10 +25,13 @@ class ContactLayer(Part):
     h: Length = 5e-5
     """Thickness [m]."""
     shear_modulus: Modulus = 1.1e9
+    """Of the sheared layer."""
     pressure: Pressure = 2.67e6
     """Nominal pressure p [Pa]; the contacts carry p / f."""
     contact_fraction_min: Fraction = 0.011
+    """Smallest real-contact fraction."""
     contact_fraction_max: Fraction = 0.015
+    """Largest real-contact fraction."""
     alpha_c: Positive | None = None
     """Shape parameter at the transition, instead of the one that the run finds."""
 
@@ -75,7 +78,9 @@ class Surface(Part):
     """A surface to judge, by one of R_a, R_q or a measured height profile."""
 
     name: str
+    """What figures call it."""
     R_a: Length | None = None
+    """Mean absolute height."""
     R_q: Length | None = None
     """RMS height [m]; R_a = R_q sqrt(2 / pi), Gaussian heights."""
     profile: str | None = None

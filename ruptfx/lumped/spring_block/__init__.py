@@ -35,6 +35,7 @@ class SpringBlock(LumpedModel):
     """
 
     blocks: Annotated[int, Field(ge=2, le=1000)] = 70
+    """Blocks of the chain."""
     contacts: Count = 100
     """Mean number of contacts of a block."""
     mass: Positive = 11.5
@@ -50,14 +51,19 @@ class SpringBlock(LumpedModel):
     delay: Duration = 0.005
     """From breaking to reattachment [s]."""
     damping: Rate = 3.45e4
+    """Force of the base per momentum of a block."""
     drive_stiffness: Positive = 4e6
+    """Of the spring that pushes the first block [N/m]."""
     drive_speed: Speed = 3e-4
+    """Of the far end of that spring."""
     ageing: NonNegative = 0.0
     """Thresholds grow with the age t of a contact by the factor 1 + ageing ln(1 + t / ageing_time)."""
     ageing_time: Duration = 1.0
+    """Time in which the strength of contacts grows."""
     loading_height: NonNegative = 0.0
     """Height of the push above the interface [m]: its moment shifts contacts towards the leading edge."""
     length: Length = 0.14
+    """Of the chain."""
     force_over_load: Positive = 0.5
     """Shear force over normal force at which the moment is taken."""
     large_events: Count = 5
@@ -67,9 +73,11 @@ class SpringBlock(LumpedModel):
     large_drop: Fraction = 0.05
     """An event is large if all blocks detach and the force falls by this fraction of F_s."""
     sample_interval: Duration = 1e-3
+    """Time between the samples that are kept."""
     step: Annotated[float, Field(gt=0, le=0.9)] = 0.5
     """Time step over the largest stable one."""
     seed: Annotated[int, Field(ge=0)] = 1
+    """Of the random numbers."""
 
     @model_validator(mode="after")
     def _usable(self) -> SpringBlock:

@@ -49,6 +49,7 @@ class SpringSlider(LumpedModel):
     """
 
     friction: AnyFriction = PMMA
+    """A rate and state law."""
     normal_force: Positive = 16.0
     """W [N]."""
     stiffness: Positive = 1e6
@@ -58,6 +59,7 @@ class SpringSlider(LumpedModel):
     interface_length: NonNegative = 0.0
     """lambda [m]: the interface is a spring of stiffness W / lambda; 0 is rigid."""
     experiment: AnyExperiment = VelocitySteps()
+    """What is done with the slider."""
 
     @model_validator(mode="after")
     def _usable(self) -> SpringSlider:

@@ -35,6 +35,7 @@ class Fit(Experiment):
     trace: str
     """CSV file with the columns time [s], drive_speed [m/s] and friction, and a header that names them."""
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+    """Level of the intervals."""
 
     @field_validator("trace")
     @classmethod

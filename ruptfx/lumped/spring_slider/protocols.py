@@ -65,9 +65,11 @@ class VelocitySteps(Experiment):
     name = "velocity_steps"
     kind: Literal["velocity_steps"] = "velocity_steps"
     speeds: Annotated[list[Speed], Field(min_length=2)] = [1e-6, 1e-5, 1e-6]
+    """One after the other."""
     distance: Length = 20e-6
     """Driven at each speed [m]."""
     samples: Samples = 1500
+    """Of each speed."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         progress(0.1, f"{len(self.speeds)} speeds")
@@ -93,10 +95,13 @@ class SlideHoldSlide(Experiment):
     name = "slide_hold_slide"
     kind: Literal["slide_hold_slide"] = "slide_hold_slide"
     speed: Speed = 1e-6
+    """Of the drive before and after a hold."""
     holds: Annotated[list[Duration], Field(min_length=2)] = [1.0, 10.0, 100.0, 1000.0, 10000.0]
+    """How long the drive stands, one run each."""
     distance: Length = 10e-6
     """Driven after each hold [m]."""
     samples: Samples = 4000
+    """Of each run."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         runs, peaks, lows = [], [], []
@@ -133,10 +138,15 @@ class ModulatedSpeed(Experiment):
     name = "modulated_speed"
     kind: Literal["modulated_speed"] = "modulated_speed"
     speed: Speed = 1e-6
+    """In the middle, on a logarithmic scale."""
     ratio: Annotated[float, Field(gt=1, le=1000)] = 10.0
+    """Fastest over middle speed."""
     periods: Annotated[list[Duration], Field(min_length=1)] = [3.0, 30.0, 300.0]
+    """Of the swing, one run each."""
     cycles: Annotated[int, Field(ge=2, le=50)] = 3
+    """Of which the last is shown."""
     samples: Samples = 600
+    """Of the cycle that is shown."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         phase = np.linspace(0, 1, self.samples)

@@ -24,12 +24,17 @@ class StabilityDiagram(Experiment):
     name = "stability"
     kind: Literal["stability"] = "stability"
     slowest: Speed = 1e-7
+    """Lowest drive speed."""
     fastest: Speed = 1e-4
+    """Highest drive speed."""
     speeds: Annotated[int, Field(ge=2, le=200)] = 40
+    """How many drive speeds."""
     softest: Positive = 0.2
     """Smallest stiffness over W (b - a) / D_c."""
     stiffest: Positive = 1.8
+    """Highest stiffness, over the critical one."""
     stiffnesses: Annotated[int, Field(ge=2, le=200)] = 40
+    """How many stiffnesses."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         law = slider.law
@@ -68,11 +73,14 @@ class Bifurcation(Experiment):
     name = "bifurcation"
     kind: Literal["bifurcation"] = "bifurcation"
     speed: Speed = 1e-6
+    """Of the drive."""
     ratios: Annotated[list[Positive], Field(min_length=1)] = [0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.94, 0.97, 0.985, 1.02]
     """Stiffness over K_c, in the order they are visited; the motion carries over, so that rising order settles
     fastest (close to K_c oscillations grow very slowly)."""
     periods: Annotated[int, Field(ge=10, le=1000)] = 40
+    """Simulated periods of each stiffness."""
     samples: Samples = 6000
+    """Of each stiffness."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         if slider.mass == 0:
@@ -160,11 +168,15 @@ class ModulatedLoad(Experiment):
     name = "modulated_load"
     kind: Literal["modulated_load"] = "modulated_load"
     speed: Speed = 1e-6
+    """Of the drive."""
     frequency: Positive = 120.0
+    """Of the load [1/s]."""
     amplitudes: Annotated[list[Amplitude], Field(min_length=1)] = [0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3]
+    """eps, one run each."""
     critical: bool = True
     """Also find the critical stiffness at each amplitude."""
     samples: Samples = 512
+    """Of the cycle that is shown."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         base = float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
