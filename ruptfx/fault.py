@@ -114,10 +114,10 @@ class Fault:
         """Energy held in the interface beyond that of the initial stress, and what friction takes, points of this rank
         [J], at a time that is `ahead` [s] of the tractions.
 
-        `added` is the displacement, shape (nodes * components,), since the tractions at `time` [s].
+        `added` is the displacement jump since the tractions at `time` [s], shape (n, local).
         """
         face = self.interface
-        opening, jump = face.split(face.jump(added))
+        opening, jump = face.split(added)
         traction = self.components(state, "shear_traction")
         # Between two tractions slip goes on as it does at the first. Split nodes have counted that already.
         slip = ahead * self.components(state, "slip_rate") * self.contact.traction_ends_slip

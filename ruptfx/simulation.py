@@ -102,6 +102,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
         error = None
         while not recorder.finished(state) and not ended:
             # A rank with an error steps on, for the others wait for its messages; the first is kept until all meet.
+            state.watched = recorder.expects(state)
             failed = _step(motion, state)
             error = error or failed
             regular, due = motion.collective or state.step % CHECK_EVERY == 0, recorder.due(state)

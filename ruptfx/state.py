@@ -29,6 +29,8 @@ class State:
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float
         Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
+    watched : bool
+        Whether energies will be asked for after the next step, which may then sum them on its way.
     """
 
     displacement: np.ndarray
@@ -42,6 +44,7 @@ class State:
     )
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
+    watched: bool = False
 
     @property
     def lag(self) -> float:

@@ -377,14 +377,15 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
         }
 }
 
-// v = decay v + dt f / m, u += dt v, f = 0; with damping also the sum of m |mean v|^2, which says what was lost.
+// v = decay v + dt f / m, u += dt v, f = 0; with damping also the sum of m |mean v|^2, which says what was lost, and when
+// measured energy[0] += m v^2 and energy[1] += u f, with the new u and v.
 struct motion {
     double *displacement, *velocity, *force;
     const double *inverse_mass;
     double dt, decay;
 };
 
-INLINE double advance_node(const int damped, const struct motion *motion, long node)
+INLINE double advance_node(const int damped, const int measured, const struct motion *motion, long node, double *energy)
 {
     const double inverse_mass = motion->inverse_mass[node], push = motion->dt * inverse_mass;
     double square = 0;
@@ -393,13 +394,15 @@ INLINE double advance_node(const int damped, const struct motion *motion, long n
         if (damped) square += (old + v) * (old + v);
         motion->velocity[i] = v;
         motion->displacement[i] += motion->dt * v;
+        if (measured) energy[0] += v * v / inverse_mass, energy[1] += motion->displacement[i] * motion->force[i];
         motion->force[i] = 0;
     }
     return damped ? 0.25 * square / inverse_mass : 0;
 }
 
-// The same for LANES nodes in a row; adds to the sum lane by lane.
-INLINE void advance_row(const int damped, const struct motion *motion, long node, lanes *sum)
+// The same for LANES nodes in a row; adds to the sums lane by lane.
+INLINE void advance_row(const int damped, const int measured, const struct motion *motion, long node, lanes *sum,
+                        lanes *energy)
 {
     const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = motion->dt * inverse_mass;
     const lanes quarter_mass = damped ? 0.25 / inverse_mass : push;
@@ -411,33 +414,43 @@ INLINE void advance_row(const int damped, const struct motion *motion, long node
         const lanes old = *velocity, v = (damped ? motion->decay * old : old) + __builtin_shuffle(push, pick) * *force;
         if (damped) *sum += __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v);
         *velocity = v;
-        *(loose *)(motion->displacement + i) += motion->dt * v;
+        loose *const displacement = (loose *)(motion->displacement + i);
+        *displacement += motion->dt * v;
+        if (measured) {
+            energy[0] += v * v / __builtin_shuffle(inverse_mass, pick);
+            energy[1] += *displacement * *force;
+        }
         *force = (lanes){0};
     }
 }
 
-INLINE double advance_block(const int damped, const struct motion *motion, const struct plan *plan, long block)
+INLINE double advance_block(const int damped, const int measured, const struct motion *motion, const struct plan *plan,
+                            long block, double *energy)
 {
-    lanes row_sum = {0};
+    lanes row_sum = {0}, row_energy[2] = {{0}};
     double sum = 0;
     for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
-        advance_row(damped, motion, plan->row[r], &row_sum);
+        advance_row(damped, measured, motion, plan->row[r], &row_sum, row_energy);
     for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
-        sum += advance_node(damped, motion, plan->single[n]);
+        sum += advance_node(damped, measured, motion, plan->single[n], energy);
     if (damped)
         UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
+    if (measured)
+        UNROLL for (int l = 0; l < LANES; l++) energy[0] += row_energy[0][l], energy[1] += row_energy[1][l];
     return sum;
 }
 
-// Elements of some blocks; after each block the nodes that no later element touches move on.
+// Elements of some blocks; after each block the nodes that no later element touches move on.  `energy` may be null.
 double step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
-            const double *inverse_mass, double dt, double decay)
+            const double *inverse_mass, double dt, double decay, double *energy)
 {
+#define ADVANCE(damped, measured) advance_block(damped, measured, &motion, plan, block, energy)
     const struct motion motion = {u, v, force, inverse_mass, dt, decay};
     double sum = 0;
     for (long block = first; block < last; block++) {
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-        sum += decay == 1 ? advance_block(0, &motion, plan, block) : advance_block(1, &motion, plan, block);
+        if (energy) sum += decay == 1 ? ADVANCE(0, 1) : ADVANCE(1, 1);
+        else sum += decay == 1 ? ADVANCE(0, 0) : ADVANCE(1, 0);
     }
     return sum;
 }

@@ -105,7 +105,7 @@ class MatrixFree:
 
     def step(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """Internal force of all elements, and one leapfrog step of every node that is not held.
 
@@ -121,37 +121,44 @@ class MatrixFree:
             Time step [s].
         decay : float
             Factor of the old velocity; below 1 with mass damping.
+        energy : ndarray, shape (2,), optional
+            Of plain nodes the sums of |velocity|^2 / inverse_mass, and of the new displacement times the force that
+            acted, are added to it.
 
         Returns
         -------
         float
             With decay below 1: sum over plain nodes of |(old + new velocity) / 2|^2 / inverse_mass [J], else 0.
         """
-        return self.step_boundary(displacement, velocity, force, inverse_mass, dt, decay) + self.step_interior(
-            displacement, velocity, force, inverse_mass, dt, decay
-        )
+        arrays = displacement, velocity, force, inverse_mass
+        return self.step_boundary(*arrays, dt, decay, energy) + self.step_interior(*arrays, dt, decay, energy)
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """First part of `step`: the elements at nodes that other ranks know; after it `force` is ready to send."""
         if not self._boundary_blocks:
             return 0.0
-        return self._run(0, self._boundary_blocks, (displacement, velocity, force, inverse_mass), dt, decay)
+        arrays = displacement, velocity, force, inverse_mass
+        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy)
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """The rest of `step`; neither reads nor writes the force of nodes that other ranks know."""
-        return self._run(self._boundary_blocks, self._blocks, (displacement, velocity, force, inverse_mass), dt, decay)
+        arrays = displacement, velocity, force, inverse_mass
+        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy)
 
-    def _run(self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float) -> float:
+    def _run(
+        self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float, energy: np.ndarray | None
+    ) -> float:
         *vectors, inverse_mass = arrays
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
             *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
+            ctypes.c_void_p(None if energy is None else energy.ctypes.data),
         )  # fmt: skip
 
     # -- preparation -----------------------------------------------------------------------------------------------

@@ -157,12 +157,19 @@ class Recorder:
         """Whether something is to be saved at this step."""
         return self._reached("interface", state) or self._reached("bulk", state)
 
+    def expects(self, state: State) -> bool:
+        """Whether an explicit step that begins here ends with a record of the interfaces: its tractions are of now."""
+        return self._reached_at("interface", state.time, state.step + 1)
+
     def _reached(self, what: str, state: State) -> bool:
-        every, now = self.model.case.output.interface_steps, state.fault_time
+        return self._reached_at(what, state.fault_time, state.step)
+
+    def _reached_at(self, what: str, now: float, step: int) -> bool:
+        every = self.model.case.output.interface_steps
         if what == "interface":
             if now <= self.last:  # the first explicit step only completes the state at the start
                 return False
-            if every is not None and state.step % every == 0:
+            if every is not None and step % every == 0:
                 return True
         times, number = self._times[what], self.next[what]
         return number < len(times) and bool(now >= times[number])
@@ -188,7 +195,8 @@ class Recorder:
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Every field of a fault in order along the interface, on rank 0."""
         fields = dict(state.faults[fault.name])
-        _, jump = fault.interface.split(fault.interface.jump(state.at_faults()[1]))
+        face = fault.interface
+        _, jump = face.split(face.jump(state.displacement) - state.lag * face.jump(state.velocity))
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))

@@ -98,6 +98,7 @@ class LeapfrogMotion:
             self._viscous_among_held = np.searchsorted(dofs, self._viscous)
             self._viscous_force = np.zeros(len(model.mass))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
+        self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
         self._kicks = [_Kick(model, dofs, dt, number) for number in range(3)]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
@@ -125,9 +126,11 @@ class LeapfrogMotion:
             )
 
     def _advance(self, state: State, kick: _Kick) -> None:
-        self._bulk(state, kick)
+        plain = np.zeros(2) if state.watched else None
+        self._bulk(state, kick, plain)
         loads = self.model.loads
         loads.add_support_force(state.displacement, state.force)
+        internal = state.force[self._dofs] if state.watched else None
         # Work of the loads by the mean velocity is added once the new one is known.
         factors = [load.factor(state.time) for load in loads.forces]
         for load, factor in zip(loads.forces, factors, strict=True):
@@ -155,12 +158,32 @@ class LeapfrogMotion:
         state.energy["damping"] += self._work[0] + self._viscous_work(state, kick)
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
+        if plain is not None and internal is not None:
+            self._sum_energies(state, kick, plain, internal)
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""
-        return self.model.energies(state)
+        step, *bulk = self._sums
+        return self.model.energies(state, (bulk[0], bulk[1]) if state.lag and step == state.step else None)
 
-    def _bulk(self, state: State, kick: _Kick) -> None:
+    def _sum_energies(self, state: State, kick: _Kick, plain: np.ndarray, internal: np.ndarray) -> None:
+        """v' M v / 2 and u_(n+1)' K u_n / 2 from the forces of this very step.
+
+        Parameters
+        ----------
+        plain : ndarray, shape (2,)
+            What the kernel summed over plain nodes.
+        internal : ndarray, shape (held degrees of freedom,)
+            Internal and viscous force and that of elastic supports, before anything else acts [N].
+        """
+        displacement, velocity = state.displacement[self._dofs], state.velocity[self._dofs]
+        kinetic = kick.plain_mass * plain[0] + (self._owned * self._mass * velocity) @ velocity
+        work = plain[1] + (self._owned * internal) @ displacement
+        if self.model.viscosity is not None:
+            work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
+        self._sums = (state.step + 1, 0.5 * float(kinetic), -0.5 * float(work))
+
+    def _bulk(self, state: State, kick: _Kick, energy: np.ndarray | None) -> None:
         """Internal force at held nodes, complete over ranks; plain nodes advanced on the way.
 
         The elements at nodes of other ranks come first; their contributions travel while the others are computed.
@@ -169,7 +192,7 @@ class LeapfrogMotion:
         arrays = (state.displacement, state.velocity, state.force)
         plain = 0.0
         if self._fused:
-            plain += operator.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep)
+            plain += operator.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
         else:
             operator.add_internal_force(state.displacement, state.force)
         viscosity = self.model.viscosity
@@ -181,7 +204,7 @@ class LeapfrogMotion:
             state.force[dofs] += force[dofs]
         self.model.force.begin()
         if self._fused:
-            plain += operator.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep)
+            plain += operator.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
             state.energy["damping"] += kick.plain_loss * plain
         self.model.force.end()
 
@@ -211,9 +234,9 @@ class _Kick:
         Time the forces act for [s]: half a step in step 0.
     keep, push : ndarray, shape (held degrees of freedom,)
         v = keep v_before + push force.
-    plain_keep, plain_push, plain_loss : float, ndarray of shape (nodes,), float
-        The same for plain nodes, whose only damping is that of the mass, with the push over the time step; and what
-        that damping takes of the sum of squares that the kernel returns.
+    plain_keep, plain_push, plain_loss, plain_mass : float, ndarray of shape (nodes,), float, float
+        The same for plain nodes, whose only damping is that of the mass, with the push over the time step; what that
+        damping takes of the sum of squares that the kernel returns; and the mass times `plain_push`.
     faults : list of (str, FaultStep)
     """
 
@@ -230,7 +253,8 @@ class _Kick:
         lost = 0.5 * self.length * rate
         self.plain_keep, self.plain_loss = (1 - lost) / (1 + lost), 2 * lost / (1 + lost) * self.length / dt
         nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
-        self.plain_push = self.length / dt * nodal / (1 + lost)
+        self.plain_mass = self.length / dt / (1 + lost)
+        self.plain_push = self.plain_mass * nodal
         # Contact feels the mass with the dashpots in it, and cannot move what is driven.
         inverse_mass = np.where(prescribed, 0.0, effective)
         threshold = model.case.output.rupture_threshold
