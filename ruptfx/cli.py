@@ -95,7 +95,8 @@ def run(
         return
     with _reported():
         from ruptfx import fem
-    comm = fem.MPI.COMM_WORLD
+
+        comm = fem.MPI.COMM_WORLD
     with _reported(comm):
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate

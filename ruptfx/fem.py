@@ -1,6 +1,8 @@
-"""The finite element stack, imported in the one order that works, and what differs between DOLFINx 0.9 and 0.11.
+"""The finite element stack, loaded at its first use in the one order that works, and what differs between DOLFINx 0.9
+and 0.11.
 
-Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself.
+Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. That costs
+nothing: modules which compute can be imported where cases are only read, and where there is no DOLFINx.
 """
 
 # ruff: noqa: I001
@@ -11,19 +13,15 @@ import hashlib
 import signal
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py  # noqa: F401  before DOLFINx: with numba installed the other order breaks HDF5
-
-with suppress(ModuleNotFoundError):
-    # The wheel: puts its own libraries in place before petsc4py looks for them.
-    import dolfinx_solver  # noqa: F401
+import numpy as np
 
 from ruptfx import RuptfxError, launch, native
 
-try:
-    from mpi4py import MPI
-    from petsc4py import PETSc
+VERSION: tuple[int, ...] = ()  # of DOLFINx, once it is loaded
+
+if TYPE_CHECKING:
     import basix
     import basix.ufl
     import dolfinx
@@ -33,17 +31,53 @@ try:
     import dolfinx.la
     import dolfinx.mesh
     import ufl
-except ModuleNotFoundError as missing:
-    raise launch.no_fem(str(missing)) from None
-with suppress(ValueError):  # not the main thread
-    # PETSc would abort the job where a reader such as `head` has seen enough; Python raises BrokenPipeError.
-    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    from mpi4py import MPI
+    from petsc4py import PETSc
+else:
 
-import numpy as np
+    def __getattr__(name: str) -> Any:
+        """A part of the stack, not loaded yet. Functions below need not ask: what they are given comes from it."""
+        if name not in ("MPI", "PETSc", "basix", "dolfinx", "ufl"):
+            raise AttributeError(f"module 'ruptfx.fem' has no attribute '{name}'")
+        _load()
+        return globals()[name]
 
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
-if VERSION < (0, 9):
-    raise RuptfxError(f"DOLFINx {dolfinx.__version__} is too old: ruptfx needs 0.9 to 0.11")
+
+def _load() -> None:
+    """Import the stack.
+
+    Raises
+    ------
+    RuptfxError
+        It is missing, or too old.
+    """
+    import h5py  # noqa: F401  before DOLFINx: with numba installed the other order breaks HDF5
+
+    with suppress(ModuleNotFoundError):
+        # The wheel: puts its own libraries in place before petsc4py looks for them.
+        import dolfinx_solver  # noqa: F401
+    try:
+        from mpi4py import MPI
+        from petsc4py import PETSc
+        import basix
+        import basix.ufl
+        import dolfinx
+        import dolfinx.fem.petsc
+        import dolfinx.graph
+        import dolfinx.io
+        import dolfinx.la
+        import dolfinx.mesh
+        import ufl
+    except ModuleNotFoundError as missing:
+        raise launch.no_fem(str(missing)) from None
+    with suppress(ValueError):  # not the main thread
+        # PETSc would abort the job where a reader such as `head` has seen enough; Python raises BrokenPipeError.
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    version = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+    if version < (0, 9):
+        raise RuptfxError(f"DOLFINx {dolfinx.__version__} is too old: ruptfx needs 0.9 to 0.11")
+    globals().update(MPI=MPI, PETSc=PETSc, VERSION=version, basix=basix, dolfinx=dolfinx, ufl=ufl)
+
 
 # FFCx names a compiled form after its text and flags. What -march=native made stays with its processor: a cache on a
 # shared disk or in an image would crash another one.

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.materials import Material
-from ruptfx.model import Model
 from ruptfx.schema import CaseError
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
 
 
 def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:

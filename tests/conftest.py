@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 
 if find_spec("dolfinx") is not None:
     # First of all imports: the order of h5py, DOLFINx's own libraries and petsc4py matters.
-    import ruptfx.fem  # noqa: F401
+    from ruptfx.fem import MPI  # noqa: F401
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,7 @@ error. `snes_rtol` bounds the norm of R over that of the forces in it (`Solution
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,8 +42,10 @@ from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.implicit.step import Step, tractions
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.interface import Interface
-from ruptfx.model import Model
 from ruptfx.state import State
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
 
 MAX_OUTER = 100
 # What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger

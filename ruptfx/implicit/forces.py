@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ruptfx.implicit.solution import Solution
-from ruptfx.model import Model
 from ruptfx.state import State
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
 
 
 class Forces:

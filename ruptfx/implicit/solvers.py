@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ruptfx import fem
 from ruptfx.implicit.options import PetscOptions
-from ruptfx.model import Model
 from ruptfx.schema import CaseError
 
-PETSc: Any = fem.PETSc
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
 # Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
 DIRECT = {2: 400_000, 3: 60_000}
 TOLERANCE = 1e-10
@@ -46,13 +47,13 @@ class CaseOptions:
         self.unread = ""
 
     def __enter__(self) -> CaseOptions:
-        database = PETSc.Options()
+        database: Any = fem.PETSc.Options()
         for name, value in self._all.items():
             database.setValue(self.prefix + name, None if value is True else value)
         return self
 
     def __exit__(self, *_: Any) -> None:
-        database = PETSc.Options()
+        database = fem.PETSc.Options()
         unread = [name for name in self.given if not fem.option_was_read(self.prefix + name)]
         self.unread = f"stepper.petsc_options.{unread[0]} = {self.given[unread[0]]!r}" if unread else ""
         for name in self._all:
@@ -83,7 +84,8 @@ class NewtonSolver:
         self._enough = enough
         self.history: list[float] = []
         self.unknown = matrix.createVecRight()
-        self.snes = PETSc.SNES().create(model.comm)
+        snes: Any = fem.PETSc.SNES()  # its annotations refuse mpi4py's communicators
+        self.snes = snes.create(model.comm)
         self.snes.setOptionsPrefix(self._options.prefix)
         self.snes.setFunction(function, matrix.createVecLeft())
         self.snes.setJacobian(tangent, matrix, matrix)
@@ -125,7 +127,7 @@ class NewtonSolver:
         norm = norms[2]
         self.history.append(norm)
         rtol, atol, _, _ = snes.getTolerances()
-        reasons = PETSc.SNES.ConvergedReason
+        reasons = fem.PETSc.SNES.ConvergedReason
         if norm <= max(self._enough(rtol), atol):
             return reasons.CONVERGED_FNORM_RELATIVE
         return None
@@ -134,14 +136,14 @@ class NewtonSolver:
     def reason(self) -> str:
         """Why the last solve ended, in PETSc's words."""
         code = self.snes.getConvergedReason()
-        text = _name(PETSc.SNES.ConvergedReason, code)
-        return f"{text} ({_name(PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
+        text = _name(fem.PETSc.SNES.ConvergedReason, code)
+        return f"{text} ({_name(fem.PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
 
 
 def choose(ksp: Any, model: Model, matrix: Any) -> bool:
     """Set the defaults for a matrix; whether they are a factorisation."""
     pc = ksp.getPC()
-    mumps = PETSc.Sys.hasExternalPackage("mumps")
+    mumps = fem.PETSc.Sys.hasExternalPackage("mumps")
     unknowns = model.total_nodes * model.components
     if unknowns <= DIRECT[model.mesh.geometry.dim] and (mumps or model.comm.size == 1):
         ksp.setType("preonly")
@@ -176,4 +178,4 @@ def rigid_motions(model: Model, matrix: Any) -> Any:
             vector.axpy(-vector.dot(other), other)
         vector.normalize()
         vectors.append(vector)
-    return PETSc.NullSpace().create(vectors=vectors, comm=model.comm)
+    return fem.PETSc.NullSpace().create(vectors=vectors, comm=model.comm)

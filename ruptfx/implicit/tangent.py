@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ruptfx import fem, operators, parallel
 from ruptfx.interface import Interface
-from ruptfx.model import Model
 from ruptfx.operators.assembled import stiffness_form
 
-PETSc: Any = fem.PETSc
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
 
 
 class Tangent:
@@ -39,7 +40,7 @@ class Tangent:
         _add_supports(self._stiffness, model)
         self._viscous = self._assemble(model.viscosity.bulk) if model.viscosity is not None else None
         self.matrix = self._stiffness.duplicate()
-        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.matrix.setOption(fem.PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         ghosted = fem.dolfinx.fem.Function(model.space)
         ghosted.x.array[: self._owned] = self._stiffness.getDiagonal().array
         ghosted.x.scatter_forward()
@@ -48,7 +49,7 @@ class Tangent:
         self.unit = float(total) / (model.total_nodes * model.components)
         here, c = np.flatnonzero(model.loads.prescribed[: self._owned]), model.components
         rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
-        self._driven_rows = rows.astype(PETSc.IntType)
+        self._driven_rows = rows.astype(fem.PETSc.IntType)
         self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
@@ -76,12 +77,12 @@ class Tangent:
         if not parallel.anywhere(model.comm, not same):
             return None
         self._built = ((c_M, c_C), blocks)
-        self._stiffness.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        self._stiffness.copy(matrix, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if model.viscosity is not None and c_C:
-            matrix.axpy(model.viscosity.eta * c_C, self._viscous, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = matrix.createVecLeft()
         diagonal.array[:] = (c_M * model.mass + c_C * self._dashpot)[: self._owned]
-        matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.setDiagonal(diagonal, addv=fem.PETSc.InsertMode.ADD_VALUES)
         diagonal.destroy()
         for fault in model.faults:
             _add_interface(matrix, fault.interface, blocks[fault.name])
@@ -93,9 +94,9 @@ class Tangent:
 def _add_supports(matrix: Any, model: Model) -> None:
     """matrix += stiffness of the elastic supports, every node once; collective."""
     for support in model.loads.supports:
-        for node, block in zip(support.nodes.astype(PETSc.IntType), support.stiffness, strict=True):
+        for node, block in zip(support.nodes.astype(fem.PETSc.IntType), support.stiffness, strict=True):
             if node < model.owned_nodes:
-                matrix.setValuesBlockedLocal([node], [node], block, addv=PETSc.InsertMode.ADD_VALUES)
+                matrix.setValuesBlockedLocal([node], [node], block, addv=fem.PETSc.InsertMode.ADD_VALUES)
     matrix.assemble()
 
 
@@ -105,6 +106,6 @@ def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:
     # PETSc takes what is contiguous as it lies.
     blocks = np.ascontiguousarray(np.einsum("i,ika,ikl,ilb->iab", face.weight, rows, tangent, rows, optimize=True))
     nodes = face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1)
-    nodes = nodes.astype(PETSc.IntType)
+    nodes = nodes.astype(fem.PETSc.IntType)
     for i in np.flatnonzero(face.owned):
-        matrix.setValuesBlockedLocal(nodes[i], nodes[i], blocks[i], addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.setValuesBlockedLocal(nodes[i], nodes[i], blocks[i], addv=fem.PETSc.InsertMode.ADD_VALUES)

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.solution import Rates
 from ruptfx.spectrum import stable_time_step
@@ -98,8 +99,6 @@ class GeneralizedAlphaMotion:
     collective = True
 
     def __init__(self, model: Model, stepper: GeneralizedAlpha, dt: float) -> None:
-        from ruptfx.implicit.equilibrium import Equilibrium
-
         self.model, self.dt = model, dt
         self._weights, self._halvings = stepper.weights(), stepper.halvings
         self._equilibrium = Equilibrium(model, stepper.petsc_options)

@@ -12,6 +12,7 @@ from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.fields import component_names
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.response import FaultResponse
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.units import Duration, Speed
@@ -169,8 +170,6 @@ class HybridMotion:
 
     def _bring_faults_up(self, state: State) -> None:
         """Explicit fields of the faults are a step behind: one more fault step, with the displacement as it is."""
-        from ruptfx.implicit.response import FaultResponse
-
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None
         for fault in self.model.faults:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ruptfx import native, parallel
 from ruptfx.contact import require
+from ruptfx.fault_step import Clock, FaultStep
 from ruptfx.schema import CaseError
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
@@ -241,8 +242,6 @@ class _Kick:
     """
 
     def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
-        from ruptfx.fault_step import Clock, FaultStep  # not at the top: cases are read also where there is no DOLFINx
-
         clock = Clock.of_step(dt, number)
         self.length = clock.kick
         mass, rate = model.mass, model.case.damping.mass

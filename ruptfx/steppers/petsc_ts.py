@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from ruptfx import parallel
+from ruptfx import fem, parallel
 from ruptfx.contact import Way, require
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
+from ruptfx.implicit.solvers import TOLERANCE, CaseOptions, choose
 from ruptfx.projection import ProjectionError
 from ruptfx.schema import CaseError
 from ruptfx.spectrum import stable_time_step
@@ -76,10 +78,6 @@ class PetscTsMotion:
     collective = True
 
     def __init__(self, model: Model, stepper: PetscTs, dt: float) -> None:
-        from ruptfx import fem
-        from ruptfx.implicit.equilibrium import Equilibrium
-        from ruptfx.implicit.solvers import CaseOptions
-
         self.model, self.dt, self._scheme = model, dt, stepper.scheme
         self._equilibrium = Equilibrium(model)
         self._owned = model.owned_nodes * model.components
@@ -105,8 +103,6 @@ class PetscTsMotion:
 
     def _set_up_second_order(self) -> None:
         """F(t, u, v, a) = 0 and its Jacobian."""
-        from ruptfx.implicit.solvers import TOLERANCE, choose
-
         matrix = self._equilibrium.tangent.matrix
         self._unit = self._mean_mass()  # driven rows say a = a_D, in the size of the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()

@@ -11,7 +11,9 @@ import numpy as np
 from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
+from ruptfx.radiation import radiation_impedance
 from ruptfx.schema import Part, unit_of
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
@@ -73,9 +75,6 @@ class QuasiStaticMotion:
 
     def __init__(self, model: Model, stepper: QuasiStatic) -> None:
         # Not at the top: cases are read also where there is no DOLFINx.
-        from ruptfx.implicit.equilibrium import Equilibrium
-        from ruptfx.radiation import radiation_impedance
-
         self.model, self._stepper = model, stepper
         self._radiation = {
             f.name: radiation_impedance(model, f) if stepper.radiation_damping else np.zeros(len(f.interface.plus))
