@@ -45,6 +45,7 @@ class Step:
         self.displacement = self.residual = self.internal = np.zeros(0)
         self.responses: dict[str, Response] = {}
         self.scale = self.round_off = 0.0
+        self._least: float | None = None
         self.error: ProjectionError | None = None
 
     @property
@@ -85,8 +86,11 @@ class Step:
         stiff = equilibrium.tangent.diagonal * u
         *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.layout.owned_dot(stiff, stiff)])
         self.scale = float(np.sqrt(max(summed)))
-        # Not more than that: a body that nothing holds flies far.
-        self.round_off = min(20 * np.finfo(float).eps * float(np.sqrt(stiffest)), 1e-7 * self.scale)
+        rounding = 20 * np.finfo(float).eps * float(np.sqrt(stiffest))
+        # That of the start is there in any case, also where no force is left, as in a body that follows its driven
+        # edge. That of what was added since counts as far as there are forces: a body that nothing holds flies far.
+        self._least = rounding if self._least is None else self._least
+        self.round_off = max(self._least, min(rounding, 1e-7 * self.scale))
 
     def _respond(self, fault: Fault, u: np.ndarray) -> Response:
         fields = self.multipliers[fault.name]

@@ -71,20 +71,24 @@ def test_tangent_is_the_derivative(method: str, components: int, kind: str, held
         assert 0.01 < np.mean(here.state["normal_stress"] == 0) < 0.9
 
 
-@every_method
-def test_a_gap_closes_before_it_carries(method: str) -> None:
-    """A column 4 mm high, 10 um above its rigid base, pushed down by 15 um."""
-    gap, height = 10e-6, 4e-3
+def column_above_a_gap(method: str, gap: float, height: float) -> Model:
+    """A column that its driven top pushes down at 3 mm/s, above a rigid base."""
     sides = [{"kind": "driven", "edge": f"upper.{side}", "component": "x", "velocity": 0.0} for side in
              ("left", "right")]  # fmt: skip
-    pushed = case({
+    return Model(case({
         "plane": "strain", "faults.main.contact": contact(method), "faults.main.initial_stress.normal": 0.0,
         "faults.main.gap": gap, "boundaries": [
             *sides, {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -3e-3},
         ],
         "mesh": {"kind": "block_on_rigid", "length": 1e-3, "height": height, "element_size": 1e-3},
-    })  # fmt: skip
-    model = Model(pushed)
+    }))  # fmt: skip
+
+
+@every_method
+def test_a_gap_closes_before_it_carries(method: str) -> None:
+    """A column 4 mm high, 10 um above its rigid base, pushed down by 15 um."""
+    gap, height = 10e-6, 4e-3
+    model = column_above_a_gap(method, gap, height)
     state = model.initial_state()
     np.testing.assert_array_equal(state.faults["main"]["opening"], gap)
     Equilibrium(model).solve(state, 5e-3).commit(state)
@@ -95,6 +99,21 @@ def test_a_gap_closes_before_it_carries(method: str) -> None:
     expected = modulus * (15e-6 - gap) / (height + soft)
     # Multipliers are iterated until the sides overlap by little: 2e-5 of the pressure was found.
     np.testing.assert_allclose(state.faults["main"]["normal_stress"], expected, rtol=1e-4)
+
+
+@every_method
+def test_no_force_is_an_equilibrium(method: str) -> None:
+    """Over an open gap the column follows its top as it is: no force that a residual could be compared with."""
+    gap = 10e-6
+    model = column_above_a_gap(method, gap, 4e-3)
+    equilibrium, state = Equilibrium(model), model.initial_state()
+    for moved in (3e-6, 6e-6, 9e-6):
+        # The last begins where it ends.
+        guess = state.displacement * (1.5 if moved == 9e-6 else 1.0)
+        equilibrium.solve(state, 1e-3, guess=guess).commit(state)
+        np.testing.assert_allclose(state.displacement.reshape(-1, 2)[:, 1], -moved, rtol=1e-12)
+        np.testing.assert_allclose(state.faults["main"]["opening"], gap - moved, rtol=1e-9)
+        assert np.all(state.faults["main"]["normal_stress"] == 0)
 
 
 @every_method
