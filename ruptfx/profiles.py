@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
-from scipy.interpolate import CubicSpline
 
 from ruptfx.number_files import two_columns
 from ruptfx.places import Center, HalfWidth, Position
@@ -306,6 +305,8 @@ class Table(Part):
                 "its first and last value"
             )
         if self.interpolation == "cubic":
+            from scipy.interpolate import CubicSpline
+
             return CubicSpline(self.positions, self.values)(np.clip(position, first, last))
         return np.interp(position, self.positions, self.values)
 

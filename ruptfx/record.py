@@ -11,15 +11,15 @@ import json
 import tomllib
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-import h5netcdf
 import h5py
 import numpy as np
-import xarray
-from xarray.backends import H5NetCDFStore
 
 from ruptfx import RuptfxError
+
+if TYPE_CHECKING:
+    import xarray  # else on first use: a run writes long before it reads
 
 # Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
 _LABELS = {
@@ -122,6 +122,10 @@ class Record:
         return {str(data.attrs.get("fault", path.stem)): data for path, data in opened}
 
     def _open_interface(self, path: Path) -> xarray.Dataset:
+        import h5netcdf
+        import xarray
+        from xarray.backends import H5NetCDFStore
+
         try:
             # Without file locking a run that still writes is neither disturbed nor refused.
             file = h5py.File(path, "r", locking=False)
@@ -137,6 +141,10 @@ class Record:
 
     @cached_property
     def bulk(self) -> xarray.Dataset:
+        import h5netcdf
+        import xarray
+        from xarray.backends import H5NetCDFStore
+
         path = self._existing("bulk.h5")
         try:
             file = h5py.File(path, "r", locking=False)
@@ -154,6 +162,8 @@ class Record:
 
     @cached_property
     def energy(self) -> xarray.Dataset:
+        import xarray
+
         path = self._existing("energy.csv")
         lines = path.read_text(encoding="utf-8").splitlines()
         notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))

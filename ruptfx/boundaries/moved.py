@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, model_validator
-from scipy.interpolate import PchipInterpolator
 
 from ruptfx.boundaries import Action, Component, EdgeBoundary, Motion, Range, check_component
 from ruptfx.materials import Plane
@@ -77,6 +76,8 @@ class Moved(EdgeBoundary):
     def largest_speed(self) -> float:
         if self.quantity == "velocity":
             return float(np.abs(self.values).max())
+        from scipy.interpolate import PchipInterpolator
+
         course = PchipInterpolator(self.times, self.values)
         turning = course.derivative(2).roots(extrapolate=False)
         times = [*self.times, *turning[np.isfinite(turning)]]
@@ -84,6 +85,8 @@ class Moved(EdgeBoundary):
 
     def motion(self, dofs: np.ndarray) -> Motion:
         """Displacement, velocity and acceleration of some degrees of freedom in time."""
+        from scipy.interpolate import PchipInterpolator
+
         first, last = self.times[0], self.times[-1]
         course = PchipInterpolator(self.times, self.values)
         slope = course.derivative()

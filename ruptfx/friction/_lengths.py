@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx.analysis import fracture
-
 Array = Any  # ndarray of shape (n,) or a float
 
 
@@ -44,6 +42,8 @@ class Breakdown:
 
     def process_zone(self, modulus: Array) -> Array:
         """Of a front at rest [m], see `fracture.static_process_zone`; `modulus` is G* [Pa]."""
+        from ruptfx.analysis import fracture  # a run has no need of it
+
         return fracture.static_process_zone(modulus, self.slip, self.drop)
 
     def nucleation(self, modulus: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import simpson
 
 from ruptfx.friction import Array, FrictionLaw, LawState
 from ruptfx.friction._lengths import Breakdown
@@ -75,6 +74,8 @@ class RateAndStatePowerLaw(FrictionLaw):
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
         """Of slip at a constant rate that begins at once: theta_0 goes from theta_0_initial to L_0 / V, over some
         lengths L_0 / A_0; the integral over them."""
+        from scipy.integrate import simpson
+
         start = np.asarray(self.theta_0_initial + 0.0 * normal_stress)
         residual = self.steady_strength(slip_rate, normal_stress)
         # theta_0 comes near to its end as exp(-A_0 slip / L_0).

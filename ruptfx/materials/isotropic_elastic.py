@@ -6,7 +6,7 @@ from functools import lru_cache
 from math import sqrt
 from typing import Any
 
-from scipy.optimize import brentq
+import numpy as np
 
 from ruptfx.materials import Material, Plane, WaveSpeeds
 from ruptfx.units import Modulus, PoissonRatio
@@ -66,9 +66,7 @@ def rayleigh_speed(c_p: float, c_s: float) -> float:
         Rayleigh speed [m/s].
     """
 
-    def rayleigh(c: float) -> float:
-        a_p, a_s = sqrt(1 - (c / c_p) ** 2), sqrt(1 - (c / c_s) ** 2)
-        return 4 * a_s * a_p - (1 + a_s**2) ** 2
-
-    # D is positive for small c and -1 at c_s; the root at c = 0 is not the wave.
-    return float(brentq(rayleigh, 0.3 * c_s, c_s, xtol=1e-9 * c_s))
+    # Squared, with x = (c / c_s)^2 and without its root x = 0: 16 (1 - x) (1 - k x) = (2 - x)^4.
+    k = (c_s / c_p) ** 2
+    roots = np.roots([1, -8, 24 - 16 * k, -16 * (1 - k)])
+    return c_s * sqrt(next(root.real for root in roots if abs(root.imag) < 1e-6 and 0 < root.real < 1))

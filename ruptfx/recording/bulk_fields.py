@@ -16,7 +16,6 @@ import h5py
 import numpy as np
 
 from ruptfx import fem, parallel
-from ruptfx.analysis.photoelasticity import principal_difference
 from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
 
@@ -310,4 +309,6 @@ def fringe(stress: np.ndarray) -> np.ndarray:
     """sigma_1 - sigma_2 in the plane of x and y [Pa]; in antiplane twice the shear stress."""
     if stress.shape[1] == 2:
         return 2 * np.hypot(stress[:, 0], stress[:, 1])
+    from ruptfx.analysis.photoelasticity import principal_difference
+
     return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])

@@ -144,3 +144,16 @@ def test_image_installs_every_dependency_from_apt():
     wanted = names(PROJECT["dependencies"]) | names(extras["fem"]) | names(extras["study"])
     wanted = wanted - {"dolfinx-solver-real", "pillow"} | {"dolfinx", "pil"}  # Debian's names
     assert wanted <= packages, f"not in the Dockerfile: {wanted - packages}"
+
+
+@pytest.mark.skipif(find_spec("dolfinx") is None, reason="needs DOLFINx")
+def test_a_run_starts_without_what_it_needs_at_its_end_only():
+    """Reading runs and drawing them takes longer to import than a run of 0.2 million nodes to its first step."""
+    program = (
+        "import pathlib, sys; import ruptfx.cli, ruptfx.simulation; from ruptfx.case import read_case; "
+        "case = read_case(pathlib.Path('demos/impact.toml'), []); case.materials['default'].wave_speeds(case.plane); "
+        "late = {'xarray', 'pandas', 'matplotlib', 'scipy.optimize', 'scipy.integrate', 'scipy.interpolate', 'dask'}; "
+        "print(sorted(late & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    assert done.stdout.strip() == "[]", done.stderr
