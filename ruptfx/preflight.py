@@ -124,6 +124,11 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))
     sigma, tau, peak = (float(values[middle]) for values in (fault.normal_stress_0, shear, strength))
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
+    if any(material.lame(model.case.plane) is None for material in model.materials):
+        yield Row(
+            f"{label}: lengths and limits", "estimates", "",
+            "formulas for isotropic bodies, with the wave speeds along x", "warning",
+        )  # fmt: skip
     slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
     speeds = slowest.wave_speeds(model.case.plane)
     modulus = slowest.density * speeds.c_s**2

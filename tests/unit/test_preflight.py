@@ -35,6 +35,14 @@ def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> No
     assert found.note.startswith(f"{says} (limit 1.81")
 
 
+def test_isotropic_formulas_are_estimates_for_other_bodies() -> None:
+    fibres = {"kind": "orthotropic_elastic", "E_1": 30e9, "E_2": 5e9, "nu_12": 0.3, "nu_23": 0.3, "G_12": 2e9}
+    table = slip_weakening({"materials": {"default": fibres | {"density": 1200.0}}, "operator": "ufl_form"})
+    found = rows(table)[": lengths and limits"]
+    assert (found.value, found.verdict) == ("estimates", "warning")
+    assert ": lengths and limits" not in weakening()
+
+
 @pytest.mark.parametrize("ratio, says", [(1.1, "may go supershear"), (1.3, "stays sub-Rayleigh")])
 def test_supershear_limit_in_3d(ratio: float, says: str) -> None:
     friction = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}
