@@ -6,7 +6,7 @@ import shlex
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -23,6 +23,9 @@ from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
+
+if TYPE_CHECKING:
+    from ruptfx.lumped import LumpedModel
 
 FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers"]
 
@@ -175,7 +178,7 @@ class Case(CaseFile):
         return [boundary.driven_edge for boundary in self.boundaries if boundary.driven_edge is not None]
 
 
-def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:
+def parse_case(table: dict[str, Any], directory: Path | None = None) -> Case | LumpedModel:
     """A case from tables; relative paths in it are relative to `directory`. A top-level ``kind`` names a lumped model.
 
     Raises
@@ -191,14 +194,14 @@ def parse_case(table: dict[str, Any], directory: Path | None = None) -> Any:
                 if kind not in kinds("ruptfx.lumped"):
                     hint = nearest(str(kind), kinds("ruptfx.lumped"))
                     raise CaseError(f"kind = '{shown_key(kind)}': unknown, {hint}")
-                model = find("ruptfx.lumped", kind)
+                model = cast("type[LumpedModel]", find("ruptfx.lumped", kind))
             return model.model_validate(table, context={"directory": directory})
         return Case.model_validate(table, context={"directory": directory})
     except ValidationError as error:
         raise CaseError.from_validation(error) from None
 
 
-def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Any:
+def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Case | LumpedModel:
     """Read and check a case file.
 
     Parameters

@@ -76,15 +76,14 @@ def run(
     with _reported():
         parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
         _show_plugins(parsed, not quiet and launch.RANKS not in os.environ)
-        lumped = not isinstance(parsed, Case)
-        if lumped and ranks > 1:
+        if not isinstance(parsed, Case) and ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
     if ranks > 1 and launch.RANKS not in os.environ:
         options = [item for value in set_ or [] for item in ("--set", value)]
         options += ["--resume"] * resume + ["--quiet"] * quiet
         with _reported():
             raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
-    if lumped:
+    if not isinstance(parsed, Case):
         with _reported():
             from ruptfx.lumped import simulate as simulate_lumped
 

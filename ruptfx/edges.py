@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ruptfx.meshes import FACETS
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
+    from ruptfx.fem import Expr
     from ruptfx.model import Model
 
 MOST_COUPLING = 0.01  # of what dashpots leave out of the impedance, over its trace
@@ -71,7 +72,7 @@ class Edge:
         density = traction[0] * test if scalar else fem.ufl.inner(fem.ufl.as_vector(list(traction)), test)
         return fem.assemble_summed(self.model.space, density * self.model.edge_measure(self.tag))
 
-    def integral(self, density: Callable[[list[Any], Any], Any]) -> np.ndarray:
+    def integral(self, density: Callable[[list[Expr], Expr], Expr]) -> np.ndarray:
         """Integral over the edge of what is linear in the test function, at every local degree of freedom.
 
         Parameters
@@ -83,7 +84,7 @@ class Edge:
         expression = density(tests, fem.ufl.FacetNormal(self.model.mesh))
         return fem.assemble_summed(self.model.space, expression * self.model.edge_measure(self.tag))
 
-    def _loaded_cells(self, limits: Limits) -> Any:
+    def _loaded_cells(self, limits: Limits) -> fem.dolfinx.fem.Function:
         """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
         mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
         loaded = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))

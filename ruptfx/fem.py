@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import ufl
     from mpi4py import MPI
     from petsc4py import PETSc
+    from ufl.core.expr import Expr as Expr
 else:
 
     def __getattr__(name: str) -> Any:

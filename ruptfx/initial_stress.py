@@ -5,7 +5,7 @@ It is in equilibrium with what presses the bodies together, and boundaries come 
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,6 +13,10 @@ from pydantic import Field, model_validator
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import VaryingPressure, VaryingStress
+
+if TYPE_CHECKING:
+    from ruptfx.friction import FrictionLaw
+    from ruptfx.interface import Interface
 
 
 class InitialStress(Part):
@@ -50,7 +54,7 @@ class InitialStress(Part):
             stress[i, j] = stress[j, i] = value
         return stress
 
-    def tractions(self, face: Any, law: Any) -> tuple[np.ndarray, np.ndarray]:
+    def tractions(self, face: Interface, law: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
         """Normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
 
         Raises

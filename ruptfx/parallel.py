@@ -4,14 +4,20 @@ that makes numbers the same on any number of ranks."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from ruptfx import RuptfxError
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
-def raise_on_all(comm: Any, error: Exception | None) -> None:
+Result = TypeVar("Result")
+
+
+def raise_on_all(comm: Comm, error: Exception | None) -> None:
     """Every rank calls this; if any rank has an error, all raise the one of the lowest such rank.
 
     Parameters
@@ -32,7 +38,7 @@ def raise_on_all(comm: Any, error: Exception | None) -> None:
         raise (kind if issubclass(kind, RuptfxError) else RuptfxError)(message) from error
 
 
-def on_root(comm: Any, action: Callable[[], Any]) -> Any:
+def on_root(comm: Comm, action: Callable[[], Result]) -> Result:
     """The result of `action` on rank 0, on every rank; an error there is raised everywhere."""
     result, error = None, None
     if comm.rank == 0:
@@ -44,28 +50,28 @@ def on_root(comm: Any, action: Callable[[], Any]) -> Any:
     return comm.bcast(result, root=0)
 
 
-def total(comm: Any, values: Any) -> np.ndarray:
+def total(comm: Comm, values: npt.ArrayLike) -> np.ndarray:
     """Sum over ranks of an array or a number."""
     return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))
 
 
-def largest(comm: Any, value: float) -> float:
+def largest(comm: Comm, value: float) -> float:
     """Largest value of all ranks."""
     return max(comm.allgather(float(value)))
 
 
-def anywhere(comm: Any, flag: bool) -> bool:
+def anywhere(comm: Comm, flag: bool) -> bool:
     """Whether it holds on any rank."""
     return any(comm.allgather(bool(flag)))
 
 
-def gather_rows(comm: Any, rows: np.ndarray) -> np.ndarray | None:
+def gather_rows(comm: Comm, rows: np.ndarray) -> np.ndarray | None:
     """Rows of all ranks, one below the other, on rank 0; None elsewhere."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)
-    return np.concatenate(parts) if comm.rank == 0 else None
+    return None if parts is None else np.concatenate(parts)
 
 
-def share_rows(comm: Any, rows: np.ndarray) -> np.ndarray:
+def share_rows(comm: Comm, rows: np.ndarray) -> np.ndarray:
     """Rows of all ranks, one below the other, on every rank."""
     return np.concatenate(comm.allgather(np.ascontiguousarray(rows)))
 

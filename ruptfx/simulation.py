@@ -6,14 +6,16 @@ import os
 import platform
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, parallel
+from ruptfx import RuptfxError, fem, launch, lumped, parallel
 from ruptfx.case import Case
+from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.progress import Progress
 from ruptfx.record import Record
@@ -21,7 +23,11 @@ from ruptfx.recording import run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
 from ruptfx.recording.recorder import Recorder, versions, write_summary
 from ruptfx.state import State
+from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules
+
+if TYPE_CHECKING:
+    import xarray
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
 
@@ -30,14 +36,29 @@ class Interrupted(RuptfxError):  # noqa: N818
     """Stopped by a signal; what was written is readable."""
 
 
+@overload
 def simulate(
-    case: Case, out: str | Path = "run", comm: Any = None, progress: bool = True, resume: bool = False
-) -> Record:
+    case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False
+) -> Record: ...
+
+
+@overload
+def simulate(
+    case: LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
+    resume: bool = False,
+) -> xarray.Dataset: ...  # fmt: skip
+
+
+def simulate(
+    case: Case | LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
+    resume: bool = False,
+) -> Record | xarray.Dataset:  # fmt: skip
     """Run a case and leave a complete run directory.
 
     Parameters
     ----------
-    case : Case
+    case : Case or LumpedModel
+        The latter needs one rank, and takes nothing of what follows but `out`.
     out : str or Path
         Run directory; must not exist or be empty.
     comm : MPI communicator, optional
@@ -50,8 +71,8 @@ def simulate(
 
     Returns
     -------
-    Record
-        The finished run, on every rank.
+    Record or xarray.Dataset
+        The finished run, on every rank; of a lumped model its result.
 
     Raises
     ------
@@ -59,10 +80,8 @@ def simulate(
         On all ranks. Files written so far are kept and readable.
     """
     comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
-    if not isinstance(case, Case):  # a lumped model
-        from ruptfx.lumped import simulate as simulate_lumped
-
-        return simulate_lumped(case, out)
+    if isinstance(case, LumpedModel):
+        return lumped.simulate(case, out)
     same = parallel.on_root(comm, lambda: case.hash) == case.hash
     parallel.raise_on_all(comm, None if same else RuptfxError(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
@@ -129,7 +148,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
     })  # fmt: skip
 
 
-def _step(motion: Any, state: State) -> RuptfxError | None:
+def _step(motion: Motion, state: State) -> RuptfxError | None:
     """One step; an error of this rank is handed back, to be raised by all together."""
     try:
         motion.step(state)
@@ -151,7 +170,7 @@ def _not_a_number(model: Model, state: State) -> RuptfxError | None:
     )
 
 
-def _raise_together(comm: Any, error: RuptfxError | None) -> None:
+def _raise_together(comm: fem.MPI.Comm, error: RuptfxError | None) -> None:
     """Raise on all ranks if any of them failed."""
     if comm.size > 1:
         parallel.raise_on_all(comm, error)
@@ -164,7 +183,7 @@ class Signals:
 
     def __init__(self) -> None:
         self.received = ""
-        self._before: dict[int, Any] = {}
+        self._before: dict[int, signal.Handlers | Callable[[int, FrameType | None], object] | int | None] = {}
 
     def __enter__(self) -> Signals:
         try:
@@ -178,19 +197,19 @@ class Signals:
         self.received = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         signal.signal(number, self._before[number] or signal.SIG_DFL)
 
-    def anywhere(self, comm: Any) -> str:
+    def anywhere(self, comm: fem.MPI.Comm) -> str:
         """What any rank received; collective, the same answer on all."""
         received = self.received or launch.asked_to_stop()
         if comm.size == 1:
             return received
         return next(filter(None, comm.allgather(received)), "")
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
 
-def _finish(model: Model, out: Path, facts: dict[str, Any]) -> None:
+def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
     """Analysis, figures and, last, the marker; rank 0 works, all ranks learn of an error."""
 
     def finish() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.analysis.front import crossing
 from ruptfx.bench import Check
-from ruptfx.case import parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.state import State
 
@@ -110,7 +110,7 @@ def rupture(
     energies : int
         How often the energy budget is looked at.
     """
-    case = parse_case(table)
+    case = Case.model_validate(table)
     model = Model(case, comm or fem.MPI.COMM_SELF)
     motion = case.stepper.bind(model)
     state = model.initial_state()

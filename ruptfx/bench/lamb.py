@@ -19,7 +19,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
-from ruptfx.case import parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 
 C_P, C_S, RHO = 3200.0, 1847.5, 2000.0
@@ -75,7 +75,7 @@ def exact(x: float, time: np.ndarray, half_width: float = HALF_WIDTH) -> np.ndar
 
 def surface(size: float, kind: str = "strip") -> tuple[np.ndarray, np.ndarray, float]:
     """Times, displacement at the receivers, shape (times, receivers, 2) [m], and energy closure."""
-    problem = parse_case(case(size, kind))
+    problem = Case.model_validate(case(size, kind))
     model = Model(problem, fem.MPI.COMM_SELF)
     motion, state = problem.stepper.bind(model), model.initial_state()
     top = np.flatnonzero(model.coordinates[:, 1] > 750.0 * (1 - 1e-9))

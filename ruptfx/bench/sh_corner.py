@@ -17,7 +17,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
-from ruptfx.case import parse_case
+from ruptfx.case import Case
 from ruptfx.model import Model
 
 C_P, C_S, RHO = 3464.0, 2000.0, 2000.0
@@ -73,7 +73,7 @@ def line_force(place: tuple[float, float], receiver: tuple[float, float], time: 
 
 def seismograms(size: float, kind: str) -> tuple[np.ndarray, np.ndarray, float]:
     """Times, displacement of the receivers, shape (times, receivers) [m], and energy closure."""
-    problem = parse_case(case(size, kind))
+    problem = Case.model_validate(case(size, kind))
     model = Model(problem, fem.MPI.COMM_SELF)
     motion, state = problem.stepper.bind(model), model.initial_state()
     upper = model.layout.body == model.bodies.names.index("upper")

@@ -19,7 +19,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, launch, native
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._timings import start_up, time_to_error
-from ruptfx.case import Case, parse_case
+from ruptfx.case import Case
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
@@ -195,7 +195,7 @@ def problem(dim: int, order: int, geometry: str, nodes: int) -> Case:
         mesh: MeshSource = plates(length=1.0, height=0.5, element_size=1 / columns)
     else:
         mesh = TwoBoxes(elements=max(2, round(nodes ** (1 / 3) / order)), bend=0.1 if geometry == "general" else 0.0)
-    return parse_case({
+    return Case.model_validate({
         "plane": "stress" if dim == 2 else "solid", "order": order, "duration": 1e-3, "mesh": mesh,
         "materials": {
             "default": {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}

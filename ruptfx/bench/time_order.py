@@ -18,7 +18,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic, rupture
-from ruptfx.case import parse_case
+from ruptfx.case import Case
 from ruptfx.fields import MONITORS
 from ruptfx.model import Model
 
@@ -76,7 +76,7 @@ def plates(law: dict[str, Any], contact: dict[str, Any], steps: int) -> dict[str
         ],
         "stepper": {"kind": "leapfrog", "time_step": DURATION / steps},
     }  # fmt: skip
-    friction = parse_case(table).faults["main"].friction
+    friction = Case.model_validate(table).faults["main"].friction
     sigma, zero = np.array([NORMAL]), np.zeros(1)
     at_rest = friction.strength(zero, sigma, friction.initial_state(sigma, zero, zero))
     table["faults"]["main"]["initial_stress"]["shear"] = float(at_rest[0]) or CREEPING_SHEAR
@@ -88,7 +88,7 @@ def fields(
 ) -> dict[str, np.ndarray]:
     """Fields of the interface at the end."""
     table = plates(law, contact, steps)
-    case = parse_case({**table, "stepper": {**table["stepper"], **(stepper or {})}})
+    case = Case.model_validate({**table, "stepper": {**table["stepper"], **(stepper or {})}})
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
     while state.fault_time < DURATION * (1 - 1e-9):

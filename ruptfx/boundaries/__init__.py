@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -57,10 +57,10 @@ class Force:
 
     dofs: np.ndarray
     values: np.ndarray
-    factor: Callable[[float], Any]
+    factor: Callable[[float], float | np.ndarray]
 
     @classmethod
-    def of(cls, nodal: np.ndarray, factor: Callable[[float], Any]) -> Force:
+    def of(cls, nodal: np.ndarray, factor: Callable[[float], float | np.ndarray]) -> Force:
         """From a vector over all local degrees of freedom [N]."""
         dofs = np.flatnonzero(nodal)
         return cls(dofs, nodal[dofs], factor)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx.schema import Part, Unit
 from ruptfx.units import Time
+
+Times = TypeVar("Times", float, np.ndarray)
 
 
 def ramp(time: float, duration: float) -> float:
@@ -25,7 +27,7 @@ class Ricker(Part):
     delay: Time
     """Time of the peak; from 1.5 / frequency on nothing begins suddenly."""
 
-    def __call__(self, time: Any) -> Any:
+    def __call__(self, time: Times) -> Times:
         """At a time [s] or an array of times."""
         a = (np.pi * self.frequency * (time - self.delay)) ** 2
         return (1 - 2 * a) * np.exp(-a)
@@ -46,7 +48,7 @@ class Sampled(Part):
             raise ValueError("times must increase, with one value for each")
         return self
 
-    def __call__(self, time: Any) -> Any:
+    def __call__(self, time: Times) -> Times:
         """At a time [s] or an array of times."""
         return np.interp(time, self.times, self.values)
 

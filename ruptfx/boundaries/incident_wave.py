@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,13 +10,14 @@ from pydantic import Field
 from ruptfx import parallel
 from ruptfx.boundaries import Action, EdgeBoundary, Force, check_vector
 from ruptfx.boundaries._history import History
-from ruptfx.materials import Plane
+from ruptfx.materials import Material, Plane
 from ruptfx.materials._stiffness import christoffel, tangent_stiffness
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Velocity
 
 if TYPE_CHECKING:
     from ruptfx.edges import Edge
+    from ruptfx.fem import Expr
 
 Vector = Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")]
 
@@ -76,7 +77,7 @@ class IncidentWave(EdgeBoundary):
         stress = -np.tensordot(stiffness, d, 1)[None] if len(p) == 1 else -np.einsum("ijkl,k,l->ij", stiffness, p, d)
         stress = stress / speed
 
-        def density(tests: list[Any], n: Any) -> Any:
+        def density(tests: list[Expr], n: Expr) -> Expr:
             return sum(float(stress[i, j]) * n[j] * tests[i] for i in range(len(p)) for j in range(len(d)))
 
         nodal = edge.integral(density) + dashpot * np.tile(p, model.nodes)
@@ -87,7 +88,7 @@ class IncidentWave(EdgeBoundary):
         force = Force(dofs, self.velocity * nodal[dofs], lambda time: self.history(time - delay))
         return Action(force=force, dashpot=dashpot)
 
-    def _material(self, edge: Edge, key: str) -> Any:
+    def _material(self, edge: Edge, key: str) -> Material:
         """The only material at the edge; collective."""
         bodies = parallel.share_rows(edge.model.comm, edge.bodies)
         materials = [edge.model.materials[number] for number in np.unique(bodies)]

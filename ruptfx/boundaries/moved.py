@@ -15,6 +15,8 @@ from ruptfx.number_files import two_columns
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
     from ruptfx.edges import Edge
 
 
@@ -97,7 +99,7 @@ class Moved(EdgeBoundary):
         def value(time: float) -> float:
             return float(course(within(time)))
 
-        def change(curve: Any, time: float) -> float:
+        def change(curve: PPoly, time: float) -> float:
             return float(curve(time)) if first <= time <= last else 0.0
 
         if self.quantity == "displacement":

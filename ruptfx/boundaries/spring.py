@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -13,6 +13,7 @@ from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
     from ruptfx.edges import Edge
+    from ruptfx.fem import Expr
 
 Foundation = Annotated[float, Field(ge=0), Unit("Pa/m")]
 
@@ -44,7 +45,7 @@ class Spring(EdgeBoundary):
         def column(j: int) -> np.ndarray:
             """Force of a unit displacement in one direction."""
 
-            def density(tests: list[Any], n: Any) -> Any:
+            def density(tests: list[Expr], n: Expr) -> Expr:
                 if c == 1:
                     return self.tangential * tests[0]
                 across = self.normal - self.tangential

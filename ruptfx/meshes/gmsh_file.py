@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -15,6 +15,9 @@ from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
+
+if TYPE_CHECKING:
+    from meshio import Mesh
 
 # meshio name, DOLFINx name, vertices in DOLFINx order, facet name
 _CELLS = [
@@ -218,7 +221,7 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     return mesh.points[used], cell, cells.reshape(-1, len(order)), bodies, cell_body, named
 
 
-def _groups(mesh: Any, type_: str) -> dict[str, np.ndarray]:
+def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
     """Elements of one type by the names of their physical groups: what is in several groups has several names."""
     names = {name: int(number) for name, (number, dim) in mesh.field_data.items() if dim == _DIMENSION[type_]}
     first = mesh.cell_data_dict.get("gmsh:physical", {}).get(type_, np.zeros(0))

@@ -6,27 +6,47 @@ another.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from ruptfx.contact import Way
 from ruptfx.schema import Alternative, alternative
 
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
 
 class Motion(Protocol):
-    """A stepper bound to a model."""
+    """A stepper bound to a model: what it owes to the time loop, to records, checkpoints and other steppers."""
 
     dt: float
-    """Size of the steps [s]; of the first where they vary. What must survive a restart, like the size of the next
-    one, is kept in `State.numbers` and `State.fields`."""
+    """Size of the steps [s]; of the first where they vary."""
 
     collective: bool
-    """Whether every step exchanges messages with all ranks anyway: then signals and errors are looked for in each."""
+    """Whether every step exchanges messages with all ranks anyway. Then an error is raised by all of them, with the
+    state as it was, and signals are looked for in each step. Else a rank may fail alone: it goes on with the clock and
+    with its messages, until all ranks meet."""
 
-    def step(self, state: Any) -> None:
-        """Advance the state in place by one step, its time and number included."""
+    def step(self, state: State) -> None:
+        """Advance the state in place by one step. Afterwards
 
-    def energies(self, state: Any) -> dict[str, float]:
-        """Energy budget over all ranks [J] at the time where the scheme balances it; collective."""
+        * `time` and `step` have gone on, and `numbers["lag"]` says how far the faults are behind `time`, if they are;
+        * the arrays of nodes and faults are still the same objects, which others hold;
+        * `force` is zero: steps gather internal forces in it;
+        * driven edges are where they have to be at `time`, and move as they have to at the time of the velocity;
+        * `energy` has grown by what friction and damping took and boundaries gave, of what this rank owns;
+        * what the next step needs beyond that is in `fields` and `numbers`, such as its size (``dt``): checkpoints keep
+          them, and the stepper, bound anew to the same model, goes on from there as if nothing had been.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks if `collective`, else maybe on one.
+        """
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Energy budget over all ranks [J], all of `fields.ENERGIES`, at the time of the velocity, where the scheme
+        balances it; collective."""
 
 
 class Stepper(Alternative):
@@ -37,14 +57,14 @@ class Stepper(Alternative):
     is solved with (implicit). The contact method must be able to do all of them."""
     second_order: ClassVar[bool] = True
     """Whether its error falls with the square of the step, with all options as they are; False where they decide."""
-    conserving: ClassVar[dict[str, Any] | None] = None
+    conserving: ClassVar[dict[str, object] | None] = None
     """Fields with which the energy budget closes to round-off; None if it does not."""
     inertia: ClassVar[bool] = True
     """Whether it solves the equation of motion, or only equilibrium."""
     adaptive: ClassVar[bool] = False
     """Whether its steps vary."""
 
-    def bind(self, model: Any) -> Motion:
+    def bind(self, model: Model) -> Motion:
         """Choose the step and prepare the arrays.
 
         Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -41,7 +41,7 @@ class GeneralizedAlpha(Stepper):
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
-    conserving: ClassVar[dict[str, Any] | None] = {"scheme": "average_acceleration"}
+    conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
 
     scheme: SchemeName = "generalized_alpha"
     """Which member of the family."""

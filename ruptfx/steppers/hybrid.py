@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -69,8 +69,8 @@ class HybridMotion:
 
     def __init__(self, model: Model, stepper: Hybrid) -> None:
         self.model, self._stepper = model, stepper
-        self._slow: Any = stepper.slow.bind(model)
-        self._fast: Any = stepper.fast.bind(model)
+        self._slow = stepper.slow.bind(model)
+        self._fast = stepper.fast.bind(model)
         self.dt = self._slow.dt
         self.collective = True
         self._calm_for = stepper.calm_for or 10 * self._crossing_time()

@@ -28,7 +28,7 @@ class Leapfrog(Stepper):
     implicit, so they do not shorten the step.
     """
 
-    conserving: ClassVar[dict[str, Any] | None] = {}
+    conserving: ClassVar[dict[str, object] | None] = {}
 
     safety: Fraction = 0.9
     """Time step over the stable one."""
@@ -216,10 +216,10 @@ class LeapfrogMotion:
         mean = 0.5 * (self._velocity_old[self._viscous_among_held] + state.velocity[self._viscous])
         return -float(self._viscous_force[self._viscous] @ mean) * kick.length
 
-    def _load_work(self, state: State, kick: _Kick, factors: list[Any]) -> None:
+    def _load_work(self, state: State, kick: _Kick, factors: list[float | np.ndarray]) -> None:
         mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
         for (places, share), factor in zip(self._shares, factors, strict=True):
-            if np.ndim(factor):
+            if isinstance(factor, np.ndarray):
                 power = float((share[places] * factor) @ mean[places])
             else:
                 power = float(share @ mean) * factor
@@ -260,5 +260,5 @@ class _Kick:
         self.faults = [(f.name, FaultStep(f, inverse_mass, clock, threshold)) for f in model.faults]
 
 
-def _pointer(array: np.ndarray) -> Any:
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)

@@ -92,6 +92,9 @@ def test_what_a_stepper_owes(kind: str) -> None:
         assert list(energies) == list(ENERGIES) and np.isfinite(list(energies.values())).all()
         for edge in model.loads.motions:
             assert state.displacement[edge.dofs] == pytest.approx(edge.displacement(state.time))
+            between = 0.5 * (edge.velocity(before) + edge.velocity(state.time))  # a ramp: also the mean of a step
+            assert any(state.velocity[edge.dofs] == pytest.approx(v) for v in (between, edge.velocity(state.time)))
+        assert not state.force.any() and state.fault_time <= state.at_velocity()[0] <= state.time
 
 
 @pytest.mark.parametrize("stepper, contact", with_contacts(SCHEMES))
