@@ -1,6 +1,11 @@
 """How Sphinx builds the site; `make docs` calls it, offline."""
 
-from ruptfx import __version__
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).with_name("_extensions")))
+
+from ruptfx import __version__  # noqa: E402
 
 project = "ruptfx"
 author = "The ruptfx developers"
@@ -10,6 +15,7 @@ version = release = __version__
 extensions = [
     "myst_parser",
     "numpydoc",
+    "ruptfx_reference",
     "sphinx.ext.autodoc",
     "sphinx_copybutton",
     "sphinx_design",

@@ -1,18 +1,24 @@
-"""What `ruptfx describe` prints: every alternative of a folder with its fields, units, formula and source."""
+"""What `ruptfx describe` prints and the site's reference shows: kinds and tables of a case, key by key."""
 
 from __future__ import annotations
 
+import inspect
 import typing
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from rich.console import RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from ruptfx import RuptfxError, profiles
-from ruptfx.case import case_schema
+from ruptfx import RuptfxError, profiles, summary_fields
+from ruptfx.boundaries._history import Ricker, Sampled
+from ruptfx.case import Case, Damping, FaultCase, KelvinVoigt, Output, case_schema
+from ruptfx.initial_stress import InitialStress
 from ruptfx.schema import (
     Alternative,
     Part,
@@ -26,12 +32,55 @@ from ruptfx.schema import (
     own_module,
     unit_of,
 )
-from ruptfx.study.definition import Study
+from ruptfx.stopping import StopWhen
+from ruptfx.study.definition import Axis, Mark, Refine, Study
 
 FOLDERS = (
     "friction", "nucleation", "boundaries", "contact", "materials", "meshes", "steppers", "operators", "profiles",
-    "lumped",
+    "histories", "lumped",
 )  # fmt: skip
+CLASSES: dict[str, dict[str, type[Part]]] = {
+    "profiles": profiles.KINDS, "histories": {"ricker": Ricker, "sampled": Sampled},
+}  # fmt: skip
+"""Kinds that are no files of their own."""
+TABLES: dict[str, dict[str, type[Part]]] = {
+    "case": {"case": Case},
+    "faults": {"faults.NAME": FaultCase, "faults.NAME.initial_stress": InitialStress},
+    "output": {"output": Output},
+    "stop_when": {"stop_when": StopWhen},
+    "damping": {"damping": Damping, "damping.kelvin_voigt": KelvinVoigt},
+    "study": {"study": Study, "axes": Axis, "refine": Refine, "marks": Mark},
+}
+"""Tables of a case or a study that have no kind, by what asks for them and by their own keys."""
+TOPICS = (*FOLDERS, *TABLES, "summary")
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a table: what a user has to know of it."""
+
+    name: str
+    unit: str
+    """Empty for what is no number."""
+    bounds: str
+    default: str
+    """`required` where there is none."""
+    description: str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A kind or a table, with its keys."""
+
+    name: str
+    summary: str
+    details: str
+    """What its docstring says beyond the first line."""
+    labels: dict[str, str]
+    """Formula, state, source and so on."""
+    keys: list[Key]
+    problem: str = ""
+    """Why it does not load."""
 
 
 def file_schema() -> dict[str, Any]:
@@ -43,51 +92,96 @@ def file_schema() -> dict[str, Any]:
     return schema
 
 
-def describe_folder(name: str) -> Iterator[Any]:
-    """Rich renderables, one per alternative; those that do not load come last, with the reason.
+def entries(topic: str) -> Iterator[Entry]:
+    """What is known of a topic; kinds that do not load come last, with the reason.
 
     Raises
     ------
     RuptfxError
-        No such folder.
+        No such topic.
     """
-    if name not in FOLDERS:
-        raise RuptfxError(f"describe {name}: {nearest(name, list(FOLDERS))}")
-    if name == "profiles":
-        for kind, cls in profiles.KINDS.items():
-            yield _panel(kind, cls)
-    elif name == "operators":
+    if topic not in TOPICS:
+        raise RuptfxError(f"describe {topic}: {nearest(topic, list(TOPICS))}")
+    if topic == "summary":
+        yield Entry("summary.json", "What a run found, in one file.", "", {}, list(_summary_keys()))
+    elif topic in TABLES or topic in CLASSES:
+        for name, cls in (TABLES | CLASSES)[topic].items():
+            yield _entry(name, cls)
+    elif topic == "operators":
         for kind in kinds("ruptfx.operators"):
             try:
                 described = from_outside("ruptfx.operators", kind) or own_module("ruptfx.operators", kind)
             except RuptfxError as error:
-                yield _broken(kind, str(error))
+                yield Entry(kind, "", "", {}, [], str(error))
                 continue
-            yield Panel(first_line(described), title=Text(kind), title_align="left")
+            yield Entry(kind, first_line(described), _details(described), {}, [])
     else:
-        for kind, cls in alternatives(f"ruptfx.{name}").items():
-            yield _panel(kind, cls)
-        for kind, reason in broken(f"ruptfx.{name}").items():
-            yield _broken(kind, reason)
+        for kind, cls in alternatives(f"ruptfx.{topic}").items():
+            yield _entry(kind, cls)
+        for kind, reason in broken(f"ruptfx.{topic}").items():
+            yield Entry(kind, "", "", {}, [], reason)
 
 
-def _broken(kind: str, reason: str) -> Panel:
-    return Panel(Text(reason), title=Text(f"{kind} (broken)"), title_align="left", style="red")
+def describe_topic(topic: str) -> Iterator[RenderableType]:
+    """What the command prints, one block per kind or table.
+
+    Raises
+    ------
+    RuptfxError
+        No such topic.
+    """
+    for entry in entries(topic):
+        if entry.problem:
+            yield Panel(Text(entry.problem), title=Text(f"{entry.name} (broken)"), title_align="left", style="red")
+            continue
+        text = Text(entry.summary + (f"\n\n{entry.details}" if entry.details else ""))
+        grid = Table.grid(padding=(0, 2))
+        grid.add_row(text)
+        if entry.labels:
+            labels = Table.grid(padding=(0, 2))
+            for label, value in entry.labels.items():
+                labels.add_row(label, Text(value))
+            grid.add_row("")
+            grid.add_row(labels)
+        if entry.keys:
+            table = Table.grid(padding=(0, 2))
+            for key in entry.keys:
+                table.add_row(key.name, key.unit, key.bounds, Text(key.default), Text(key.description))
+            grid.add_row("")
+            grid.add_row(table)
+        yield Panel(grid, title=Text(entry.name), title_align="left")
 
 
-def _panel(kind: str, cls: type[Part]) -> Panel:
-    grid = Table.grid(padding=(0, 2))
-    grid.add_row("", first_line(cls))
-    for label in ("formula", "example", "source"):
-        if getattr(cls, label, ""):
-            grid.add_row(label, getattr(cls, label))
-    if getattr(cls, "state_fields", None):
-        grid.add_row("state", ", ".join(f"{key} [{unit}]" for key, unit in cls.state_fields.items()))  # type: ignore[attr-defined]
-    for key, field in cls.model_fields.items():
-        if key != "kind":
-            unit = unit_of(cls, key)
-            grid.add_row(key, f"{'' if unit == '1' else unit}  {_bounds(field)}{_default(field)}".strip())
-    return Panel(grid, title=Text(kind), title_align="left")
+def keys_of(cls: type[Part]) -> list[Key]:
+    """Every key of a table but its `kind`."""
+    return [
+        Key(name, _unit(cls, name), _bounds(field), _default(field), " ".join((field.description or "").split()))
+        for name, field in cls.model_fields.items()
+        if name != "kind"
+    ]
+
+
+def _entry(name: str, cls: type[Part]) -> Entry:
+    labels = {label: getattr(cls, label) for label in ("formula", "example", "source") if getattr(cls, label, "")}
+    if state := getattr(cls, "state_fields", None):
+        labels["state"] = ", ".join(f"{key} [{unit}]" for key, unit in state.items())
+    return Entry(name, first_line(cls), _details(cls), labels, keys_of(cls))
+
+
+def _details(described: object) -> str:
+    """The docstring after its first line, without numpydoc's sections."""
+    text = inspect.cleandoc(described.__doc__ or "").partition("\n")[2]
+    return text.partition("\nRaises\n")[0].strip("\n")
+
+
+def _summary_keys() -> Iterator[Key]:
+    for name, description in summary_fields.DESCRIPTIONS.items():
+        yield Key(name, summary_fields.unit(name), "", "", description)
+
+
+def _unit(cls: type[Part], name: str) -> str:
+    unit = unit_of(cls, name)
+    return "" if unit == "1" else unit
 
 
 def _bounds(field: FieldInfo) -> str:
@@ -107,11 +201,17 @@ def _bounds(field: FieldInfo) -> str:
         for key, sign in signs.items()
         if getattr(item, key, None) is not None
     }
+    if typing.get_origin(field.annotation) is typing.Literal:
+        return " | ".join(str(value) for value in typing.get_args(field.annotation))
     return ", ".join(sorted(bounds))
 
 
 def _default(field: FieldInfo) -> str:
     if field.is_required():
-        return "  required"
-    default = field.default
-    return f"  default {default.kind() if isinstance(default, Alternative) else default}"
+        return "required"
+    default = field.get_default(call_default_factory=True, validated_data={})
+    if isinstance(default, Alternative):
+        return default.kind()
+    if isinstance(default, BaseModel) or default is None or default in ({}, [], ""):
+        return ""
+    return str(default) if not isinstance(default, float) else f"{default:g}"

@@ -14,7 +14,7 @@ import tomli_w
 from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
-from ruptfx import __version__, launch
+from ruptfx import __version__, launch, summary_fields
 from ruptfx.cli import app
 from ruptfx.schema import kinds
 
@@ -179,7 +179,7 @@ def test_run_leaves_a_complete_directory(tmp_path: Path, needs_fem: None) -> Non
         assert record.summary["case_hash"] == record.interface.attrs["case_hash"]
         wanted = ("mode tip_speed tip_speed_over_c_s tip_speed_over_c_l peak_slip_rate max_slip energy_closure "
                   "wall_time steps nodes node_updates_per_second ranks versions case_hash")  # fmt: skip
-        assert set(wanted.split()) <= set(record.summary)
+        assert set(wanted.split()) <= set(record.summary) <= set(summary_fields.DESCRIPTIONS)
         # One row of energies per record, from rest to the end.
         assert len(record.energy.time) == record.interface.sizes["time"]
         assert float(record.interface.time[0]) == 0 and float(record.interface.time[-1]) >= 1e-6
@@ -339,6 +339,23 @@ def test_describe_profiles_and_unknown() -> None:
     result = ruptfx("describe", "frictoin")
     assert result.exit_code == 1 and "did you mean 'friction'?" in said(result)
     assert "friction" in ruptfx("describe").output
+
+
+@pytest.mark.parametrize(
+    "topic, parts",
+    [
+        ("output", ["interface_interval", "s", "> 0", "Time between records of the interface"]),
+        ("stop_when", ["sliding_dead_for", "after sliding had begun"]),
+        ("damping", ["damping.kelvin_voigt", "too much of it delays the front", "fraction", "0.1"]),
+        ("study", ["axes", "required", "Latin hypercube", "grid | latin_hypercube"]),
+        ("summary", ["tip_speed", "m/s", "Standard error of the fit"]),
+        ("boundaries", ["Only the part of the edge between these x moves."]),
+        ("histories", ["Ricker wavelet", "frequency", "1/s"]),
+    ],
+)
+def test_describe_tables_of_a_case(topic: str, parts: list[str]) -> None:
+    text = said(ruptfx("describe", topic))
+    assert [part for part in parts if part not in text] == []
 
 
 def test_describe_schema_is_json() -> None:

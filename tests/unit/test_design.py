@@ -21,7 +21,7 @@ from ruptfx import lumped, profiles
 from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case, read_case
 from ruptfx.check_law import check_law
-from ruptfx.describe import FOLDERS
+from ruptfx.describe import CLASSES, FOLDERS
 from ruptfx.materials import Plane
 from ruptfx.record import Record
 from ruptfx.schema import CaseError
@@ -68,10 +68,10 @@ def test_the_tree_is_that_of_the_package() -> None:
     there = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
     folders = {name for name in there if (PACKAGE / name / "__init__.py").is_file()}
     assert set(lines) == {f"{name}/" if name in folders else name for name in there}
-    for folder in folders - {*FOLDERS, "bench", "plots"}:
+    for folder in folders - {*FOLDERS, "bench", "commands", "plots"}:
         files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
         assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
-    assert {f"{name}/" for name in FOLDERS if name != "profiles"} < set(lines)
+    assert {f"{name}/" for name in FOLDERS if name not in CLASSES} < set(lines)
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_]+\.py)`", PAGE))))

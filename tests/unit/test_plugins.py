@@ -19,7 +19,7 @@ import ruptfx.friction
 from ruptfx import RuptfxError, schema
 from ruptfx.case import parse_case, read_case
 from ruptfx.cli import app
-from ruptfx.describe import describe_folder
+from ruptfx.describe import describe_topic
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.plugins import load
 from ruptfx.schema import CaseError, alternatives, broken, find, kinds
@@ -353,7 +353,7 @@ def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatc
     reason = f"{tmp_path / 'half_done.py'}, line 3: NameError: name 'FrictionLaw' is not defined"
     assert broken("ruptfx.friction") == {"half_done": reason}
     assert alternatives("ruptfx.friction")["coulomb"] is Coulomb and "half_done" not in alternatives("ruptfx.friction")
-    titles = [panel.title.plain for panel in describe_folder("friction")]
+    titles = [panel.title.plain for panel in describe_topic("friction")]
     assert titles[-1] == "half_done (broken)" and "coulomb" in titles
     said = ruptfx_says("describe", "friction")
     assert "half_done (broken)" in said and "NameError: name 'FrictionLaw' is not defined" in said

@@ -1,0 +1,31 @@
+"""`ruptfx check`."""
+
+from __future__ import annotations
+
+import typer
+from rich.table import Table
+
+from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, screen, show_plugins
+
+
+def check(case: CaseFile, set_: Overrides = None) -> None:
+    """What a careful user computes by hand before a run; exits non-zero on an error."""
+    with reported():
+        from ruptfx.case import Case, read_case
+
+        parsed = read_case(case, set_ or [])
+        show_plugins(parsed, True)
+        if not isinstance(parsed, Case):
+            screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
+            return
+        from ruptfx.preflight import preflight
+
+        table = Table("quantity", "value", "unit", "note", title=parsed.title or str(case), title_justify="left")
+        failed = False
+        for row in preflight(parsed):
+            failed |= row.verdict == "error"
+            colour = {"error": "red", "warning": "yellow"}.get(row.verdict, "")
+            table.add_row(row.quantity, row.text, row.unit, row.note, style=colour)
+        screen.print(table)
+        if failed:
+            raise typer.Exit(EXIT_ERROR)

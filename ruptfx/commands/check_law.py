@@ -1,0 +1,39 @@
+"""`ruptfx check-law`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from ruptfx.commands._shared import EXIT_ERROR, reported, screen
+
+
+def check_law(
+    law: Annotated[str, typer.Argument(help="Python file with friction laws, or a kind.", show_default=False)],
+    set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
+    out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("."),
+) -> None:
+    """Check that a friction law keeps its contract, and draw it; exits non-zero when something fails or is missing."""
+    with reported():
+        from ruptfx.check_law import check_law as check
+        from ruptfx.check_law import save_figure
+
+        sound = True
+        for report in check(law, set_ or []):
+            kind, sound = report.law.kind(), sound and report.sound
+            table = Table("check", "verdict", "note", title=f"friction law {kind}", title_justify="left")
+            for row in report.rows:
+                colour = {"failed": "red", "missing": "yellow"}.get(row.verdict, "")
+                table.add_row(row.check, row.verdict, Text(row.note), style=colour)
+            screen.print(table)
+            numbers = report.law.model_dump(mode="json", exclude_none=True)
+            screen.print(f"Drawn with {numbers}", markup=False, highlight=False, soft_wrap=True)
+            out.mkdir(parents=True, exist_ok=True)
+            save_figure(report.law, out / f"{kind}.png")
+            screen.print(f"Picture: {out / f'{kind}.png'}", soft_wrap=True)
+        if not sound:
+            raise typer.Exit(EXIT_ERROR)

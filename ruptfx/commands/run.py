@@ -1,0 +1,78 @@
+"""`ruptfx run`."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from ruptfx import RuptfxError
+from ruptfx.commands._shared import (
+    CaseFile,
+    Overrides,
+    fraction_bar,
+    reported,
+    screen,
+    show_plugins,
+)
+
+
+def run(
+    case: CaseFile,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
+    set_: Overrides = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
+) -> None:
+    """Run a case and leave a run directory with data, figures and a summary."""
+    from ruptfx import launch
+    from ruptfx.case import Case, read_case
+
+    out = out or Path("runs") / case.stem
+    with reported():
+        parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
+        show_plugins(parsed, not quiet and launch.RANKS not in os.environ)
+        if not isinstance(parsed, Case) and ranks > 1:
+            raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
+    if ranks > 1 and launch.RANKS not in os.environ:
+        options = [item for value in set_ or [] for item in ("--set", value)]
+        options += ["--resume"] * resume + ["--quiet"] * quiet
+        with reported():
+            raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
+    if not isinstance(parsed, Case):
+        with reported():
+            from ruptfx.lumped import simulate as simulate_lumped
+
+            with fraction_bar(not quiet) as progress:
+                simulate_lumped(parsed, out, progress)
+            if not quiet:
+                _show_summary(out)
+        return
+    with reported():
+        from ruptfx import fem
+
+        comm = fem.MPI.COMM_WORLD
+    with reported(comm):
+        launch.check_size(comm.size)
+        from ruptfx.simulation import simulate
+
+        simulate(parsed, out, comm, progress=not quiet, resume=resume)
+        if comm.rank == 0 and not quiet:
+            _show_summary(out)
+
+
+def _show_summary(out: Path) -> None:
+    summary = json.loads((out / "summary.json").read_text())
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in summary.items():
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value))
+    screen.print(table)
+    screen.print(f"Run directory: {out}")
+    pictures = sorted((out / "figures").glob("*.png"))
+    screen.print(f"Pictures: {out / 'figures'} ({', '.join(p.name for p in pictures)})", soft_wrap=True)

@@ -1,0 +1,88 @@
+"""Numbers with a unit, as text: "6 MPa" is 6e6 where a stress is wanted.
+
+A unit is a product of symbols, `/` divides by all that follows it, a number behind a symbol is its exponent: "kg/m3",
+"MPa/mm", "N m", "1/s". Factors are exact fractions, so that "60 us" is the very number 60e-6.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from fractions import Fraction
+
+_PREFIXES = {
+    "n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6), "μ": Fraction(1, 10**6),
+    "m": Fraction(1, 1000), "c": Fraction(1, 100), "k": Fraction(1000), "M": Fraction(10**6), "G": Fraction(10**9),
+}  # fmt: skip
+_SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
+    "m": (Fraction(1), {"m": 1}),
+    "g": (Fraction(1, 1000), {"kg": 1}),
+    "t": (Fraction(1000), {"kg": 1}),
+    "s": (Fraction(1), {"s": 1}),
+    "min": (Fraction(60), {"s": 1}),
+    "h": (Fraction(3600), {"s": 1}),
+    "d": (Fraction(86400), {"s": 1}),
+    "yr": (Fraction(31557600), {"s": 1}),  # Julian
+    "Hz": (Fraction(1), {"s": -1}),
+    "N": (Fraction(1), {"kg": 1, "m": 1, "s": -2}),
+    "Pa": (Fraction(1), {"kg": 1, "m": -1, "s": -2}),
+    "bar": (Fraction(10**5), {"kg": 1, "m": -1, "s": -2}),
+    "J": (Fraction(1), {"kg": 1, "m": 2, "s": -2}),
+    "rad": (Fraction(1), {"rad": 1}),
+    "deg": (Fraction(3.141592653589793) / 180, {"rad": 1}),
+    "%": (Fraction(1, 100), {}),
+    "1": (Fraction(1), {}),
+}
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.].*?)\s*")
+_FACTOR = re.compile(r"([A-Za-zµμ%]+|1)\^?(-?\d+)?")
+
+
+def parse(text: str, unit: str) -> float:
+    """The number in the unit of a key, from text such as "6 MPa".
+
+    Parameters
+    ----------
+    text : str
+        A number and a unit.
+    unit : str
+        That of the key, for example ``Pa``.
+
+    Raises
+    ------
+    ValueError
+        No number with a unit, an unknown unit, or one of another kind.
+    """
+    wanted, wanted_dimension = _unit(unit)
+    example = "'2 %'" if unit == "1" else f"'2 {unit}'"
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
+        raise ValueError(f"input should be a valid number, or one with a unit, such as {example}")
+    factor, dimension = _unit(found[2])
+    if dimension != wanted_dimension:
+        raise ValueError(f"a value in {unit} is wanted, and {found[2]} is of another kind; write for example {example}")
+    return float(Fraction(found[1]) * factor / wanted)
+
+
+def _unit(text: str) -> tuple[Fraction, Counter[str]]:
+    """Factor to SI and exponents of the base units."""
+    factor, dimension = Fraction(1), Counter[str]()
+    for number, part in enumerate(text.split("/")):
+        sign = -1 if number else 1
+        for symbol in part.replace("*", " ").replace("·", " ").split():
+            found = _FACTOR.fullmatch(symbol)
+            if found is None:
+                raise ValueError(f"unknown unit '{text}'")
+            scale, base = _symbol(found[1])
+            exponent = sign * int(found[2] or 1)
+            factor *= scale**exponent
+            dimension.update({name: exponent * power for name, power in base.items()})
+    return factor, Counter({name: power for name, power in dimension.items() if power})
+
+
+def _symbol(name: str) -> tuple[Fraction, dict[str, int]]:
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    if name[0] in _PREFIXES and name[1:] in _SYMBOLS and name[1:] not in ("%", "1", "min", "d", "yr", "deg", "t"):
+        scale, base = _SYMBOLS[name[1:]]
+        return _PREFIXES[name[0]] * scale, base
+    raise ValueError(f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, and n, u, m, c, k, M, G before them")
