@@ -6,7 +6,7 @@ A mesh source fills a `RawMesh` on rank 0; `ruptfx.bodies` splits it over the ra
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,9 @@ class RawMesh:
 
 class MeshSource(Alternative):
     """The contract of a way to make the bodies."""
+
+    example: ClassVar[str] = ""
+    """How a case gives it, a few elements large; the contract tests make it. Files are those of `tests/data`."""
 
     def build(self) -> RawMesh:
         """The mesh; called on rank 0 only.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -17,6 +17,8 @@ class BlockOnRigid(MeshSource):
 
     The interface is called `main`; the edges are `upper.left`, `upper.right` and `upper.top`.
     """
+
+    example: ClassVar[str] = '{ kind = "block_on_rigid", length = 12e-3, height = 4e-3, element_size = 1e-3 }'
 
     length: Length
     """Along x."""

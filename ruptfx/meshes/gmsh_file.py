@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -53,6 +53,10 @@ class GmshFile(MeshSource):
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
     where they cross or branch they are refused.
     """
+
+    example: ClassVar[str] = (
+        '{ kind = "gmsh_file", file = "two_bodies.geo", interfaces = { main = { plus = "upper", minus = "lower" } } }'
+    )
 
     file: CasePath
     """Mesh of Gmsh (`.msh`) or of a format that meshio reads, or a `.geo` script that Gmsh meshes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +20,8 @@ class HalfPlate(MeshSource):
     motion (opening, mode I) has no slip. The interface is called `main`, the edges are `upper.left`, `upper.right`
     and `upper.top`.
     """
+
+    example: ClassVar[str] = '{ kind = "half_plate", length = 12e-3, height = 4e-3, element_size = 1e-3 }'
 
     length: Length
     """Along x."""

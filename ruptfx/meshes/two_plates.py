@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +20,8 @@ class TwoPlates(MeshSource):
     The interface is called `main`; the edges are `upper.left`, `upper.right`, `upper.top`, `lower.left`,
     `lower.right` and `lower.bottom`.
     """
+
+    example: ClassVar[str] = '{ kind = "two_plates", length = 12e-3, height = 4e-3, element_size = 1e-3, growth = 1.3 }'
 
     length: Length
     """Along x."""
