@@ -7,23 +7,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ruptfx.number_files import two_columns
 from ruptfx.places import Center, HalfWidth, Position
-from ruptfx.schema import Bound, CaseError, Part, Unit
+from ruptfx.schema import Bound, CaseError, Part, Unit, has_mark
 
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
+
+
+class _OfKey:
+    """Marks fields that have the unit of the key that varies."""
+
+
+if TYPE_CHECKING:
+    Value = float
+else:
+    Value = Annotated[float, _OfKey()]
 
 
 class Constant(Part):
     """The same value everywhere."""
 
     kind: Literal["constant"] = "constant"
-    value: float
+    value: Value
     """The value, everywhere."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
@@ -34,9 +44,9 @@ class Boxcar(Part):
     """`inside` for |position - center| <= half_width, `outside` elsewhere."""
 
     kind: Literal["boxcar"]
-    inside: float
+    inside: Value
     """Value in the box."""
-    outside: float
+    outside: Value
     """Value beyond it."""
     center: Center
     """Middle of the box."""
@@ -53,9 +63,9 @@ class Gaussian(Part):
     """`background + amplitude exp(-((position - center) / width)**2 / 2)`."""
 
     kind: Literal["gaussian"]
-    background: float
+    background: Value
     """Value far away."""
-    amplitude: float
+    amplitude: Value
     """Added in the middle."""
     center: Center
     """Where it is largest."""
@@ -74,9 +84,9 @@ class Taper(Part):
     """
 
     kind: Literal["taper"]
-    inside: float
+    inside: Value
     """Value within half_width."""
-    outside: float
+    outside: Value
     """Value beyond half_width + width."""
     center: Center
     """Middle of the profile."""
@@ -102,9 +112,9 @@ class Cone(Part):
     """Change per distance."""
     center: Center
     """Where the tip is."""
-    tip: float = 0.0
+    tip: Value = 0.0
     """Value at the center."""
-    limit: float | None = None
+    limit: Value | None = None
     """Largest value."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
@@ -120,7 +130,7 @@ class Parabola(Part):
     """Of curvature at the tip."""
     center: Center
     """Where the tip is."""
-    tip: float = 0.0
+    tip: Value = 0.0
     """Value at the center."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
@@ -131,11 +141,11 @@ class Sinusoid(Part):
     """`mean + amplitude cos(2 pi position / wavelength + phase)`."""
 
     kind: Literal["sinusoid"]
-    amplitude: float
+    amplitude: Value
     """Of the cosine."""
     wavelength: PositiveMetre
     """Of the cosine."""
-    mean: float = 0.0
+    mean: Value = 0.0
     """Added to it."""
     phase: Annotated[float, Unit("rad")] = 0.0
     """Of the cosine at position 0."""
@@ -154,7 +164,7 @@ class SelfAffine(Part):
     """
 
     kind: Literal["self_affine"]
-    rms: Annotated[float, Field(ge=0)]
+    rms: Annotated[Value, Field(ge=0)]
     """Root mean square of the heights."""
     hurst: Annotated[float, Field(gt=0, lt=1), Unit("1")]
     """Hurst exponent."""
@@ -168,7 +178,7 @@ class SelfAffine(Part):
     """Without it, `longest`."""
     seed: Annotated[int, Field(ge=0)]
     """Of the random numbers."""
-    mean: float = 0.0
+    mean: Value = 0.0
     """Added to it."""
 
     @model_validator(mode="after")
@@ -205,9 +215,9 @@ class Random(Part):
     """
 
     kind: Literal["random"]
-    mean: float
+    mean: Value
     """Of the field."""
-    standard_deviation: Annotated[float, Field(ge=0)]
+    standard_deviation: Annotated[Value, Field(ge=0)]
     """Of the field; values beyond three of them are clipped."""
     correlation_length: PositiveMetre
     """Distance over which the correlation falls by 1/e."""
@@ -228,7 +238,7 @@ class RandomClasses(Part):
     """Discrete values drawn with given weights, one draw per cell of length `cell` along the interface."""
 
     kind: Literal["random_classes"]
-    values: list[float]
+    values: list[Value]
     """One of them for each cell."""
     weights: list[Annotated[float, Field(ge=0)]]
     """How often, relative to each other; one for each value."""
@@ -261,7 +271,7 @@ class Table(Part):
     """`cubic`: the spline whose curvature is continuous (not-a-knot ends), for measured surfaces."""
     positions: list[Position] = []
     """At least two, increasing."""
-    values: list[float] = []
+    values: list[Value] = []
     """One for each position."""
     extend: bool = False
     """Beyond the ends the first and the last value go on."""
@@ -326,13 +336,22 @@ KINDS: dict[str, type[Part]] = {
 }
 
 
-def varying(number: Any) -> Any:
+def varying(number: Any, unit: str) -> Any:
     """Field type: a number of the given type, or a table with the ``kind`` of a profile."""
+    of_key = Unit(unit)
 
     def tag(value: Any) -> str:
         if isinstance(value, Mapping):
             return f"<{value.get('kind')}>"
         return f"<{getattr(value, 'kind')}>" if isinstance(value, tuple(KINDS.values())) else "<number>"  # noqa: B009
+
+    def read(value: Any) -> Any:
+        """Texts in a table that have the unit of the key, as numbers."""
+        if not isinstance(value, Mapping) or value.get("kind") not in KINDS:
+            return value
+        cls = KINDS[value["kind"]]
+        marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
+        return {key: of_key.read(item) if key in marked else item for key, item in value.items()}
 
     members = [Annotated[number, Tag("<number>")], *(Annotated[cls, Tag(f"<{kind}>")] for kind, cls in KINDS.items())]
     return Annotated[
@@ -343,6 +362,8 @@ def varying(number: Any) -> Any:
             custom_error_message=f"a profile needs a 'kind', one of: {', '.join(KINDS)}",
         ),
         Bound(number),
+        BeforeValidator(read),
+        of_key,
     ]
 
 

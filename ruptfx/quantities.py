@@ -33,7 +33,7 @@ _SYMBOLS: dict[str, tuple[Fraction, dict[str, int]]] = {
     "%": (Fraction(1, 100), {}),
     "1": (Fraction(1), {}),
 }
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.].*?)\s*")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![eE][+-]?\d)\s*([^\d\s.].*?|1/.*?)\s*")
 _FACTOR = re.compile(r"([A-Za-zµμ%]+|1)\^?(-?\d+)?")
 
 

@@ -27,6 +27,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     SerializeAsAny,
     TypeAdapter,
@@ -38,9 +39,10 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ruptfx import RuptfxError
+from ruptfx.quantities import parse
 
 
 class CaseError(RuptfxError):
@@ -423,9 +425,35 @@ def first_line(described: object) -> str:
 
 
 class Unit(str):
-    """Unit of a field, as metadata of its type: ``Annotated[float, Unit("m")]``."""
+    """Unit of a field, as metadata of its type: ``Annotated[float, Unit("m")]``; text like "3 mm" becomes a number."""
 
     __slots__ = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        schema = dict(handler(core))
+        text = {"type": "string", "pattern": r"^\s*[-+.0-9]", "description": f"A number and its unit, as '2 {self}'."}
+        if schema.get("type") == "number":
+            return {"anyOf": [schema, text]}
+        if schema.get("type") == "array":
+            return schema | {"items": {"anyOf": [schema["items"], text]}}
+        for choices in ("oneOf", "anyOf"):
+            if choices in schema:
+                schema[choices] = [*schema[choices], text]
+        return schema
+
+    def read(self, value: Any) -> Any:
+        """Text with a unit as a number, alone or in a list; everything else as it is.
+
+        Raises
+        ------
+        ValueError
+        """
+        if isinstance(value, str):
+            return parse(value, self)
+        return [self.read(item) for item in value] if isinstance(value, list) else value
 
 
 def unit_of(part: type[Part], name: str) -> str:

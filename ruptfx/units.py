@@ -1,6 +1,7 @@
 """Annotated scalar types: a field says its unit and its bound once, and errors and `describe` repeat them.
 
-SI everywhere. Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface.
+SI everywhere. Text with a unit, as "6 MPa", becomes a number.
+Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface.
 """
 
 from __future__ import annotations
@@ -48,15 +49,15 @@ if TYPE_CHECKING:
     VaryingDelay = Any
     VaryingInstant = Any
 else:
-    VaryingStress = Annotated[varying(float), Unit("Pa")]
-    VaryingPressure = Annotated[varying(NonNegative), Unit("Pa")]
-    VaryingCoefficient = Annotated[varying(NonNegative), Unit("1")]
-    VaryingExponent = Annotated[varying(Positive), Unit("1")]
-    VaryingRatio = Annotated[varying(NonNegative), Unit("1")]
-    VaryingLength = Annotated[varying(Positive), Unit("m")]
-    VaryingGap = Annotated[varying(NonNegative), Unit("m")]
-    VaryingSpeed = Annotated[varying(Positive), Unit("m/s")]
-    VaryingVelocity = Annotated[varying(NonNegative), Unit("m/s")]
-    VaryingTime = Annotated[varying(Positive), Unit("s")]
-    VaryingDelay = Annotated[varying(NonNegative), Unit("s")]
-    VaryingInstant = Annotated[varying(float), Unit("s")]
+    VaryingStress = varying(float, "Pa")
+    VaryingPressure = varying(NonNegative, "Pa")
+    VaryingCoefficient = varying(NonNegative, "1")
+    VaryingExponent = varying(Positive, "1")
+    VaryingRatio = varying(NonNegative, "1")
+    VaryingLength = varying(Positive, "m")
+    VaryingGap = varying(NonNegative, "m")
+    VaryingSpeed = varying(Positive, "m/s")
+    VaryingVelocity = varying(NonNegative, "m/s")
+    VaryingTime = varying(Positive, "s")
+    VaryingDelay = varying(NonNegative, "s")
+    VaryingInstant = varying(float, "s")

@@ -1,0 +1,74 @@
+"""Numbers with units as text: in keys, lists and profiles; the same bits as the number in SI."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from small_cases import merged, plates
+
+from ruptfx.case import parse_case
+from ruptfx.quantities import parse
+from ruptfx.schema import CaseError
+
+
+@pytest.mark.parametrize(
+    "text, unit, number",
+    [
+        ("60 us", "s", 60e-6),  # 60 * 1e-6 in floating point is 5.9999999999999995e-05
+        ("6 MPa", "Pa", 6e6),
+        ("0.3bar", "Pa", 0.3e5),
+        ("-2.5e-1 km", "m", -250.0),
+        ("300 MPa/mm", "Pa/m", 3e11),
+        ("1.246 g/cm3", "kg/m3", 1246.0),
+        ("2 km/s", "m/s", 2e3),
+        ("300 kHz", "1/s", 3e5),
+        ("5 1/ms", "1/s", 5e3),
+        ("22.6 kN/m", "N/m", 22.6e3),
+        ("3 N m", "N m", 3.0),
+        ("1 min", "s", 60.0),
+        ("30 s", "min", 0.5),
+        ("2 %", "1", 0.02),
+        ("180 deg", "rad", 3.141592653589793),
+    ],
+)
+def test_numbers_with_units(text: str, unit: str, number: float) -> None:
+    assert parse(text, unit) == number
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("60e-6", "input should be a valid number, or one with a unit, such as '2 s'"),
+        ("soon", "input should be a valid number"),
+        ("60 mm", "a value in s is wanted, and mm is of another kind"),
+        ("6 parsec", "unknown unit 'parsec'; known: m, g"),
+        ("6 kmin", "unknown unit 'kmin'"),
+    ],
+)
+def test_what_is_no_time(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        parse(text, "s")
+
+
+def test_wherever_a_number_with_a_unit_stands() -> None:
+    profile: dict[str, Any] = {"kind": "boxcar", "center": "3 cm", "half_width": "5 mm"}
+    wave = {"kind": "ricker", "frequency": "300 kHz", "delay": "4 us"}
+    edge = {"kind": "traction", "edge": "upper.top"}
+
+    def case(times: bool) -> dict[str, Any]:
+        return merged(plates(), {
+            "duration": "20 us" if times else 20e-6,
+            "faults.main.initial_stress.normal": profile | {"inside": "6 MPa" if times else 6e6, "outside": 5e6},
+            "boundaries": [edge | {"traction": ["1 kPa" if times else 1e3, 0.0], "history": wave}],
+        })  # fmt: skip
+
+    assert parse_case(case(True)) == parse_case(case(False))
+    assert parse_case(case(True)).hash == parse_case(case(False)).hash
+    assert parse_case(case(True)).faults["main"].initial_stress.normal.center == 0.03
+
+
+def test_bounds_hold_for_text() -> None:
+    for value, message in (("-6 us", "greater than 0"), ("6 MPa", "another kind")):
+        with pytest.raises(CaseError, match=f"duration = '?{value[:2]}.*{message}"):
+            parse_case(plates({"duration": value}))
