@@ -2,23 +2,103 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from math import sqrt
 from typing import Any
 
 import numpy as np
+from pydantic import GetJsonSchemaHandler, ValidationError, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from ruptfx.materials import Material, Plane, WaveSpeeds
-from ruptfx.units import Modulus, PoissonRatio
+from ruptfx.schema import CaseError, Part
+from ruptfx.units import Density, Modulus, PoissonRatio, Speed
+
+
+class ByShearModulus(Part):
+    """The shear modulus instead of Young's."""
+
+    shear_modulus: Modulus
+    """G; with poisson_ratio it stands for Young's modulus."""
+    poisson_ratio: PoissonRatio
+    """Poisson's ratio."""
+
+    def young_and_poisson(self) -> tuple[float, float]:
+        """E = 2 G (1 + nu)."""
+        return 2 * self.shear_modulus * (1 + self.poisson_ratio), self.poisson_ratio
+
+
+class ByWaveSpeeds(Part):
+    """Wave speeds instead of moduli."""
+
+    density: Density
+    """Mass per volume."""
+    c_p: Speed
+    """Speed of P waves in plane strain and 3D, not that of a plate; with c_s it stands for both moduli."""
+    c_s: Speed
+    """Speed of S waves; with c_p it stands for both moduli."""
+
+    def young_and_poisson(self) -> tuple[float, float]:
+        """G = rho c_s^2, nu = (r - 2) / (2 (r - 1)) with r = (c_p / c_s)^2.
+
+        Raises
+        ------
+        ValueError
+            No bulk modulus goes with these speeds.
+        """
+        r = (self.c_p / self.c_s) ** 2
+        if r <= 4 / 3:
+            raise ValueError(f"c_p = {self.c_p:g}: must be more than sqrt(4/3) c_s = {sqrt(4 / 3) * self.c_s:g}")
+        nu = (r - 2) / (2 * (r - 1))
+        return 2 * self.density * self.c_s**2 * (1 + nu), nu
 
 
 class IsotropicElastic(Material):
-    """Isotropic linear elasticity (Hooke's law)."""
+    """Isotropic linear elasticity (Hooke's law).
+
+    Instead of young_modulus and poisson_ratio a case may give shear_modulus and poisson_ratio, or c_p and c_s, the wave
+    speeds of the bulk (in plane strain and 3D; `ruptfx check` shows those of the case). The resolved case holds
+    young_modulus and poisson_ratio.
+    """
 
     young_modulus: Modulus
     """Young's modulus."""
     poisson_ratio: PoissonRatio
     """Poisson's ratio."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_other_constants(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        for other in (ByShearModulus, ByWaveSpeeds):
+            asked = [key for key in values if key in other.model_fields and key not in cls.model_fields]
+            if not asked:
+                continue
+            keys = [key for key in other.model_fields if key != "density"]
+            wrong = [key for key in ("young_modulus", "poisson_ratio") if key in values and key not in keys]
+            if wrong:
+                raise ValueError(f"give either {' and '.join(keys)} or {' and '.join(wrong)}")
+            try:
+                given = other.model_validate({key: values[key] for key in other.model_fields if key in values})
+            except ValidationError as error:
+                raise ValueError("; ".join(str(CaseError.from_validation(error)).splitlines())) from None
+            young, nu = given.young_and_poisson()
+            rest = {key: value for key, value in values.items() if key not in keys}
+            return {**rest, "young_modulus": young, "poisson_ratio": nu}
+        return values
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """With the keys that may be given instead."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        entry = handler.resolve_ref_schema(schema)
+        for other in (ByShearModulus, ByWaveSpeeds):
+            entry["properties"] = {**other.model_json_schema()["properties"], **entry["properties"]}
+        entry["required"] = ["density"]
+        return schema
 
     @property
     def shear_modulus(self) -> float:

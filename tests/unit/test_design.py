@@ -200,7 +200,7 @@ def test_profile(monkeypatch: pytest.MonkeyPatch) -> None:
     """A quarter of a wavelength from the origin it is at its crest."""
     monkeypatch.setitem(profiles.KINDS, "sine", executed("Profile")["Sine"])
     table = {"kind": "sine", "mean": 3.0, "amplitude": 2.0, "wavelength": 4e-3}
-    value = TypeAdapter(profiles.varying(float)).validate_python(table)
+    value = TypeAdapter(profiles.varying(float, "1")).validate_python(table)
     assert profiles.evaluate(value, np.array([0.0, 1e-3, 3e-3])) == pytest.approx([3.0, 5.0, 1.0])
 
 

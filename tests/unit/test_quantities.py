@@ -72,3 +72,35 @@ def test_bounds_hold_for_text() -> None:
     for value, message in (("-6 us", "greater than 0"), ("6 MPa", "another kind")):
         with pytest.raises(CaseError, match=f"duration = '?{value[:2]}.*{message}"):
             parse_case(plates({"duration": value}))
+
+
+def test_elastic_constants_in_other_words() -> None:
+    """E = 2 G (1 + nu); from G = rho c_s^2 and (c_p / c_s)^2 = 2 (1 - nu) / (1 - 2 nu)."""
+    rock = {"kind": "isotropic_elastic", "density": 2670.0}
+    by_shear = material(rock | {"shear_modulus": "32 GPa", "poisson_ratio": 0.25})
+    assert (by_shear.young_modulus, by_shear.poisson_ratio) == (80e9, 0.25)
+    by_speeds = material(rock | {"c_p": "6 km/s", "c_s": 6e3 / 3**0.5})  # nu = 1/4: c_p^2 = 3 c_s^2
+    assert by_speeds.poisson_ratio == pytest.approx(0.25, rel=1e-14)
+    assert by_speeds.young_modulus == pytest.approx(2.5 * 2670 * 12e6, rel=1e-14)
+    assert by_speeds.wave_speeds("strain").c_p == pytest.approx(6e3, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "keys, message",
+    [
+        ({"c_p": 6e3}, "c_s: this key is required and missing"),
+        ({"c_p": 6e3, "c_s": 6e3}, "c_p = 6000: must be more than sqrt(4/3) c_s = 6928.2"),
+        ({"c_p": 6e3, "c_s": -1.0}, "c_s = -1.0: input should be greater than 0"),
+        ({"c_p": 6e3, "c_s": 3e3, "poisson_ratio": 0.2}, "give either c_p and c_s or poisson_ratio"),
+        ({"shear_modulus": 1e9, "young_modulus": 1e9, "poisson_ratio": 0.2}, "give either shear_modulus and"),
+        ({"shear_modulus": "1 m", "poisson_ratio": 0.2}, "a value in Pa is wanted"),
+    ],
+)
+def test_elastic_constants_that_do_not_fit(keys: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError) as caught:
+        material({"kind": "isotropic_elastic", "density": 2670.0} | keys)
+    assert "materials.default" in str(caught.value) and message in str(caught.value)
+
+
+def material(table: dict[str, Any]) -> Any:
+    return parse_case(plates() | {"materials": {"default": table}}).materials["default"]
