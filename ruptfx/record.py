@@ -2,7 +2,7 @@
 
 A run directory holds ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
 with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
-``run.log``, ``figures/`` and, written last, ``summary.json``: a run that has it is complete.
+``run.log`` and, written last, ``summary.json``: a run that has it is complete. ``figures/`` follow.
 """
 
 from __future__ import annotations

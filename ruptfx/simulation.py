@@ -25,11 +25,13 @@ from ruptfx.recording.recorder import Recorder, versions, write_summary
 from ruptfx.state import State
 from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules
+from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
     import xarray
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
+PAINTERS = 4  # ranks that draw; each has to import what that takes
 
 
 class Interrupted(RuptfxError):  # noqa: N818
@@ -38,20 +40,21 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @overload
 def simulate(
-    case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False
+    case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False,
+    complete: Callable[[], None] = lambda: None,
 ) -> Record: ...
 
 
 @overload
 def simulate(
     case: LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
-    resume: bool = False,
+    resume: bool = False, complete: Callable[[], None] = lambda: None,
 ) -> xarray.Dataset: ...  # fmt: skip
 
 
 def simulate(
     case: Case | LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
-    resume: bool = False,
+    resume: bool = False, complete: Callable[[], None] = lambda: None,
 ) -> Record | xarray.Dataset:  # fmt: skip
     """Run a case and leave a complete run directory.
 
@@ -68,6 +71,8 @@ def simulate(
     resume : bool
         Go on from the newest checkpoint in `out`, on any number of ranks; from the beginning if it was stopped
         before the first; not at all if it is complete. It must be a run of the same case.
+    complete : callable
+        Called on rank 0 when the run is complete, before its figures are drawn.
 
     Returns
     -------
@@ -87,27 +92,36 @@ def simulate(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
     ))  # fmt: skip
     if resume and run_directory.is_finished(comm, out, case):
+        if comm.rank == 0:
+            complete()
         return Record(out)
     with run_directory.reserved(comm, out):
         checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
         if checkpoint is None and not resume:
             run_directory.prepare(comm, out)
         began = time.perf_counter()
-        model = Model(case, comm)
+        with phase("model"):
+            model = Model(case, comm)
         if checkpoint is None and resume:  # only now that the case is known to run, what was there before may go
             run_directory.prepare(comm, out, again=case)
         _run(model, out, progress, checkpoint, began)
+        if comm.rank == 0:
+            complete()
+        if case.output.figures:
+            _draw(comm, out)
     return Record(out)
 
 
 def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
     """The time loop, in a directory that is ready."""
     case, comm = model.case, model.comm
-    motion = case.stepper.bind(model)
-    state = model.initial_state()
-    if checkpoint:
-        checkpoint.restore(model, state)
+    with phase("model"):
+        motion = case.stepper.bind(model)
+        state = model.initial_state()
+        if checkpoint:
+            checkpoint.restore(model, state)
     with (
+        phase("steps"),
         Recorder(model, motion, out, checkpoint) as recorder,
         Signals() as signals,
         Progress(case.duration, progress and comm.rank == 0) as bar,
@@ -209,18 +223,15 @@ class Signals:
             signal.signal(number, handler)
 
 
+@phase("end")
 def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
-    """Analysis, figures and, last, the marker; rank 0 works, all ranks learn of an error."""
+    """Analysis and the marker; rank 0 works, all ranks learn of an error."""
 
     def finish() -> None:
-        from ruptfx import plots
         from ruptfx.analysis import summarise
 
-        record = Record(out)
-        findings = summarise(record)
-        if model.case.output.figures:
-            plots.save_all(record)
-        record.close()
+        with Record(out) as record:
+            findings = summarise(record)
         found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
         write_summary(out, {
             **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": found,
@@ -228,3 +239,18 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
         })  # fmt: skip
 
     parallel.on_root(model.comm, finish)
+
+
+@phase("figures")
+def _draw(comm: fem.MPI.Comm, out: Path) -> None:
+    """Figures of a complete run, shared among the first ranks; all learn of an error."""
+    painters, error = min(comm.size, PAINTERS), None
+    if comm.rank < painters:
+        from ruptfx import plots
+
+        try:
+            with Record(out) as record:
+                plots.save_all(record, share=(comm.rank, painters))
+        except Exception as caught:
+            error = caught
+    parallel.raise_on_all(comm, error)

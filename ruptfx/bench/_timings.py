@@ -33,12 +33,13 @@ print(json.dumps([t - began for t in (imported, built, time.perf_counter())]))
 """
 
 
-def fault_case(spacing: float, half: bool) -> dict[str, Any]:
-    """In-plane slip weakening in uniform stress, order 5, nodes that far apart [m]; whole or antisymmetric half."""
+def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> dict[str, Any]:
+    """In-plane slip weakening in uniform stress, order 5, nodes that far apart [m]; whole or antisymmetric half of
+    a body that high [m]."""
     edges = ["upper.left", "upper.right", "upper.top"]
     if not half:
         edges += ["lower.left", "lower.right", "lower.bottom"]
-    mesh = {"length": 2 * HALF, "height": HEIGHT, "left": -HALF, "element_size": 5 * spacing}
+    mesh = {"length": 2 * HALF, "height": height, "left": -HALF, "element_size": 5 * spacing}
     return {
         "plane": "strain", "order": 5, "duration": DURATION, "positions": "x",
         "mesh": {"kind": "half_plate" if half else "two_plates", **mesh},

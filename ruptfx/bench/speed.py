@@ -19,6 +19,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, launch, native
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._timings import start_up, time_to_error
+from ruptfx.bench._whole_runs import whole_runs
 from ruptfx.case import Case
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes.two_plates import TwoPlates
@@ -55,7 +56,8 @@ def run(fine: bool, comm: Any) -> Outcome:
     Rows hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
     ratio_to_stock_ufl_form (the form compiled with DOLFINx's own flags instead of ours for this processor),
     ratio_to_petsc, ratio_to_bandwidth, interface_share; for several ranks efficiency, and independent_efficiency of as
-    many problems that share nothing but the machine. None where not measured.
+    many problems that share nothing but the machine. None where not measured. Rows of whole runs follow, see
+    `whole_runs`.
     """
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
@@ -86,7 +88,8 @@ def run(fine: bool, comm: Any) -> Outcome:
     checks += time_to_error(fine)
     if fine:
         checks += start_up()
-    return Outcome(checks, None, rows)
+    phases, reached = whole_runs(fine)
+    return Outcome(checks + reached, None, rows + phases)
 
 
 def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> dict[str, Any]:

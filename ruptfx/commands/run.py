@@ -52,6 +52,7 @@ def run(
                 simulate_lumped(parsed, out, progress)
             if not quiet:
                 _show_summary(out)
+                _show_pictures(out)
         return
     with reported():
         from ruptfx import fem
@@ -61,9 +62,10 @@ def run(
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate
 
-        simulate(parsed, out, comm, progress=not quiet, resume=resume)
+        told = {} if quiet else {"complete": lambda: _show_summary(out)}
+        simulate(parsed, out, comm, progress=not quiet, resume=resume, **told)
         if comm.rank == 0 and not quiet:
-            _show_summary(out)
+            _show_pictures(out)
 
 
 def _show_summary(out: Path) -> None:
@@ -74,5 +76,8 @@ def _show_summary(out: Path) -> None:
             table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value))
     screen.print(table)
     screen.print(f"Run directory: {out}")
+
+
+def _show_pictures(out: Path) -> None:
     pictures = sorted((out / "figures").glob("*.png"))
     screen.print(f"Pictures: {out / 'figures'} ({', '.join(p.name for p in pictures)})", soft_wrap=True)

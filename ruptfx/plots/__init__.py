@@ -38,13 +38,16 @@ def suits(name: str, record: Record) -> bool:
     return bool(_FILES[name].suits(record))
 
 
-def all_figures(record: Record) -> dict[str, Figure]:
-    """Every figure that suits the run, by name."""
-    return {name: draw(record) for name, draw in FIGURES.items() if suits(name, record)}
+def all_figures(record: Record, share: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
+    """Every figure that suits the run, by name; of several processes that draw, the share (number, of how many)."""
+    number, of = share
+    suiting = [name for name in FIGURES if suits(name, record)]
+    return {name: FIGURES[name](record) for name in suiting[number::of]}
 
 
 def save_all(
-    record: Record, directory: str | Path | None = None, formats: Sequence[str] = ("png",)
+    record: Record, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
+    share: tuple[int, int] = (0, 1),
 ) -> list[Path]:
     """Draw and save every figure.
 
@@ -55,6 +58,8 @@ def save_all(
         Where to; default is ``figures`` in the run directory.
     formats : sequence of str
         File types, for example ``("png", "pdf")``.
+    share : (int, int)
+        The number of this process, from 0, and how many draw together.
 
     Returns
     -------
@@ -71,7 +76,7 @@ def save_all(
     try:
         target.mkdir(parents=True, exist_ok=True)
         with matplotlib.rc_context(STYLE):
-            for name, figure in all_figures(record).items():
+            for name, figure in all_figures(record, share).items():
                 for kind in formats:
                     figure.savefig(target / f"{name}.{kind}", format=kind)
                     paths.append(target / f"{name}.{kind}")

@@ -20,6 +20,7 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, __version__, fem, parallel
+from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -68,9 +69,10 @@ class Checkpoints:
         """
         model = self._model
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
-        arrays = {name: model.layout.gather(values) for name, values in nodal.items()}
-        faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
-        energy = model.comm.gather(state.energy, root=0)
+        with phase("gathering"):
+            arrays = {name: model.layout.gather(values) for name, values in nodal.items()}
+            faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
+            energy = model.comm.gather(state.energy, root=0)
         self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
         self._last = time.monotonic()
 

@@ -1,7 +1,7 @@
 """What a run leaves behind: interface histories, bulk snapshots, the energy table, the log, the final marker.
 
 All files are written by rank 0 in an order that does not depend on the partition. A run directory is complete when
-`summary.json` is there: it is written last, to a temporary name, and renamed.
+`summary.json` is there: it is written last, to a temporary name, and renamed. Only figures follow.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.interface_file import InterfaceFile
+from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -81,10 +82,12 @@ class Recorder:
         return bool(state.fault_time >= self._times["interface"][-1])
 
     def __enter__(self) -> Recorder:
-        places = [
-            _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T]) for f in self.model.faults
-        ]
-        topology = self._bulk.topology()
+        with phase("gathering"):
+            places = [
+                _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T])
+                for f in self.model.faults
+            ]
+            topology = self._bulk.topology()
         self.write_on_root(lambda: self._open(places, topology))
         return self
 
@@ -139,6 +142,7 @@ class Recorder:
             **versions(),
         }  # fmt: skip
 
+    @phase("writing")
     def write_on_root(self, write: Callable[[], None]) -> None:
         """Write on rank 0; a full or vanished disk stops all ranks with a message."""
 
@@ -182,14 +186,17 @@ class Recorder:
         """Save what is due at this step; collective."""
         if self._reached("interface", state):
             self._passed("interface", state)
-            fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
-            energy = self._motion.energies(state)
+            with phase("gathering"):
+                fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
+            with phase("energies"):
+                energy = self._motion.energies(state)
             self.last = state.fault_time
             self.write_on_root(lambda: self._append(self.last, fields, state.at_velocity()[0], energy))
             self.records += 1
         if self._reached("bulk", state):
             self._passed("bulk", state)
-            snapshot = self._bulk.gather(state)
+            with phase("gathering"):
+                snapshot = self._bulk.gather(state)
             self.write_on_root(lambda: self._bulk.append(state.at_velocity()[0], snapshot))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
@@ -215,6 +222,7 @@ class Recorder:
         self._table.writerow([repr(v) for v in (balanced, *(energy[name] for name in ENERGIES), closure)])
         self._energy.flush()
 
+    @phase("writing")
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
         if self.model.comm.rank == 0:
             if error is not None:
