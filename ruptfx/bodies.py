@@ -3,18 +3,40 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.schema import nearest
 
+Facets = tuple[np.ndarray, np.ndarray]  # of both sides, vertex by vertex
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two edges whose nodes move alike.
+
+    Attributes
+    ----------
+    key : str
+        Of the case, for messages.
+    first, second : str
+    shift : ndarray, shape (dim,)
+        From the first to the second [m].
+    """
+
+    key: str
+    first: str
+    second: str
+    shift: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -35,6 +57,7 @@ class Bodies:
     interfaces : list of str
     one_sided : dict of str to str
         As in `RawMesh`.
+    ties : list of Tie
     """
 
     mesh: Any
@@ -44,6 +67,7 @@ class Bodies:
     tags: dict[str, int]
     interfaces: list[str]
     one_sided: dict[str, str]
+    ties: list[Tie] = field(default_factory=list)
 
     @property
     def edges(self) -> list[str]:
@@ -62,21 +86,37 @@ class Bodies:
         return self.tags[edge]
 
 
-def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
+def distribute(
+    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None
+) -> Bodies:
     """Build the mesh on rank 0 and split it over the ranks.
 
     Both sides of every interface point end on the same rank: the dual graph is partitioned with the two sides
     glued together, the minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches
-    one of its vertices without owning it.
+    one of its vertices without owning it. Tied edges are treated in the same way.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    source : MeshSource
+    tied : dict of str to (str, str), optional
+        By key of the case: edges whose nodes move alike.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks.
     """
     raw: RawMesh | None = None
     error: Exception | None = None
+    pairs: dict[str, Facets] = {}
     if comm.rank == 0:
         try:
             raw = source.build()
             check_orientation(raw)
             check_facets(raw)
             check_pairs(raw)
+            pairs = {key: tied_facets(raw, key, *edges) for key, edges in (tied or {}).items()}
         except Exception as caught:
             error = caught
     parallel.raise_on_all(comm, error)
@@ -84,14 +124,18 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
     if raw is not None:
         named = named_facets(raw)
         faces = list(raw.interfaces)
-        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, faces, raw.one_sided, named)
-    cell, dim, bodies, cell_body, interfaces, one_sided, named = comm.bcast(described, root=0)
+        ties = [
+            Tie(key, *edges, (raw.points[b] - raw.points[a]).mean(axis=(0, 1)))
+            for (key, edges), (a, b) in zip((tied or {}).items(), pairs.values(), strict=True)
+        ]
+        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, faces, raw.one_sided, named, ties)
+    cell, dim, bodies, cell_body, interfaces, one_sided, named, ties = comm.bcast(described, root=0)
 
     def partitioner(_: Any, parts: int, *__: Any) -> Any:
         if raw is None:
             lists = fem.dolfinx.graph.adjacencylist(np.zeros(0, np.int32), np.zeros(1, np.int32))
         else:
-            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts))
+            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts, list(pairs.values())))
         return getattr(lists, "_cpp_object", lists)
 
     cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, VERTICES[cell]), np.int64)
@@ -100,7 +144,7 @@ def distribute(comm: fem.MPI.Comm, source: MeshSource) -> Bodies:
     facets, tags = _tag_facets(mesh, named)
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
-    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties)
 
 
 def check_orientation(raw: RawMesh) -> None:
@@ -173,19 +217,53 @@ def check_pairs(raw: RawMesh) -> None:
     )  # fmt: skip
 
 
-def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
+def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
+    """Facets of two edges that are the same but for a shift, in the same order, vertex by vertex.
+
+    Raises
+    ------
+    RuptfxError
+        No such edge; or a vertex of the second that has no partner.
+    """
+    for name, edge in (("first", first), ("second", second)):
+        if edge not in raw.edges:
+            raise RuptfxError(f"{key}.{name} = '{edge}': no such edge, {nearest(edge, list(raw.edges))}")
+    here, there = (np.unique(raw.edges[edge]) for edge in (first, second))
+    low, high = (
+        np.stack([raw.points[nodes].min(axis=0), raw.points[nodes].max(axis=0)]) for nodes in (here, there)
+    )
+    shift = (high - low).mean(axis=0)
+    distance, partner = cKDTree(raw.points[here]).query(raw.points[there] - shift)
+    lonely, extent = int(np.argmax(distance)), float(np.ptp(raw.points, axis=0).max())
+    facets = here[partner][np.searchsorted(there, raw.edges[second])]
+    same = {frozenset(facet) for facet in facets.tolist()} == {frozenset(f) for f in raw.edges[first].tolist()}
+    if not np.any(shift) or distance[lonely] > 1e-8 * extent or len(here) != len(there) or not same:
+        x = ", ".join(f"{value:.6g}" for value in raw.points[there[lonely]])
+        raise RuptfxError(
+            f"{key}: '{first}' ({len(here)} vertices) and '{second}' ({len(there)}) are not the same edge shifted by "
+            f"({', '.join(f'{value:.6g}' for value in shift)}) m: the vertex of '{second}' at ({x}) m is "
+            f"{distance[lonely]:.3g} m from its nearest partner, at most {1e-8 * extent:.1g} m is allowed. Mesh both "
+            "edges alike; in Gmsh with 'Periodic Curve {...} = {...} Translate {...};' (in 3D 'Periodic Surface')"
+        )
+    return facets, raw.edges[second]
+
+
+def destinations(raw: RawMesh, parts: int, tied: Sequence[Facets] = ()) -> tuple[np.ndarray, np.ndarray]:
     """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
     count = len(raw.cells)
     if parts == 1:
         return np.zeros(count, np.int32), np.arange(count + 1, dtype=np.int32)
+    joined = [*raw.interfaces.values(), *tied]
     glued = np.arange(len(raw.points))
-    for plus, minus in raw.interfaces.values():
+    for plus, minus in joined:
         glued[minus] = plus
+    while np.any(glued[glued] != glued):  # corners of tied edges at an interface
+        glued = glued[glued]
     cells = glued[raw.cells]
     owner = _partition_graph(raw.cell, cells, parts)
     facet_cell = _cell_of_facets(raw)
     pairs = []
-    for plus, minus in raw.interfaces.values():
+    for plus, minus in joined:
         pairs.append(np.stack([facet_cell(plus), facet_cell(minus)], axis=1))
     ghosts: dict[int, set[int]] = defaultdict(set)
     if pairs:
@@ -196,8 +274,8 @@ def destinations(raw: RawMesh, parts: int) -> tuple[np.ndarray, np.ndarray]:
         leader = np.empty(len(cells), dtype=np.int64)
         leader[group[together[::-1, 0]]] = together[::-1, 0]
         owner[together] = owner[leader[group[together]]]
-        facets = np.concatenate([plus for plus, _ in raw.interfaces.values()])
-        _ghost_pairs(cells, owner, glued[facets], together, ghosts)
+        facets = np.concatenate([plus for plus, _ in joined])
+        _ghost_pairs(cells, owner, glued[facets], together, group, ghosts)
     lists = [[rank, *sorted(ghosts[cell] - {rank})] if cell in ghosts else [rank] for cell, rank in enumerate(owner)]
     offsets = np.concatenate([[0], np.cumsum([len(item) for item in lists])])
     return np.concatenate(lists).astype(np.int32), offsets.astype(np.int32)
@@ -245,9 +323,11 @@ def _cell_of_facets(raw: RawMesh) -> Any:
 
 
 def _ghost_pairs(
-    cells: np.ndarray, owner: np.ndarray, facets: np.ndarray, pairs: np.ndarray, ghosts: dict[int, set[int]]
-) -> None:
-    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there."""
+    cells: np.ndarray, owner: np.ndarray, facets: np.ndarray, pairs: np.ndarray, group: np.ndarray,
+    ghosts: dict[int, set[int]],
+) -> None:  # fmt: skip
+    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there; with it
+    goes all that hangs together with it."""
     on_interface = np.zeros(cells.max() + 1, dtype=bool)
     on_interface[facets] = True
     touching: dict[int, set[int]] = defaultdict(set)
@@ -258,11 +338,14 @@ def _ghost_pairs(
     for pair, facet in enumerate(facets.tolist()):
         for vertex in facet:
             pairs_at[vertex].append(pair)
+    members: dict[int, set[int]] = defaultdict(set)
+    for cell in pairs.ravel().tolist():
+        members[int(group[cell])].add(cell)
     for vertex, ranks in touching.items():
         holders = {int(owner[pairs[pair, 0]]) for pair in pairs_at[vertex]}
         for rank in ranks - holders:
-            for cell in pairs[pairs_at[vertex][0]]:
-                ghosts[int(cell)].add(rank)
+            for cell in members[int(group[pairs[pairs_at[vertex][0], 0]])]:
+                ghosts[cell].add(rank)
 
 
 def _tag_facets(mesh: Any, named: dict[str, np.ndarray]) -> tuple[Any, dict[str, int]]:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
-from ruptfx.bodies import Bodies
+from ruptfx.nodes import Nodes
 
 Measure = Literal["x", "arc length", "first tangent"]
 FLAT = 1e-6  # departure from a plane, and of a direction from x, that a position does not notice: of the second order
@@ -195,18 +195,18 @@ class Interface:
         return float(position[best] + part[best] * (position[best + 1] - position[best])), feet[best]
 
 
-def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: str) -> Interface:
+def build_interface(nodes: Nodes, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
     Where interfaces follow each other the point they share belongs to the one that comes first in `bodies.interfaces`,
     with the area and the normal of both, as if they were one. Where an interface ends inside welded bodies its end has
-    one node, hence no jump, and is not a point of it.
+    one node, hence no jump, and is not a point of it. Its two ends at tied edges are one point, with the area and the
+    normal of both.
 
     Parameters
     ----------
-    space : FunctionSpace
-        Blocked displacement space.
-    bodies : Bodies
+    nodes : Nodes
+        Of the displacement.
     name : str
 
     Raises
@@ -214,32 +214,37 @@ def build_interface(space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, name: 
     RuptfxError
         On all ranks, when a node of one side has no partner on the other.
     """
-    mesh = space.mesh
-    comm, dim = mesh.comm, mesh.geometry.dim
-    components = space.dofmap.index_map_bs
-    coordinates = space.tabulate_dof_coordinates()[:, :dim]
+    space, bodies, coordinates, components = nodes.space, nodes.bodies, nodes.coordinates, nodes.components
+    comm, dim = nodes.comm, coordinates.shape[1]
     other_side = bodies.one_sided.get(name, "meshed")
 
-    def nodes(side: str) -> np.ndarray:
+    def of_side(side: str) -> np.ndarray:
         return fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, bodies.facets.find(bodies.tags[side]))
 
-    plus, minus, error = _pair(coordinates, nodes(f"{name}.plus"), nodes(f"{name}.minus"), name)
+    plus, minus, error = _pair(coordinates, of_side(f"{name}.plus"), of_side(f"{name}.minus"), name)
     parallel.raise_on_all(comm, error)
     alike = [other for other in bodies.interfaces if (other in bodies.one_sided) == (name in bodies.one_sided)]
     tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
-    normal, weight = _normals_and_weights(space, bodies.facets, tags, minus)
+    normal, weight = _normals_and_weights(nodes, tags, minus)
     if other_side != "meshed":
         normal = -normal  # that of the plus body points the other way
     if other_side in ("antisymmetric", "symmetric"):
         weight = 0.5 * weight
-    owned = plus < space.dofmap.index_map.size_local
+    owned = plus < nodes.owned
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = np.round(coordinates[plus] / extent, 13) * extent + 0.0  # no minus zero
     position, number, total, line = _order(comm, points, owned, normal)
     taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
     for earlier in bodies.interfaces[: bodies.interfaces.index(name)]:
-        taken |= np.isin(plus, nodes(f"{earlier}.plus"))
+        taken |= np.isin(plus, of_side(f"{earlier}.plus"))
+    taken |= np.isin(plus, nodes.copies)
+    tied = np.concatenate([nodes.kept, nodes.copies])
+    half = np.isin(plus, tied) != np.isin(minus, tied)
+    if np.any(half):
+        x = ", ".join(f"{value:.6g}" for value in points[np.argmax(half)])
+        error = RuptfxError(f"interface '{name}' at ({x}) m: an edge of one side is tied; tie those of both bodies")
+    parallel.raise_on_all(comm, error)
     gone = np.sort(parallel.share_rows(comm, number[owned & taken]))
     number, total = number - np.searchsorted(gone, number), total - len(gone)
     frame = local_frame(normal) if components > 1 else np.ones((len(plus), 1, 1))
@@ -277,16 +282,14 @@ def _pair(
     return plus, minus[partner], None
 
 
-def _normals_and_weights(
-    space: fem.dolfinx.fem.FunctionSpace, facets: fem.dolfinx.mesh.MeshTags, tags: tuple[int, ...], nodes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normal out of the minus body and area of every node, summed over its facets and ranks."""
-    mesh, ufl = space.mesh, fem.ufl
+def _normals_and_weights(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal out of the minus body and area of chosen nodes, summed over facets, ranks and tied nodes."""
+    space, mesh, ufl = nodes.space, nodes.space.mesh, fem.ufl
     dim, components = mesh.geometry.dim, space.dofmap.index_map_bs
     ds = ufl.Measure(
         "ds",
         domain=mesh,
-        subdomain_data=facets,
+        subdomain_data=nodes.bodies.facets,
         subdomain_id=tags,
         metadata=fem.gll_metadata(mesh, space.element.basix_element.degree),
     )
@@ -294,7 +297,8 @@ def _normals_and_weights(
 
     def nodal(form: ufl.Form) -> np.ndarray:
         vector = fem.assemble_summed(space, form)
-        return vector.reshape(-1, components)[nodes]
+        nodes.sum_tied(vector)
+        return vector.reshape(-1, components)[chosen]
 
     if components == 1:
         weight = nodal(test * ds)[:, 0]

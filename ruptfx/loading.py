@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import parallel
 from ruptfx.boundaries import Boundary, Support
 from ruptfx.edges import Edge
 from ruptfx.inside import Inside
+from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -48,6 +50,13 @@ class Loads:
         for action in actions:
             if action.dashpot is not None:
                 self.dashpot += action.dashpot
+        layout, prescribed = model.layout, self.prescribed.reshape(model.nodes, -1)
+        one_only = (prescribed[layout.kept] != prescribed[layout.copies]).any(axis=1)
+        error = None
+        if np.any(one_only):
+            x = ", ".join(f"{value:.6g}" for value in model.coordinates[layout.kept[np.argmax(one_only)]])
+            error = CaseError(f"boundaries: one of two nodes that are tied is driven, at ({x}) m; drive both or none")
+        parallel.raise_on_all(model.comm, error)
 
     def edge(self, name: str, key: str) -> Edge:
         """An edge of the bodies; `key` of the case is for messages.

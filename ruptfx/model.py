@@ -67,7 +67,7 @@ class Model:
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
         self.comm = comm or fem.MPI.COMM_WORLD
-        self.bodies = distribute(self.comm, case.mesh)
+        self.bodies = distribute(self.comm, case.mesh, self._tied_edges())
         self.mesh = self.bodies.mesh
         simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
         if simplex and case.order > 1:
@@ -96,6 +96,18 @@ class Model:
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.loads = Loads(self, case.boundaries)
         self.viscosity = self._viscosity()
+
+    def _tied_edges(self) -> dict[str, tuple[str, str]]:
+        """Edges that boundaries tie, by key of the case."""
+        boundaries = {f"boundaries.{number}": boundary for number, boundary in enumerate(self.case.boundaries)}
+        tied = {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
+        if tied and not self.case.stepper.keeps_ties:
+            key = next(iter(tied))
+            raise CaseError(
+                f"{key}.kind = '{boundaries[key].kind()}': stepper.kind = '{self.case.stepper.kind()}' cannot tie "
+                "nodes; use stepper.kind = 'leapfrog'"
+            )
+        return tied
 
     def _viscosity(self) -> Viscosity | None:
         """Kelvin-Voigt damping next to the interfaces."""
@@ -130,8 +142,10 @@ class Model:
         return Viscosity(eta, bulk, operators.create(self.case.operator, bulk, self.case.loaded), touched)
 
     def free_inverse_mass(self) -> np.ndarray:
-        """Inverse mass [1/kg] of every degree of freedom, zero where the motion is prescribed."""
-        return np.where(self.loads.prescribed, 0.0, 1 / self.mass)
+        """Inverse mass [1/kg] of every degree of freedom, of tied ones together; zero where motion is prescribed."""
+        mass = self.mass.copy()
+        self.layout.sum_tied(mass)
+        return np.where(self.loads.prescribed, 0.0, 1 / mass)
 
     def _materials(self) -> list[Material]:
         """Material of every body, in the order of the bodies."""
@@ -170,7 +184,7 @@ class Model:
         if name not in self.bodies.interfaces:
             known = ", ".join(self.bodies.interfaces) or "none"
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
-        face = build_interface(self.space, self.bodies, name)
+        face = build_interface(self.layout, name)
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):

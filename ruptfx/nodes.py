@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from ruptfx import fem, parallel
+from ruptfx import RuptfxError, fem, parallel
 from ruptfx.bodies import Bodies
 
 
@@ -25,6 +26,13 @@ class Nodes:
     components : int
     coordinates : ndarray, shape (count, dim)
         [m].
+    kept, copies : ndarray of int, shape (n,)
+        Local nodes that move alike, pair by pair; whoever has one of them has both.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: a node that would be tied to two others.
     """
 
     def __init__(self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies) -> None:
@@ -36,6 +44,55 @@ class Nodes:
         self.total = index_map.size_global
         self.coordinates = space.tabulate_dof_coordinates()[:, : space.mesh.geometry.dim]
         self._exchange = fem.dolfinx.fem.Function(space)
+        self.kept, self.copies = self._tied()
+
+    def _tied(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of nodes of tied edges; collective."""
+        pairs, error = [np.zeros((2, 0), dtype=np.int64)], None
+        extent = np.ptp(self.coordinates, axis=0).max(initial=0.0)
+        for tie in self.bodies.ties:
+            first, second = (
+                fem.dolfinx.fem.locate_dofs_topological(
+                    self.space, self.space.mesh.topology.dim - 1, self.bodies.facets.find(self.bodies.tags[edge])
+                )
+                for edge in (tie.first, tie.second)
+            )
+            pairs.append(np.stack([first, first]).astype(np.int64))
+            if len(first) or len(second):
+                near = cKDTree(self.coordinates[second]).query(self.coordinates[first] + tie.shift)
+                if len(first) != len(second) or np.any(near[0] > 1e-8 * extent):
+                    error = RuptfxError(f"{tie.key}: this rank has nodes of one edge only (a fault of the partition)")
+                    break
+                pairs[-1][1] = second[near[1]]
+        kept, copies = np.concatenate(pairs, axis=1)
+        node, times = np.unique(np.concatenate([kept, copies]), return_counts=True)
+        if error is None and np.any(times > 1):
+            x = ", ".join(f"{value:.6g}" for value in self.coordinates[node[np.argmax(times)]])
+            keys = ", ".join(tie.key for tie in self.bodies.ties)
+            error = RuptfxError(
+                f"{keys}: the node at ({x}) m is tied to two others. Edges of one direction can be tied, and an "
+                "interface that ends at one of them must go on at the other"
+            )
+        parallel.raise_on_all(self.comm, error)
+        return kept, copies
+
+    def sum_tied(self, vector: np.ndarray) -> None:
+        """Give nodes that move alike the sum of what they have, in place."""
+        rows = vector.reshape(self.count, -1)
+        rows[self.kept] += rows[self.copies]
+        rows[self.copies] = rows[self.kept]
+
+    def equalise(self, vector: np.ndarray) -> None:
+        """Give copies what the nodes have that are kept, in place."""
+        rows = vector.reshape(self.count, -1)
+        rows[self.copies] = rows[self.kept]
+
+    @cached_property
+    def once(self) -> np.ndarray:
+        """True for every node this rank owns; of those that move alike, for the one that is kept."""
+        once = np.arange(self.count) < self.owned
+        once[self.copies] = False
+        return once
 
     def sum_shared(self, vector: np.ndarray) -> None:
         """Add the contributions of all ranks at shared nodes, in place; every rank ends with the sum."""
@@ -111,6 +168,6 @@ class Nodes:
         return flag.array.reshape(self.count, -1)[:, 0] > 0
 
     def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
-        """Sum over the degrees of freedom this rank owns."""
+        """Sum over the degrees of freedom this rank owns; where nodes are tied, each counts its own share."""
         owned = self.owned * self.components
         return float(a[:owned] @ b[:owned])

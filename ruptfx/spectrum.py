@@ -49,10 +49,13 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) ->
                 face = fault.interface
                 spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
                 face.add_force(force, spring * face.jump(u), scale=np.ones_like(u))
+        model.layout.sum_tied(force)
         return -root * force
 
+    once = np.flatnonzero(np.repeat(model.layout.once, model.components))
+
     def dot(a: np.ndarray, b: np.ndarray) -> float:
-        return float(parallel.total(model.comm, model.layout.owned_dot(a, b)))
+        return float(parallel.total(model.comm, a[once] @ b[once]))
 
     # A start that every partition makes alike: pseudo-random in the coordinates.
     x = np.repeat(
@@ -60,6 +63,7 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) ->
     )
     scale = parallel.total(model.comm, np.abs(x[: model.owned_nodes]).sum()) / model.total_nodes
     vector = np.sin(4.3758e4 * x / scale) * (root > 0)
+    model.layout.equalise(vector)
     vector /= np.sqrt(dot(vector, vector))
     before, beta = np.zeros_like(vector), 0.0
     diagonal: list[float] = []

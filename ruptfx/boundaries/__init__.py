@@ -124,6 +124,11 @@ class Boundary(Alternative):
         return None
 
     @property
+    def tied_edges(self) -> tuple[str, str] | None:
+        """Two edges whose nodes move alike."""
+        return None
+
+    @property
     def largest_speed(self) -> float:
         """Of the motion that is prescribed [m/s]."""
         return 0.0

@@ -59,6 +59,8 @@ class Stepper(Alternative):
     """Whether its error falls with the square of the step, with all options as they are; False where they decide."""
     conserving: ClassVar[dict[str, object] | None] = None
     """Fields with which the energy budget closes to round-off; None if it does not."""
+    keeps_ties: ClassVar[bool] = False
+    """Whether nodes that are tied to each other move alike in it."""
     inertia: ClassVar[bool] = True
     """Whether it solves the equation of motion, or only equilibrium."""
     adaptive: ClassVar[bool] = False

@@ -30,6 +30,8 @@ class Leapfrog(Stepper):
 
     conserving: ClassVar[dict[str, object] | None] = {}
 
+    keeps_ties: ClassVar[bool] = True
+
     safety: Fraction = 0.9
     """Time step over the stable one."""
     time_step: Duration | None = None
@@ -77,6 +79,8 @@ class LeapfrogMotion:
                 held.reshape(-1, c)[side] = True
         if model.viscosity is not None:
             held.reshape(-1, c)[model.viscosity.nodes] = True
+        for tied in (model.layout.kept, model.layout.copies):
+            held.reshape(-1, c)[tied] = True
         held_nodes = held.reshape(-1, c).any(axis=1)
         operator: Any = model.operator
         self._fused = hasattr(operator, "prepare_step")
@@ -85,9 +89,11 @@ class LeapfrogMotion:
         else:
             held_nodes[:] = True
         self._dofs = dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
-        self._mass, self._driven = model.mass[dofs], model.loads.prescribed[dofs].astype(float)
-        self._dashpot = (model.loads.dashpot + model.case.damping.mass * model.mass)[dofs]
+        mass, dashpot = masses_and_dashpots(model)
+        self._mass, self._dashpot, self._driven = mass[dofs], dashpot[dofs], model.loads.prescribed[dofs].astype(float)
+        # What nodes have of their own counts where they are owned; what tied ones have together counts once.
         self._owned = (dofs < model.owned_nodes * c).astype(float)
+        self._once = np.repeat(model.layout.once, c)[dofs].astype(float)
         # Of every load: where its degrees of freedom are among the held ones, and its forces at those this rank counts.
         self._shares = []
         for load in model.loads.forces:
@@ -136,6 +142,7 @@ class LeapfrogMotion:
         factors = [load.factor(state.time) for load in loads.forces]
         for load, factor in zip(loads.forces, factors, strict=True):
             state.force[load.dofs] += factor * load.values
+        self.model.layout.sum_tied(state.force)
         moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
         n = ctypes.c_long(len(self._dofs))
@@ -150,10 +157,11 @@ class LeapfrogMotion:
             )
             state.energy["boundary_work"] += fault.work
             state.energy["damping"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
+        self.model.layout.equalise(state.velocity)  # an interface has only one of its ends at tied edges
         self._load_work(state, kick, factors)
         self._library.drift(
             n, pointer(self._dofs), ctypes.c_double(self.dt), ctypes.c_double(kick.length), pointer(self._mass),
-            pointer(self._dashpot), pointer(self._driven), pointer(self._owned), pointer(self._velocity_old),
+            pointer(self._dashpot), pointer(self._driven), pointer(self._once), pointer(self._velocity_old),
             pointer(state.velocity), pointer(state.displacement), pointer(state.force), pointer(self._work),
         )  # fmt: skip
         state.energy["damping"] += self._work[0] + self._viscous_work(state, kick)
@@ -178,7 +186,7 @@ class LeapfrogMotion:
             Internal and viscous force and that of elastic supports, before anything else acts [N].
         """
         displacement, velocity = state.displacement[self._dofs], state.velocity[self._dofs]
-        kinetic = kick.plain_mass * plain[0] + (self._owned * self._mass * velocity) @ velocity
+        kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
         work = plain[1] + (self._owned * internal) @ displacement
         if self.model.viscosity is not None:
             work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
@@ -226,6 +234,14 @@ class LeapfrogMotion:
             state.energy["boundary_work"] += power * kick.length
 
 
+def masses_and_dashpots(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Mass [kg] and damping force per velocity [N s/m] of every degree of freedom, of tied ones together."""
+    both = model.mass.copy(), model.loads.dashpot + model.case.damping.mass * model.mass
+    for values in both:
+        model.layout.sum_tied(values)
+    return both
+
+
 class _Kick:
     """What forces do to velocities in step 0, 1 or any later one.
 
@@ -244,8 +260,9 @@ class _Kick:
     def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
         clock = Clock.of_step(dt, number)
         self.length = clock.kick
-        mass, rate = model.mass, model.case.damping.mass
-        decay = 0.5 * self.length * (model.loads.dashpot + rate * mass)
+        rate = model.case.damping.mass
+        mass, dashpot = masses_and_dashpots(model)
+        decay = 0.5 * self.length * dashpot
         effective, prescribed = 1 / (mass + decay), model.loads.prescribed
         self.keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]
         self.push = np.where(prescribed, 0.0, self.length * effective)[dofs]

@@ -24,6 +24,7 @@ from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.half_plate import HalfPlate
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
+from ruptfx.nodes import Nodes
 from ruptfx.schema import alternatives
 
 pytestmark = pytest.mark.fem
@@ -67,7 +68,7 @@ def interface_of(mesh: str, folder: Path, components: int | None = None) -> tupl
     make, order, _ = MESHES[mesh]
     bodies = distribute(fem.MPI.COMM_WORLD, make(folder))
     space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
-    face = build_interface(space, bodies, next(iter(make(folder).build().interfaces)))
+    face = build_interface(Nodes(space, bodies), next(iter(make(folder).build().interfaces)))
     return space, face
 
 
@@ -308,7 +309,7 @@ def test_nodes_that_do_not_match() -> None:
     bodies = distribute(fem.MPI.COMM_WORLD, Given(raw))
     space = fem.lagrange(bodies.mesh, 2, 2)
     with pytest.raises(RuptfxError, match=r"interface 'main': the nodes of the two sides do not match .*nearest"):
-        build_interface(space, bodies, "main")
+        build_interface(Nodes(space, bodies), "main")
 
 
 def test_folded_elements() -> None:

@@ -19,6 +19,7 @@ from ruptfx.interface import build_interface
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
+from ruptfx.nodes import Nodes
 from ruptfx.projection import ProjectionError
 from ruptfx.record import Record
 from ruptfx.schema import CaseError
@@ -56,7 +57,7 @@ def built(request: pytest.FixtureRequest, shared_tmp_path: Path) -> Any:
     mesh, order = source(request.param, shared_tmp_path)
     bodies = distribute(COMM, mesh)
     space = fem.lagrange(bodies.mesh, order, bodies.mesh.geometry.dim)
-    face = build_interface(space, bodies, "main")
+    face = build_interface(Nodes(space, bodies), "main")
     return bodies, space, face
 
 

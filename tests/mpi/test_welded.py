@@ -19,6 +19,7 @@ from ruptfx.edges import Edge
 from ruptfx.interface import build_interface
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.model import Model
+from ruptfx.nodes import Nodes
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -122,7 +123,7 @@ def points(folder: Path, bodies: dict[str, str], faces: dict[str, str], plus: An
     parts = distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))
     space, rows = fem.lagrange(parts.mesh, 2, dim), []
     for name in faces:
-        face = build_interface(space, parts, name)
+        face = build_interface(Nodes(space, parts), name)
         frame = face.frame.reshape(len(face.plus), dim**2)
         rows.append(np.column_stack([face.points, face.weight, frame])[face.owned])
     everything = parallel.share_rows(COMM, np.concatenate(rows))

@@ -17,6 +17,7 @@ from ruptfx.case import parse_case
 from ruptfx.interface import Interface, build_interface
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
+from ruptfx.nodes import Nodes
 from ruptfx.plots._record import along
 from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
@@ -40,7 +41,7 @@ def rupture(changes: dict[str, Any]) -> dict[str, Any]:
 
 def face_of(source: Any, order: int = 2) -> Interface:
     bodies = distribute(fem.MPI.COMM_WORLD, source)
-    return build_interface(fem.lagrange(bodies.mesh, order, bodies.mesh.geometry.dim), bodies, "main")
+    return build_interface(Nodes(fem.lagrange(bodies.mesh, order, bodies.mesh.geometry.dim), bodies), "main")
 
 
 def test_position_is_x_along_x() -> None:
