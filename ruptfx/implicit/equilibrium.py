@@ -5,7 +5,7 @@
 with a = c_M (u - u*) and v = v* + c_C (u - u*), which is what Newmark's rules are (`Rates`), or without them in
 quasi-static steps. T(u) is the traction at the end of the step that the contact method and the shared projection
 answer to the jump of u, with the state of the friction law advanced inside, and its exact tangent (`response`).
-Driven edges are Dirichlet conditions. PETSc's SNES (Newton with line search) and KSP solve it (`solvers`).
+Driven edges are Dirichlet conditions.
 
     equilibrium = Equilibrium(model, petsc_options)
     solution = equilibrium.solve(state, dt)              # quasi-static: to state.time + dt
@@ -20,26 +20,30 @@ Contact methods with multipliers (`augmented_lagrangian`) are solved in outer it
 solution are the multipliers of the next, until they change no more. At the end of a step multipliers and tractions are
 the same, so that they are in the state, and in checkpoints, by themselves.
 
-The matrix is factorised again only when the step or the tangent of an interface has changed. PETSc options of the case
+Bodies are linear, so that steps are solved on the interfaces alone (`condensed`); the whole system is solved by PETSc's
+SNES (Newton with line search) and KSP (`solvers`) where they are not, where it is large, and where the case has PETSc
+options. Its matrix is factorised again only when the step or the tangent of an interface has changed. The options
 override the defaults: ``petsc_options = { snes_monitor = true, ksp_type = "fgmres" }``; an option nobody reads is an
 error. `snes_rtol` bounds the norm of R over that of the forces in it (`Solution.scale`), `snes_atol` is in newton.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import parallel
 from ruptfx.contact import require
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.condensed import Condensed, fits
 from ruptfx.implicit.forces import Forces
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.response import FaultResponse
 from ruptfx.implicit.solution import Rates, Solution
 from ruptfx.implicit.solvers import NewtonSolver
-from ruptfx.implicit.step import Step, tractions
+from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.interface import Interface
 from ruptfx.state import State
@@ -47,7 +51,6 @@ from ruptfx.state import State
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
-MAX_OUTER = 100
 # What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger
 # it is the fewer outer iterations, but the harder is that.
 EASINGS = (1.0, 0.1, 0.01)
@@ -63,6 +66,8 @@ class Equilibrium:
         PETSc options without dash and prefix: snes_..., ksp_..., pc_..., mat_....
     radiation : dict of str to float or ndarray, optional
         Impedance [Pa s/m] of waves that are not computed, by fault; see `FaultResponse`.
+    condensed : bool
+        Solve on the interfaces alone where that can be done, without options of the case.
 
     Raises
     ------
@@ -71,8 +76,9 @@ class Equilibrium:
     """
 
     def __init__(
-        self, model: Model, petsc_options: PetscOptions | None = None, radiation: dict[str, Any] | None = None
-    ) -> None:
+        self, model: Model, petsc_options: PetscOptions | None = None,
+        radiation: Mapping[str, np.ndarray | float] | None = None, condensed: bool = True,
+    ) -> None:  # fmt: skip
         self.model = model
         require(model.faults, "implicit")
         threshold = model.case.output.rupture_threshold
@@ -82,11 +88,9 @@ class Equilibrium:
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
         self.tangent = Tangent(model, self.forces.dashpot)
-        self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self._step: Step
-        self._solver = NewtonSolver(
-            model, self.tangent.matrix, petsc_options or {}, self._function, self._differentiate,
-            lambda rtol: max(rtol * self._step.scale, self._step.round_off),
+        whole = bool(petsc_options) or not condensed or not fits(model)
+        self._solver: Condensed | NewtonSolver = (
+            NewtonSolver(model, self.tangent, petsc_options or {}) if whole else Condensed(model, self.tangent)
         )
 
     def solve(
@@ -120,67 +124,28 @@ class Equilibrium:
             On all ranks: PETSc options that nobody reads.
         """
         load = self.forces.load(state.time + dt) + added
-        self._residuals: list[float] = []
+        residuals: list[float] = []
         iterations = 0
         for easing in EASINGS if self._multipliers else (1.0,):
-            self._step = step = Step(self, state, dt, rates, load, easing)
+            step = Step(self, state, dt, rates, load, easing)
             u = (state.displacement if guess is None else guess).copy()
             u[self.driven] = step.driven[self.driven]
             outer = 0
             while outer < MAX_OUTER:
-                converged = self._solver.solve(u[: self._owned])
-                outer += 1
-                iterations += self._solver.snes.getIterationNumber()
-                self._residuals += self._solver.history
+                converged = self._solver.solve(step, u)
+                outer += self._solver.outer
+                iterations += self._solver.iterations
+                residuals += self._solver.history
                 if not converged:
                     break
-                self._visit(self._solver.unknown.array_r)
                 u = step.displacement
-                if self._settled(step):
+                if step.settled():
                     faults = {name: response.state for name, response in step.responses.items()}
                     return Solution(
-                        u, step.internal, faults, dt, iterations, outer, self._residuals, step.scale, self.answers
+                        u, step.internal, faults, dt, iterations, outer, residuals, step.scale, self.answers
                     )
                 step.update_multipliers()
-        raise self._failure(step, outer)
-
-    def _settled(self, step: Step) -> bool:
-        """Whether the multipliers are the tractions; collective, for it follows from the case."""
-        settled = True
-        for fault in self.model.faults:
-            tolerance = fault.contact.multiplier_tolerance()
-            if tolerance is None:
-                continue
-            now, before = step.responses[fault.name].state, step.multipliers[fault.name]
-            ours, theirs = (tractions(fault, fields) for fields in (now, before))
-            change = np.abs(ours - theirs).max(initial=0)
-            size = max(np.abs(fault.normal_stress_0).max(initial=0), np.abs(ours).max(initial=0))
-            change, size = (parallel.largest(self.model.comm, value) for value in (change, size))
-            settled = settled and change <= tolerance * size
-        return settled
-
-    def _visit(self, unknown: np.ndarray) -> None:
-        """Evaluate at the owned unknowns unless that was done last; collective."""
-        step = self._step
-        new = not np.array_equal(step.displacement[: self._owned], unknown)
-        if parallel.anywhere(self.model.comm, new):
-            self._ghosted.x.array[: self._owned] = unknown
-            self._ghosted.x.scatter_forward()
-            step.evaluate(self._ghosted.x.array)
-
-    def _function(self, _: Any, x: Any, out: Any) -> None:
-        """SNES asks for R(u)."""
-        self._visit(x.array_r)
-        out.array[:] = self._step.residual[: self._owned]
-
-    def _differentiate(self, _: Any, x: Any, __: Any, ___: Any) -> None:
-        """SNES asks for dR/du."""
-        self._visit(x.array_r)
-        step = self._step
-        factors = (step.rates.mass, step.rates.damping) if step.rates else (0.0, 0.0)
-        symmetric = self.tangent.update(*factors, step.tangents, driven=self.tangent.unit)
-        if symmetric is not None:
-            self._solver.use_symmetric(symmetric)
+        raise self._failure(step, outer, residuals)
 
     def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
         """What bodies and faults answer after `dt` to any displacement, balanced or not; collective.
@@ -202,7 +167,7 @@ class Equilibrium:
         nodal = diagonal.reshape(self.model.nodes, -1).max(axis=1)
         return np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight
 
-    def _failure(self, step: Step, outer: int) -> ConvergenceError:
+    def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
         """What to say; collective."""
         model = self.model
         size = np.abs(step.residual[: self._owned])
@@ -218,10 +183,10 @@ class Equilibrium:
             told = str(step.error)
         # A point whose law failed comes first, then the largest residual.
         found = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), told))
-        history = ", ".join(f"{value:.3g}" for value in self._residuals[-12:])
+        history = ", ".join(f"{value:.3g}" for value in residuals[-12:])
         reason = self._solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
         return ConvergenceError(
             f"no equilibrium at time {step.time:.6g} s, step of {step.dt:.4g} s: {reason} after "
-            f"{len(self._residuals)} evaluations; residuals {history} N of forces of {step.scale:.3g} N; "
+            f"{len(residuals)} evaluations; residuals {history} N of forces of {step.scale:.3g} N; "
             f"worst: {max(found, key=lambda item: item[:2])[2]}"
         )

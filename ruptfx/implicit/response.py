@@ -122,6 +122,21 @@ class FaultResponse:
         result[:, 1:, 1:] = along
         return result
 
+    def stuck(self, body_stiffness: np.ndarray) -> np.ndarray:
+        """dT / d[u] [Pa/m] where it is closed and does not slide, shape (n, local, local)."""
+        fault = self.fault
+        none = np.zeros((len(body_stiffness), fault.tangents))
+        jump = np.zeros((len(none), fault.interface.frame.shape[1]))
+        trial = closed_and_stuck(  # in a step of one second, so that it is the same to the last bit in any other
+            fault, jump, none, 1.0, 0.0, normal_multiplier=none[:, 0], shear_multiplier=list(none.T),
+            body_stiffness=body_stiffness,
+        )  # fmt: skip
+        stiffness = list(trial.impedance)
+        if fault.interface.has_normal:
+            stiffness.insert(0, 1 / trial.normal_compliance)
+        columns = [np.broadcast_to(each, body_stiffness.shape) for each in stiffness]
+        return np.stack(columns, axis=1)[:, :, None] * np.eye(len(columns))
+
     def _new_state(self, old: FaultState, done: Projected, gap: np.ndarray, dt: float, time: float) -> FaultState:
         fault = self.fault
         state = fault.state_of({

@@ -6,18 +6,19 @@ by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GA
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import fem, parallel
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
+    from ruptfx.implicit.step import Step
+    from ruptfx.implicit.tangent import Tangent
     from ruptfx.model import Model
 
 # Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
@@ -61,66 +62,94 @@ class CaseOptions:
 
 
 class NewtonSolver:
-    """SNES, KSP and PC for one matrix.
+    """Solves steps as a whole: SNES, KSP and PC for the matrix of bodies and interfaces.
 
     Parameters
     ----------
     model : Model
-    matrix : PETSc.Mat
-        Of the tangent.
+    tangent : Tangent
+        Makes the matrix.
     options : dict
         PETSc options of the case.
-    function, tangent : callable
-        As SNES calls them.
-    enough : callable
-        The norm of the residual [N] that is small enough for a given `snes_rtol`, at the last evaluation.
+
+    Attributes
+    ----------
+    history : list of float
+        Norm of the residual after every iteration of the last solve [N].
+    iterations : int
+        Of the last solve.
     """
 
-    def __init__(
-        self, model: Model, matrix: Any, options: PetscOptions, function: Callable[..., None],
-        tangent: Callable[..., None], enough: Callable[[float], float],
-    ) -> None:  # fmt: skip
+    outer = 1
+    """A solve is one iteration of the multipliers."""
+
+    def __init__(self, model: Model, tangent: Tangent, options: PetscOptions) -> None:
         self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
-        self._enough = enough
+        self._model, self._tangent = model, tangent
+        self._step: Step
+        self._owned, self._ghosted = model.owned_nodes * model.components, fem.dolfinx.fem.Function(model.space)
         self.history: list[float] = []
-        self.unknown = matrix.createVecRight()
+        self.iterations = 0
+        matrix = tangent.matrix
+        self._unknown = matrix.createVecRight()
         snes: Any = fem.PETSc.SNES()  # its annotations refuse mpi4py's communicators
         self.snes = snes.create(model.comm)
         self.snes.setOptionsPrefix(self._options.prefix)
-        self.snes.setFunction(function, matrix.createVecLeft())
-        self.snes.setJacobian(tangent, matrix, matrix)
+        self.snes.setFunction(self._function, matrix.createVecLeft())
+        self.snes.setJacobian(self._differentiate, matrix, matrix)
         self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
         self.snes.setConvergenceTest(self._converged)
         self._ksp = self.snes.getKSP()
-        self.multigrid = not choose(self._ksp, model, matrix)
+        self._multigrid = not choose(self._ksp, model, matrix)
         self._ready = False
 
-    def use_symmetric(self, symmetric: bool) -> None:
-        """CG or GMRES for the next solve, unless the case says otherwise or the matrix is factorised."""
-        if self.multigrid and "ksp_type" not in self._options.given:
-            self._ksp.setType("cg" if symmetric else "gmres")
-
-    def solve(self, start: np.ndarray) -> bool:
-        """Solve from the owned unknowns `start`; the result is in `unknown`. Whether it converged; collective.
+    def solve(self, step: Step, u: np.ndarray) -> bool:
+        """Leave `step` evaluated at its equilibrium, from `u`; whether there is one; collective.
 
         Raises
         ------
         CaseError
             Options of the case that nobody read.
         """
-        self.history = []
-        self.unknown.array[:] = start
+        self._step, self.history = step, []
+        self._unknown.array[:] = u[: self._owned]
         with nullcontext() if self._ready else self._options:
             if not self._ready:
                 self.snes.setFromOptions()
-            self.snes.solve(None, self.unknown)
+            self.snes.solve(None, self._unknown)
         if not self._ready and self._options.unread:
             raise CaseError(
                 f"{self._options.unread}: the solvers in use (SNES {self.snes.getType()}, KSP {self._ksp.getType()}, "
                 f"PC {self._ksp.getPC().getType()}) have no such option; correct or remove it"
             )
         self._ready = True
-        return self.snes.getConvergedReason() > 0
+        self.iterations = self.snes.getIterationNumber()
+        if self.snes.getConvergedReason() <= 0:
+            return False
+        self._visit(step, self._unknown.array_r)
+        return True
+
+    def _visit(self, step: Step, unknown: np.ndarray) -> None:
+        """Evaluate at the owned unknowns unless that was done last; collective."""
+        new = not np.array_equal(step.displacement[: self._owned], unknown)
+        if parallel.anywhere(self._model.comm, new):
+            self._ghosted.x.array[: self._owned] = unknown
+            self._ghosted.x.scatter_forward()
+            step.evaluate(self._ghosted.x.array)
+
+    def _function(self, _: Any, x: Any, out: Any) -> None:
+        """SNES asks for R(u)."""
+        self._visit(self._step, x.array_r)
+        out.array[:] = self._step.residual[: self._owned]
+
+    def _differentiate(self, _: Any, x: Any, __: Any, ___: Any) -> None:
+        """SNES asks for dR/du."""
+        step = self._step
+        self._visit(step, x.array_r)
+        symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit)
+        # CG or GMRES, unless the case says otherwise or the matrix is factorised.
+        if symmetric is not None and self._multigrid and "ksp_type" not in self._options.given:
+            self._ksp.setType("cg" if symmetric else "gmres")
 
     def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int | None:
         """The norm of the residual against that of the forces: what balances may be zero at the start."""
@@ -128,7 +157,7 @@ class NewtonSolver:
         self.history.append(norm)
         rtol, atol, _, _ = snes.getTolerances()
         reasons = fem.PETSc.SNES.ConvergedReason
-        if norm <= max(self._enough(rtol), atol):
+        if norm <= max(self._step.enough(rtol), atol):
             return reasons.CONVERGED_FNORM_RELATIVE
         return None
 
@@ -140,15 +169,23 @@ class NewtonSolver:
         return f"{text} ({_name(fem.PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
 
 
+def has_mumps() -> bool:
+    return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
+
+
+def is_factorised(model: Model) -> bool:
+    """Whether the default for the matrices of a model is a factorisation."""
+    unknowns = model.total_nodes * model.components
+    return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
+
+
 def choose(ksp: Any, model: Model, matrix: Any) -> bool:
     """Set the defaults for a matrix; whether they are a factorisation."""
     pc = ksp.getPC()
-    mumps = fem.PETSc.Sys.hasExternalPackage("mumps")
-    unknowns = model.total_nodes * model.components
-    if unknowns <= DIRECT[model.mesh.geometry.dim] and (mumps or model.comm.size == 1):
+    if is_factorised(model):
         ksp.setType("preonly")
         pc.setType("lu")
-        if mumps:
+        if has_mumps():
             pc.setFactorSolverType("mumps")
         return True
     ksp.setType("cg")

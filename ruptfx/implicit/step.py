@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from ruptfx.implicit.equilibrium import Equilibrium
 
 
+MAX_OUTER = 100
+
+
 class Step:
     """One step to be solved: R(u) and what goes with it.
 
@@ -24,6 +28,8 @@ class Step:
     ----------
     driven : ndarray, shape (nodes * components,)
         The displacement with driven edges where they end [m].
+    key : (float, float, float)
+        c_M, c_C and how much multipliers are eased: what the matrix of closed and stuck interfaces depends on.
     multipliers : dict of str to FaultState
         Fields with the tractions of the last outer iteration.
     displacement, residual, internal, responses, scale, round_off, error
@@ -36,6 +42,7 @@ class Step:
     ) -> None:
         self._equilibrium, self._state = equilibrium, state
         self.dt, self.time, self.rates, self._load = dt, state.time + dt, rates, load
+        self.key = (*((rates.mass, rates.damping) if rates else (0.0, 0.0)), easing)
         self.driven = equilibrium.model.loads.moved(state.displacement, state.time, self.time)
         self.multipliers: dict[str, FaultState] = dict(state.faults)
         self._body = {
@@ -48,14 +55,53 @@ class Step:
         self._least: float | None = None
         self.error: ProjectionError | None = None
 
+    def enough(self, tolerance: float) -> float:
+        """The norm of the residual [N] that is small enough, for one relative to the forces."""
+        return max(tolerance * self.scale, self.round_off)
+
     @property
     def tangents(self) -> dict[str, np.ndarray]:
         return {name: response.tangent for name, response in self.responses.items()}
+
+    def stuck(self) -> dict[str, np.ndarray]:
+        """dT / d[u] by fault [Pa/m], where interfaces are closed and do not slide; it follows from `key` alone."""
+        return {name: answer.stuck(self._body[name]) for name, answer in self._equilibrium.answers.items()}
 
     def update_multipliers(self) -> None:
         """Take the last tractions; what was evaluated with others is void."""
         self.multipliers = {name: response.state for name, response in self.responses.items()}
         self.displacement = np.zeros(0)
+
+    def settled(self) -> bool:
+        """Whether the multipliers are the tractions; collective, for it follows from the case."""
+        model, settled = self._equilibrium.model, True
+        for fault in model.faults:
+            tolerance = fault.contact.multiplier_tolerance()
+            if tolerance is None:
+                continue
+            now, before = self.responses[fault.name].state, self.multipliers[fault.name]
+            ours, theirs = (tractions(fault, fields) for fields in (now, before))
+            change = np.abs(ours - theirs).max(initial=0)
+            size = max(np.abs(fault.normal_stress_0).max(initial=0), np.abs(ours).max(initial=0))
+            change, size = (parallel.largest(model.comm, value) for value in (change, size))
+            settled = settled and change <= tolerance * size
+        return settled
+
+    def respond(self, jumps: Mapping[str, np.ndarray]) -> None:
+        """Ask all faults with given jumps [m], shape (n, local) each.
+
+        Raises
+        ------
+        ProjectionError
+            On the rank of a point without an admissible traction.
+        """
+        for fault in self._equilibrium.model.faults:
+            fields = self.multipliers[fault.name]
+            self.responses[fault.name] = self._equilibrium.answers[fault.name](
+                self._state.faults[fault.name], jumps[fault.name], self.dt,
+                self._state.numbers.get("dt_before", 0.0), self.time,
+                (fields["normal_stress"], fault.components(fields, "shear_traction")), self._body[fault.name],
+            )  # fmt: skip
 
     def evaluate(self, u: np.ndarray) -> None:
         """Collective."""
@@ -69,9 +115,9 @@ class Step:
         self.internal = elastic.copy()
         carried = 0.0
         try:
+            self.respond({fault.name: fault.interface.jump(u) for fault in model.faults})
             for fault in model.faults:
-                response = self._respond(fault, u)
-                self.responses[fault.name] = response
+                response = self.responses[fault.name]
                 fault.interface.assemble(response.traction, self.internal)
                 area = (fault.interface.owned * fault.interface.weight)[:, None]
                 carried += float(np.sum((area * tractions(fault, response.state)) ** 2))
@@ -91,14 +137,6 @@ class Step:
         # edge. That of what was added since counts as far as there are forces: a body that nothing holds flies far.
         self._least = rounding if self._least is None else self._least
         self.round_off = max(self._least, min(rounding, 1e-7 * self.scale))
-
-    def _respond(self, fault: Fault, u: np.ndarray) -> Response:
-        fields = self.multipliers[fault.name]
-        return self._equilibrium.answers[fault.name](
-            self._state.faults[fault.name], fault.interface.jump(u), self.dt,
-            self._state.numbers.get("dt_before", 0.0), self.time,
-            (fields["normal_stress"], fault.components(fields, "shear_traction")), self._body[fault.name],
-        )  # fmt: skip
 
 
 def tractions(fault: Fault, fields: FaultState) -> np.ndarray:

@@ -13,10 +13,19 @@ from ruptfx.operators.ufl_form import energy, measure
 
 def stiffness_form(bulk: Bulk) -> Any:
     """The compiled second derivative of the strain energy: K of linear materials."""
+    return fem.bilinear(_second_derivative(bulk))
+
+
+def is_linear(bulk: Bulk) -> bool:
+    """Whether the stiffness of the bodies is the same at any displacement."""
+    return not fem.ufl.algorithms.expand_derivatives(_second_derivative(bulk)).coefficients()
+
+
+def _second_derivative(bulk: Bulk) -> fem.ufl.Form:
     displacement = fem.dolfinx.fem.Function(bulk.space)
     u, v = fem.ufl.TrialFunction(bulk.space), fem.ufl.TestFunction(bulk.space)
     stored = energy(bulk, displacement, measure(bulk))
-    return fem.bilinear(fem.ufl.derivative(fem.ufl.derivative(stored, displacement, v), displacement, u))
+    return fem.ufl.derivative(fem.ufl.derivative(stored, displacement, v), displacement, u)
 
 
 class Assembled:

@@ -22,6 +22,7 @@ from ruptfx.case import parse_case
 from ruptfx.fem import MPI
 from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
+from ruptfx.plots._record import is_uneven
 from ruptfx.record import Record
 from ruptfx.simulation import Interrupted, simulate
 
@@ -165,7 +166,7 @@ def test_hybrid_cycles(whole: Path) -> None:
         traction = data.shear_traction.values[rows, 0]
         slope = np.polyfit(time[rows], traction, 1)[0]
         assert slope == pytest.approx(0.4 * K_C * 1.02 * V, rel=0.02)
-        assert plots.is_uneven(record)
+        assert is_uneven(record)
         assert "cycles" in plots.all_figures(record)
 
 

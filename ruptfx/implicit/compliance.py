@@ -1,0 +1,212 @@
+"""What linear bodies answer to tractions on their interfaces: one factorisation, and its action there as a matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from ruptfx import fem, parallel
+from ruptfx.implicit.solvers import has_mumps
+from ruptfx.implicit.tangent import Tangent
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+COLUMNS = 64  # right-hand sides at a time: most of the speed of one matrix product, little memory
+# A column is taken as zero where it falls below this part of its largest entry; the full residual has the last word.
+SMALL = 1e-11
+
+
+class Jumps:
+    """Values at the points of all interfaces, in an order that does not depend on the ranks, known to all of them.
+
+    Attributes
+    ----------
+    points : int
+        Of all interfaces.
+    local : int
+        Components of a jump.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._comm = model.comm
+        self._faces = {fault.name: fault.interface for fault in model.faults}
+        self._places: dict[str, np.ndarray] = {}
+        self.points, self.local = 0, model.faults[0].interface.frame.shape[1]
+        for name, face in self._faces.items():
+            self._places[name] = self.points + face.number
+            self.points += face.total
+
+    def gather(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Of all points, shape (points, ...), from those of this rank by fault, shape (n, ...); collective."""
+        tail = next(iter(values.values())).shape[1:]
+        whole = np.zeros((self.points, *tail))
+        for name, face in self._faces.items():
+            whole[self._places[name][face.owned]] = values[name][face.owned]
+        return whole if self._comm.size == 1 else parallel.total(self._comm, whole)
+
+    def pick(self, whole: np.ndarray, name: str) -> np.ndarray:
+        """Of the points of one fault on this rank, shape (n, ...)."""
+        return np.asarray(whole[self._places[name]])
+
+    def of(self, displacement: np.ndarray) -> np.ndarray:
+        """Jump of a displacement at all points, shape (points, local) [m]; collective."""
+        return self.gather({name: face.jump(displacement) for name, face in self._faces.items()})
+
+    def force(self, traction: np.ndarray, size: int) -> np.ndarray:
+        """J' W traction at the local degrees of freedom [N], from tractions at all points, shape (points, local)."""
+        force = np.zeros(size)
+        for name, face in self._faces.items():
+            face.assemble(self.pick(traction, name), force)
+        return force
+
+
+class Compliance:
+    """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed interfaces that stick; and S = J A^-1 J' W.
+
+    The stiffness k of the interfaces holds bodies that nothing else holds. Where waves get only so far in a step, as in
+    dynamic ones, points that are far apart do not feel each other, and share a right-hand side.
+
+    Parameters
+    ----------
+    model : Model
+    jumps : Jumps
+    tangent : Tangent
+        Makes the matrix.
+    factors : (float, float)
+        c_M [1/s2] and c_C [1/s].
+    stuck : dict of str to ndarray, shape (n, local, local)
+        k by fault [Pa/m].
+
+    Attributes
+    ----------
+    stuck : ndarray, shape (points, local, local)
+        k of all points.
+    matrix : ndarray, shape (points * local, points * local)
+        S: displacement jump per traction [m/Pa].
+    """
+
+    def __init__(
+        self, model: Model, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
+    ) -> None:
+        self._model, self._jumps = model, jumps
+        self._owned = model.owned_nodes * model.components
+        self._free = ~model.loads.prescribed[: self._owned]
+        self._ghosted = fem.dolfinx.fem.Function(model.space)
+        self.stuck = jumps.gather(stuck)
+        tangent.update(*factors, stuck, driven=tangent.unit)
+        # The matrix is symmetric; without MUMPS there is one rank and PETSc's own LU.
+        made: Any = fem.PETSc.PC()  # its annotations refuse mpi4py's communicators
+        self._pc = made.create(model.comm)
+        self._pc.setOperators(tangent.matrix)
+        self._pc.setType("cholesky" if has_mumps() else "lu")
+        if has_mumps():
+            self._pc.setFactorSolverType("mumps")
+            self._pc.setFactorSetUpSolverType()
+            self._pc.getFactorMatrix().setMumpsIcntl(14, 50)  # room for fill that grows with pivoting
+        self._pc.setUp()
+        self._factors = self._pc.getFactorMatrix()
+        self._right, self._left = tangent.matrix.createVecLeft(), tangent.matrix.createVecRight()
+        self.matrix = self._assemble()
+
+    def solve(self, force: np.ndarray) -> np.ndarray:
+        """A^-1 force at every local degree of freedom [m], zero where the motion is prescribed; collective.
+
+        Parameters
+        ----------
+        force : ndarray, shape (nodes * components,)
+            Of this rank's own count [N].
+        """
+        self._right.array[:] = force[: self._owned] * self._free
+        self._factors.solve(self._right, self._left)
+        self._ghosted.x.array[: self._owned] = self._left.array_r
+        self._ghosted.x.scatter_forward()
+        return self._ghosted.x.array.copy()
+
+    def _assemble(self) -> np.ndarray:
+        """S, from as many right-hand sides as needed; collective."""
+        jumps = self._jumps
+        points = jumps.gather({fault.name: fault.interface.points for fault in self._model.faults})
+        distance = cdist(points, points)
+        result = np.zeros((jumps.points, jumps.local, jumps.points, jumps.local))
+        for groups in batches(apart(distance, 2 * self._reach(distance)), max(1, COLUMNS // jumps.local)):
+            answered = self._answer(groups)
+            for column, group in enumerate(groups):
+                # What a point answers belongs to the member of the group next to it.
+                nearest = group[np.argmin(distance[:, group], axis=1)]
+                result[np.arange(jumps.points), :, nearest, :] = answered[:, :, column, :]
+        return result.reshape(jumps.points * jumps.local, -1)
+
+    def _reach(self, distance: np.ndarray) -> float:
+        """How far a traction is felt [m], by those of a few points; collective."""
+        sample = np.unique(np.linspace(0, len(distance) - 1, 5).astype(int))
+        felt = np.abs(self._answer([np.array([point]) for point in sample])).max(axis=(1, 3))
+        return float(np.max(distance[:, sample] * (felt > SMALL * felt.max(axis=0))))
+
+    def _answer(self, groups: list[np.ndarray]) -> np.ndarray:
+        """Jumps at all points for unit tractions at the points of each group, one component after another, shape
+        (points, local, groups, local) [m/Pa]; collective."""
+        jumps, model = self._jumps, self._model
+        columns = len(groups) * jumps.local
+        matrices = []
+        for _ in range(2):
+            made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
+            dense = made.createDense(((self._owned, None), (None, columns)), comm=model.comm)
+            dense.setUp()
+            dense.assemble()
+            matrices.append(dense)
+        given, found = matrices
+        loads = given.getDenseArray()
+        for number, group in enumerate(groups):
+            for k in range(jumps.local):
+                traction = np.zeros((jumps.points, jumps.local))
+                traction[group, k] = 1.0
+                loads[:, number * jumps.local + k] = jumps.force(traction, len(model.mass))[: self._owned] * self._free
+        given.assemble()
+        self._factors.matSolve(given, found)
+        answers = found.getDenseArray()
+        result = np.zeros((jumps.points, jumps.local, len(groups), jumps.local))
+        local = {fault.name: np.zeros((len(fault.interface.plus), jumps.local, columns)) for fault in model.faults}
+        for column in range(columns):
+            self._ghosted.x.array[: self._owned] = answers[:, column]
+            self._ghosted.x.scatter_forward()
+            for fault in model.faults:
+                local[fault.name][:, :, column] = fault.interface.jump(self._ghosted.x.array)
+        result = jumps.gather(local).reshape(jumps.points, jumps.local, len(groups), jumps.local)
+        given.destroy()
+        found.destroy()
+        return result
+
+    def destroy(self) -> None:
+        """Free the factors; collective."""
+        self._pc.destroy()
+
+
+def apart(distance: np.ndarray, least: float) -> list[np.ndarray]:
+    """Groups of points whose distances among each other are larger than `least`, each point in one of them.
+
+    Parameters
+    ----------
+    distance : ndarray, shape (points, points)
+        [m]
+    """
+    groups: list[list[int]] = []
+    if least >= distance.max(initial=0.0):
+        return [np.array([point]) for point in range(len(distance))]
+    for point in range(len(distance)):
+        fitting = (group for group in groups if distance[point, group].min() > least)
+        group = next(fitting, None)
+        if group is None:
+            groups.append([point])
+        else:
+            group.append(point)
+    return [np.array(group) for group in groups]
+
+
+def batches(groups: list[np.ndarray], size: int) -> Iterator[list[np.ndarray]]:
+    """Groups, so many at a time."""
+    for start in range(0, len(groups), size):
+        yield groups[start : start + size]

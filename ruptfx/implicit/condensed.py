@@ -1,0 +1,239 @@
+"""Implicit steps of linear bodies: only the interfaces are not, and Newton's iteration is done there alone.
+
+At a displacement u with the jump g and out of balance by R, the correction d that balances all forces solves
+
+    A d = -R - J' W q,    q(e) = t(g + e) - t(g) - k e,    e = J d
+
+with A = K + c_M M + c_C C + J' W k J as if interfaces were closed and stuck, whose factors are kept (`compliance`), and
+tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e alone, solved with the exact tangents of t; then
+d takes one back substitution. Bodies being linear, u + d is the equilibrium but for rounding; the residual of the whole
+system decides, and is brought down once more if it must be. Multipliers are iterated at the interfaces, too.
+
+Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised where they are small; larger ones are solved by
+GMRES, preconditioned point by point or, where that is too slow, by the factors of an iteration before.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from ruptfx import parallel
+from ruptfx.implicit.compliance import Compliance, Jumps
+from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
+from ruptfx.implicit.step import MAX_OUTER, Step
+from ruptfx.implicit.tangent import Tangent
+from ruptfx.operators.assembled import is_linear
+from ruptfx.projection import ProjectionError
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+MOST_UNKNOWNS = 4000  # of all jumps: S is dense
+KEPT = 4  # factorisations
+MAX_CORRECTIONS = 4
+MAX_HALVINGS = 12
+SMALL = 300  # unknowns up to which a factorisation takes next to no time
+MAX_KRYLOV = 30  # iterations from which on it takes less than they do
+
+
+def fits(model: Model) -> bool:
+    """Whether the steps of a model can be condensed: linear bodies that are factorised anyway, few interface unknowns;
+    collective."""
+    jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
+    return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
+
+
+@dataclass
+class _Tractions:
+    """At the points of all interfaces: t, shape (points, local) [Pa], and dt/de, shape (points, local, local)."""
+
+    value: np.ndarray
+    tangent: np.ndarray
+
+
+class Condensed:
+    """Solves steps of one model on its interfaces.
+
+    Attributes
+    ----------
+    history : list of float
+        Norm of the residual at every evaluation of the last solve [N]: of the whole system, and of what interfaces
+        leave in it.
+    iterations, outer : int
+        Of the last solve: Newton's, and those of the multipliers.
+    reason : str
+        Why it ended.
+    """
+
+    def __init__(self, model: Model, tangent: Tangent) -> None:
+        self._model, self._tangent = model, tangent
+        self._jumps = Jumps(model)
+        self._weight = self._jumps.gather({fault.name: fault.interface.weight for fault in model.faults})
+        self._kept: OrderedDict[tuple[float, float, float], Compliance] = OrderedDict()
+        self.history: list[float] = []
+        self.iterations = self.outer = 0
+        self.reason = ""
+
+    def solve(self, step: Step, u: np.ndarray) -> bool:
+        """Leave `step` evaluated at its equilibrium, from `u`; whether there is one; collective."""
+        self.history, self.iterations, self.outer = [], 0, 1
+        u, before = u.copy(), np.inf
+        for _ in range(MAX_CORRECTIONS):
+            step.evaluate(u)
+            norm = self._norm(step)
+            self.history.append(norm)
+            if norm <= step.enough(TOLERANCE):
+                self.reason = "CONVERGED"
+                return True
+            if not norm < 0.5 * before:
+                self.reason = "DIVERGED: the residual falls no more" if np.isfinite(norm) else "DIVERGED: a law failed"
+                return False
+            before = norm
+            compliance = self._compliance(step)
+            free = compliance.solve(-step.residual)
+            q = self._balance(step, compliance, free)
+            if q is not None:
+                u += free - compliance.solve(self._jumps.force(q, len(u)))
+            else:
+                return False
+        self.reason = "DIVERGED: the residual falls too slowly"
+        return False
+
+    def _norm(self, step: Step) -> float:
+        residual = step.residual
+        return float(np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(residual, residual))))
+
+    def _compliance(self, step: Step) -> Compliance:
+        """That of the length of the step; the last few are kept; collective."""
+        key = step.key
+        found = self._kept.pop(key, None)
+        if found is None:
+            while len(self._kept) >= KEPT:
+                self._kept.popitem(last=False)[1].destroy()
+            found = Compliance(self._model, self._jumps, self._tangent, key[:2], step.stuck())
+        self._kept[key] = found
+        return found
+
+    def _balance(self, step: Step, compliance: Compliance, free: np.ndarray) -> np.ndarray | None:
+        """q of the jumps e that balance, shape (points, local) [Pa]; None where there are none; collective."""
+        jumps = self._jumps
+        start, driven = jumps.of(step.displacement), jumps.of(free)
+        reference = jumps.gather({name: response.traction for name, response in step.responses.items()})
+        changes = _Changes(compliance.matrix)
+        enough = 0.01 * step.enough(TOLERANCE)
+
+        def tractions(e: np.ndarray) -> _Tractions | None:
+            return self._tractions(step, start + e)
+
+        def out_of_balance(e: np.ndarray, t: _Tractions) -> tuple[np.ndarray, np.ndarray]:
+            q = t.value - reference - np.einsum("pij,pj->pi", compliance.stuck, e)
+            return q, e - driven + (compliance.matrix @ q.ravel()).reshape(q.shape)
+
+        e = np.zeros_like(driven)
+        now = tractions(e)
+        while now is not None and self.outer <= MAX_OUTER:
+            for _ in range(MAX_NEWTON):
+                q, missing = out_of_balance(e, now)
+                # What is left when bodies follow -missing, or less: no interface is stiffer than a stuck one.
+                left = self._weight[:, None] * np.einsum("pij,pj->pi", compliance.stuck, missing)
+                self.history.append(float(np.linalg.norm(left)))
+                # Or what rounding leaves in the jumps.
+                size = np.linalg.norm(missing)
+                if self.history[-1] <= enough or size <= 1e-15 * (np.linalg.norm(e) + np.linalg.norm(start)):
+                    break
+                found = changes.solve(now.tangent - compliance.stuck, missing)
+                self.iterations += 1
+                length, taken = 1.0, None
+                for _ in range(MAX_HALVINGS):
+                    there = tractions(e + length * found)
+                    if there is not None:
+                        ahead = np.linalg.norm(out_of_balance(e + length * found, there)[1])
+                        if ahead <= (1 - 1e-4 * length) * size:
+                            taken = there
+                            break
+                    length *= 0.5
+                if taken is None:
+                    self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
+                    return None
+                e, now = e + length * found, taken
+            else:
+                self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
+                return None
+            if step.settled():
+                return q
+            step.update_multipliers()
+            self.outer += 1
+            now = tractions(e)
+        failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
+        self.reason = f"DIVERGED: {failed}"
+        return None
+
+    def _tractions(self, step: Step, jump: np.ndarray) -> _Tractions | None:
+        """At jumps of all points; None where a law fails; collective."""
+        error = None
+        try:
+            step.respond({fault.name: self._jumps.pick(jump, fault.name) for fault in self._model.faults})
+        except ProjectionError as caught:
+            error = caught
+        if parallel.anywhere(self._model.comm, error is not None):
+            return None
+        value, tangent = (
+            self._jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
+            for part in ("traction", "tangent")
+        )
+        return _Tractions(value, tangent)
+
+
+class _Changes:
+    """Solves (1 + S D) de = -f for changes of the jumps, D in blocks; made anew for every step, so that a step does not
+    depend on those before it."""
+
+    def __init__(self, matrix: np.ndarray) -> None:
+        self._matrix = matrix
+        self._factors: tuple[np.ndarray, np.ndarray] | None = None
+
+    def solve(self, slope: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """de, shape (points, local).
+
+        Parameters
+        ----------
+        slope : ndarray, shape (points, local, local)
+            D [Pa/m].
+        f : ndarray, shape (points, local)
+            [m]
+        """
+        shape, n, matrix = f.shape, f.size, self._matrix
+
+        def stressed(y: np.ndarray) -> np.ndarray:
+            return np.einsum("pij,pj->pi", slope, y.reshape(shape)).ravel()
+
+        # y = D de: points that stick, where D is zero, drop out of (1 + D S) y = -D f.
+        y, right, failed = np.zeros(n), -stressed(f.ravel()), True
+        if self._factors is not None or n > SMALL:
+            product = LinearOperator((n, n), lambda y: y + stressed(matrix @ y), dtype=float)
+            inverse = LinearOperator((n, n), self._inverse(slope), dtype=float)
+            y, failed = gmres(product, right, M=inverse, rtol=1e-9, restart=MAX_KRYLOV, maxiter=1)
+        if failed:
+            whole = np.einsum("pij,pjm->pim", slope, matrix.reshape(*shape, n)).reshape(n, n)
+            whole[np.diag_indices(n)] += 1.0
+            self._factors = lu_factor(whole, overwrite_a=True, check_finite=False)
+            y = lu_solve(self._factors, right, check_finite=False)
+        return -f - (matrix @ y).reshape(shape)
+
+    def _inverse(self, slope: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """What preconditions: the factors of an earlier iteration, without them every point by itself."""
+        if self._factors is not None:
+            factors = self._factors
+            return lambda y: np.asarray(lu_solve(factors, y, check_finite=False))
+        points, local = slope.shape[:2]
+        here = np.arange(points)
+        own = self._matrix.reshape(points, local, points, local)[here, :, here, :]
+        blocks = np.linalg.inv(np.eye(local) + slope @ own)
+        return lambda y: np.einsum("pij,pj->pi", blocks, y.reshape(points, local)).ravel()
