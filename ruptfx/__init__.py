@@ -9,7 +9,7 @@ Nothing heavy is imported here: the lumped models, `Record`, `analysis` and `plo
 
 import os
 from importlib import import_module
-from typing import Any
+from typing import Any, ClassVar
 
 # MPI ranks are the parallelism: threads inside NumPy would only get in each other's way. Before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -28,7 +28,18 @@ __all__ = ["RuptfxError", "__version__", *_PUBLIC]
 
 
 class RuptfxError(Exception):
-    """Anything the user can act upon: the message says what is wrong, where, and what to do."""
+    """Anything the user can act upon: the message says what is wrong, where, and what to do.
+
+    Attributes
+    ----------
+    exit_code : int
+        Of a command that ends with it.
+    at_once : bool
+        Whether a command must end without the clean-up of its libraries.
+    """
+
+    exit_code: ClassVar[int] = 1
+    at_once: ClassVar[bool] = False
 
 
 def __getattr__(name: str) -> Any:

@@ -15,13 +15,14 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, launch, lumped, parallel
 from ruptfx.case import Case
+from ruptfx.directories import write_json
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.progress import Progress
 from ruptfx.record import Record
 from ruptfx.recording import run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
-from ruptfx.recording.recorder import Recorder, versions, write_summary
+from ruptfx.recording.recorder import Recorder, versions
 from ruptfx.state import State
 from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules
@@ -36,6 +37,8 @@ PAINTERS = 4  # ranks that draw; each has to import what that takes
 
 class Interrupted(RuptfxError):  # noqa: N818
     """Stopped by a signal; what was written is readable."""
+
+    exit_code = 130
 
 
 @overload
@@ -61,7 +64,7 @@ def simulate(
     Parameters
     ----------
     case : Case or LumpedModel
-        The latter needs one rank, and takes nothing of what follows but `out`.
+        The latter needs one rank; it writes no checkpoints, and what was stopped is begun again by `resume`.
     out : str or Path
         Run directory; must not exist or be empty.
     comm : MPI communicator, optional
@@ -86,7 +89,8 @@ def simulate(
     """
     comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
     if isinstance(case, LumpedModel):
-        return lumped.simulate(case, out)
+        with Progress(progress) as bar:
+            return lumped.simulate(case, out, bar.update, resume)
     same = parallel.on_root(comm, lambda: case.hash) == case.hash
     parallel.raise_on_all(comm, None if same else RuptfxError(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
@@ -124,7 +128,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
         phase("steps"),
         Recorder(model, motion, out, checkpoint) as recorder,
         Signals() as signals,
-        Progress(case.duration, progress and comm.rank == 0) as bar,
+        Progress(progress and comm.rank == 0) as bar,
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         checkpoints = Checkpoints(model, recorder)
@@ -144,7 +148,10 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
             _raise_together(comm, error or (_not_a_number(model, state) if regular or due else None))
             if due:
                 recorder.record(state)
-                bar.update(state.time, state.step, recorder.peak_slip_rate)
+                bar.update(
+                    state.time / case.duration, f"t = {state.time:9.3g} s of {case.duration:.3g}  "
+                    f"step {state.step:6d}  peak slip rate {recorder.peak_slip_rate:8.3g} m/s"
+                )  # fmt: skip
                 ended = stopping.reached(state)
             stop = signals.anywhere(comm)
             if stop or checkpoints.due(state):
@@ -233,7 +240,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
         with Record(out) as record:
             findings = summarise(record)
         found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
-        write_summary(out, {
+        write_json(out / "summary.json", {
             **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": found,
             "host_cores": os.cpu_count(),
         })  # fmt: skip

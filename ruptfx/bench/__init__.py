@@ -11,10 +11,8 @@ import ast
 import importlib
 import json
 import math
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -114,8 +112,8 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
     chosen = every if name == "all" else [name]
     results = {}
     for number, each in enumerate(chosen, 1):
-        with _shown(f"{number}/{len(chosen)} {each}"):
-            outcome = _run(each, fine, Path(out))
+        console(stderr=True).print(f"{number}/{len(chosen)} {each}")
+        outcome = _run(each, fine, Path(out))
         results[each] = _report(each, *outcome, Path(out), as_json)
     if as_json:
         rows = {each: reported for each, (_, reported) in results.items()}
@@ -142,22 +140,6 @@ def _screen() -> Any:
 
 
 _MANY = 30  # checks that are one row of the table where all passed
-
-
-@contextmanager
-def _shown(text: str) -> Iterator[None]:
-    """What runs and for how long, on a terminal; else a line when it begins."""
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    errors = console(stderr=True)
-    if not errors.is_terminal:
-        print(text, file=sys.stderr, flush=True)
-        yield
-        return
-    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
-    with Progress(*columns, console=errors, transient=True) as progress:
-        progress.add_task(text, total=None)
-        yield
 
 
 def _run(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:

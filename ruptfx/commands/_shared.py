@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from ruptfx import RuptfxError
 from ruptfx.terminal import console
@@ -28,7 +27,7 @@ CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. faults.main.initial_stress.normal=30e6; repeatable.")
 ]
-EXIT_ERROR, EXIT_INTERRUPTED = 1, 130
+EXIT_ERROR = RuptfxError.exit_code
 
 
 @contextmanager
@@ -44,11 +43,10 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
             label = "case error" if isinstance(error, CaseError) else "error"
             errors.print(f"{label}: ", style="bold red", end="")
             errors.print(str(error), soft_wrap=True)
-        if type(error).__name__ == "DiskError":
-            # HDF5 cannot write what it still holds and would fall over it at exit.
+        if error.at_once:
             sys.stderr.flush()
-            os._exit(EXIT_ERROR)
-        raise typer.Exit(EXIT_INTERRUPTED if type(error).__name__ == "Interrupted" else EXIT_ERROR) from None
+            os._exit(error.exit_code)
+        raise typer.Exit(error.exit_code) from None
     except Exception:
         if comm is None or comm.size == 1:
             raise
@@ -63,12 +61,3 @@ def show_plugins(case: HasPlugins, wanted: bool) -> None:
 
     for line in shown(case) if wanted else []:
         errors.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-@contextmanager
-def fraction_bar(show: bool) -> Iterator[Callable[[float, str], None]]:
-    """A bar for work that tells its fraction and what it is at."""
-    columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=errors, disable=not (show and errors.is_terminal)) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda fraction, text: bar.update(task, completed=fraction, description=text)

@@ -11,14 +11,8 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import (
-    CaseFile,
-    Overrides,
-    fraction_bar,
-    reported,
-    screen,
-    show_plugins,
-)
+from ruptfx.commands._shared import CaseFile, Overrides, reported, screen, show_plugins
+from ruptfx.progress import Progress
 
 
 def run(
@@ -48,8 +42,8 @@ def run(
         with reported():
             from ruptfx.lumped import simulate as simulate_lumped
 
-            with fraction_bar(not quiet) as progress:
-                simulate_lumped(parsed, out, progress)
+            with Progress(not quiet) as progress:
+                simulate_lumped(parsed, out, progress.update, resume)
             if not quiet:
                 _show_summary(out)
                 _show_pictures(out)

@@ -5,9 +5,7 @@ One model per file or package, whose name is the top-level `kind` of the case. T
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import time
 import tomllib
 from collections.abc import Callable, Sequence
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ruptfx import RuptfxError, __version__
+from ruptfx.directories import is_finished, prepare, reserved, write_json
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import Alternative, find
 
@@ -63,7 +62,9 @@ def variable(dims: Any, values: Any, units: str, long_name: str) -> tuple[Any, A
     return dims, values, {"units": units, "long_name": long_name}
 
 
-def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -> xarray.Dataset:
+def simulate(
+    model: LumpedModel, out: str | Path, progress: Progress = silent, resume: bool = False
+) -> xarray.Dataset:
     """Run a model and write its directory: case, result, figures and, last, the summary that marks it complete.
 
     Parameters
@@ -73,16 +74,25 @@ def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -
         Directory to create; may exist if empty. ``result.nc`` in it opens with `read_result`.
     progress : callable
         See `LumpedModel.run`.
+    resume : bool
+        Leave a finished run of this model as it is; begin one that was stopped again.
 
     Raises
     ------
     RuptfxError
-        The directory already holds something.
+        The directory already holds something else, or another process writes there.
     """
     out = Path(out)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RuptfxError(f"{out}: already exists and is not empty; give another directory or delete this one")
-    (out / "figures").mkdir(parents=True, exist_ok=True)
+    if resume and is_finished(out, model):
+        return read_result(out)
+    with reserved(out):
+        prepare(out, again=model if resume else None)
+        return _run(model, out, progress)
+
+
+def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
+    """Everything in a directory that is ready."""
+    (out / "figures").mkdir()
     model.save(out)
     start = time.perf_counter()
     dataset = model.run(progress)
@@ -92,9 +102,7 @@ def simulate(model: LumpedModel, out: str | Path, progress: Progress = silent) -
     _draw(type(model), dataset, out, ("png",))
     summary = model.summarise(dataset)
     summary |= {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
-    partial = out / "summary.json.partial"
-    partial.write_text(json.dumps(_plain(summary), indent=2) + "\n", encoding="utf-8")
-    os.replace(partial, out / "summary.json")
+    write_json(out / "summary.json", _plain(summary))
     return dataset
 
 

@@ -7,9 +7,7 @@ All files are written by rank 0 in an order that does not depend on the partitio
 from __future__ import annotations
 
 import csv
-import json
 import logging
-import os
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -32,7 +30,9 @@ if TYPE_CHECKING:
     from ruptfx.steppers import Motion
 
 class DiskError(RuptfxError):
-    """The disk is full or gone; HDF5 may then be unable to close its files."""
+    """The disk is full or gone; HDF5 cannot write what it still holds and would fall over it at exit."""
+
+    at_once = True
 
 
 class Recorder:
@@ -240,17 +240,6 @@ class Recorder:
             for handler in self.log.handlers:
                 handler.close()
             self.log.handlers = []
-
-
-def write_summary(out: Path, summary: dict[str, Any]) -> None:
-    """The marker of a complete run: written to a temporary name, synced, renamed."""
-    temporary = out / ".summary.json"
-    with temporary.open("w") as file:
-        json.dump(summary, file, indent=2)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(out / "summary.json")
 
 
 def versions() -> dict[str, str]:

@@ -1,77 +1,31 @@
-"""The directory of a run: which case it belongs to, that only one run at a time writes there, making it."""
+"""The directory of a run of many ranks: what `ruptfx.directories` does, on all of them or none."""
 
 from __future__ import annotations
 
-import fcntl
-import json
-import os
-import shutil
-import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from ruptfx import RuptfxError, parallel
-from ruptfx.case import Case, read_case
+from ruptfx import directories, parallel
+from ruptfx.case import Case
 
 if TYPE_CHECKING:
     from ruptfx import fem
-
-LOCK = ".lock"
 
 
 @contextmanager
 def reserved(comm: fem.MPI.Comm, out: Path) -> Iterator[None]:
     """Make the run directory and keep other runs out of it until the end, however that comes; collective.
 
-    The lock is the operating system's, so a killed run leaves none behind.
-
     Raises
     ------
     RuptfxError
         On all ranks: another run writes there, or nothing can be written.
     """
-    held: list[IO[str]] = []
-    parallel.on_root(comm, lambda: held.append(_locked(out)))
-    try:
+    with ExitStack() as held:
+        parallel.on_root(comm, lambda: held.enter_context(directories.reserved(out)))
         yield
-    finally:
-        for file in held:
-            # A directory that was refused keeps no trace; removed before the lock is given up.
-            Path(file.name).unlink(missing_ok=True)
-            file.close()
-
-
-def _locked(out: Path) -> IO[str]:
-    """The open lock file, locked."""
-    if out.exists() and not out.is_dir():
-        raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
-    path = out / LOCK
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        while True:
-            file = path.open("a+")
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                file.seek(0)
-                user = file.read().strip() or "another run"
-                file.close()
-                raise RuptfxError(
-                    f"{out}: in use by {user}; wait until it ends, stop it, or choose another --out"
-                ) from None
-            except OSError:
-                pass  # a file system without locks
-            if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
-                break
-            file.close()  # whoever ended in between took this file away
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}")
-        file.flush()
-    except OSError as error:
-        raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
-    return file
 
 
 def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
@@ -82,57 +36,15 @@ def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
     RuptfxError
         On all ranks: it holds a run of another case.
     """
-
-    def look() -> bool:
-        found = _case_hash(out)
-        if found not in (None, case.hash):
-            raise RuptfxError(
-                f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
-                "without other values of --set, or choose another --out"
-            )
-        return (out / "summary.json").exists()
-
-    return bool(parallel.on_root(comm, look))
-
-
-def _case_hash(out: Path) -> str | None:
-    """Hash of the case whose run a directory holds; None where that cannot be told."""
-    try:
-        return str(read_case(out / "case.toml").hash)
-    except RuptfxError:
-        pass
-    try:
-        return str(json.loads((out / "summary.json").read_text())["case_hash"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    return parallel.on_root(comm, lambda: directories.is_finished(out, case))
 
 
 def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None) -> None:
-    """Refuse a reserved directory that is not empty, on all ranks or none.
-
-    Parameters
-    ----------
-    comm : MPI communicator
-    out : Path
-    again : Case, optional
-        Begin this case again where it was stopped early: what it left in `out` goes.
+    """Refuse a reserved directory that is not empty, unless it holds the beginning of the case `again`; collective.
 
     Raises
     ------
     RuptfxError
-        The directory holds something else already, or what is there cannot be removed.
+        On all ranks: the directory holds something else already, or what is there cannot be removed.
     """
-
-    def make() -> None:
-        left = [path for path in out.iterdir() if path.name != LOCK]
-        if again is None or _case_hash(out) != again.hash:
-            if left:
-                raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
-            return
-        try:
-            for path in left:
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-        except OSError as error:
-            raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
-
-    parallel.on_root(comm, make)
+    parallel.on_root(comm, lambda: directories.prepare(out, again))

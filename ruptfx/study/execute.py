@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.console import Group
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
-
 from ruptfx import RuptfxError, __version__, launch
+from ruptfx.directories import write_json
+from ruptfx.progress import Progress
 from ruptfx.study import refine, table, workers
 from ruptfx.study.definition import Point, Study
-from ruptfx.study.store import Result, Store, commit, workspace, write_json
-from ruptfx.terminal import console
+from ruptfx.study.store import Result, Store, commit, workspace
 
 
 class Interrupted(RuptfxError):  # noqa: N818
     """Stopped by a signal; finished points are kept."""
+
+    exit_code = 130
 
 
 @dataclass
@@ -67,7 +64,7 @@ def run_study(
     retry : bool
         Run failed points again.
     show : bool
-        Show the progress table.
+        Show the progress.
 
     Raises
     ------
@@ -84,10 +81,9 @@ def run_study(
         if retry:
             store.forget_failures()
         with _cluster(store.path, scheduler, cores, study.ranks) as client:
-            progress = Progress(study.title or str(out), client, study.ranks, show)
             try:
-                with progress:
-                    run = Runner(study, store, client, progress)
+                with Progress(show) as progress:
+                    run = Runner(study, store, client, Count(progress, study.title or str(out)))
                     outcome.points = run(points, outcome)
                     if refined:
                         _refine(study, run, outcome)
@@ -130,7 +126,7 @@ class Runner:
     study: Study
     store: Store
     client: Any
-    progress: Progress
+    count: Count
 
     def __call__(self, points: Sequence[Point], outcome: Outcome) -> list[tuple[Point, Result]]:
         from distributed import as_completed
@@ -138,7 +134,7 @@ class Runner:
         results = {point.hash: self.store.result(point.hash) for point in points}
         todo = {point.hash: point for point in points if results[point.hash] is None}
         outcome.known_before += len(results) - len(todo)
-        self.progress.add(len(results), [r for r in results.values() if r is not None])
+        self.count.add(len(results), [r for r in results.values() if r is not None])
         study = self.study
         futures = {
             self.client.submit(
@@ -150,7 +146,7 @@ class Runner:
             key = futures[future]
             results[key] = result = self._result(future, key)
             future.release()
-            self.progress.finished(result)
+            self.count.finished(result)
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
 
     def _table(self, point: Point) -> dict[str, Any]:
@@ -243,73 +239,33 @@ def _stoppable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-class Progress:
-    """One table: done, running, failed, time left; elsewhere than on a terminal a line every tenth.
+class Count:
+    """How many points there are, are done and have failed, shown as they finish.
 
     Parameters
     ----------
+    progress : Progress
     title : str
-    client : dask client
-    ranks : int
-    show : bool
     """
 
-    def __init__(self, title: str, client: Any, ranks: int, show: bool) -> None:
-        self._title, self._client, self._ranks, self._show = title, client, ranks, show
-        self._total = self._done = self._failed = self._new = self._tenth = 0
-        self._began = time.monotonic()
-        self._console = console(stderr=True)
-        self._live = Live(console=self._console, get_renderable=self._render, refresh_per_second=2)
-        self._lively = show and self._console.is_terminal
-
-    def __enter__(self) -> Progress:
-        if self._lively:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        if self._lively:
-            self._live.stop()
+    def __init__(self, progress: Progress, title: str) -> None:
+        self._progress, self._title = progress, title
+        self._total = self._done = self._failed = 0
 
     def add(self, count: int, known: Sequence[Result]) -> None:
         """More points to come, some of them known from before."""
         self._total += count
-        failed = sum(result["status"] == "failed" for result in known)
-        self._failed += failed
-        self._done += len(known) - failed
-        self._tenth = self._tenths()  # refinement adds points after the last tenth
+        for result in known:
+            self._count(result)
 
     def finished(self, result: Result) -> None:
-        self._new += 1
-        self._failed += result["status"] == "failed"
-        self._done += result["status"] != "failed"
-        tenth = self._tenths()
-        if self._show and not self._lively and tenth > self._tenth:
-            self._tenth = tenth
-            numbers = ", ".join(f"{name} {value}" for name, value in self._numbers().items())
-            self._console.print(f"{10 * tenth:3d} %  {numbers}")
+        """One point more."""
+        self._count(result)
+        self._progress.update(
+            (self._done + self._failed) / self._total,
+            f"{self._title}: {self._total} points, {self._done} done, {self._failed} failed",
+        )
 
-    def _tenths(self) -> int:
-        return 10 * (self._done + self._failed) // max(self._total, 1)
-
-    def _numbers(self) -> dict[str, str]:
-        left = self._total - self._done - self._failed
-        slots = sum(self._client.nthreads().values()) if self._client.status == "running" else 0
-        rate = self._new / max(time.monotonic() - self._began, 1e-9)
-        return {
-            "points": str(self._total), "done": str(self._done), "running": str(min(left, slots)),
-            "failed": str(self._failed), "time left": _clock(left / rate) if self._new else "-",
-        }  # fmt: skip
-
-    def _render(self) -> Group:
-        numbers = self._numbers()
-        grid = Table(title=self._title, title_justify="left", title_style="bold")
-        for name in numbers:
-            grid.add_column(name, justify="right", style="red" if name == "failed" and self._failed else "")
-        grid.add_row(*numbers.values())
-        return Group(grid, ProgressBar(self._total or 1, self._done + self._failed, width=60))
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
+    def _count(self, result: Result) -> None:
+        failed = result["status"] == "failed"
+        self._failed, self._done = self._failed + failed, self._done + (not failed)

@@ -6,16 +6,16 @@ and renamed. What a killed study leaves behind is either finished or removed by 
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
-import socket
 import time
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self, TextIO
+from typing import Any, Self
 
 from ruptfx import RuptfxError
+from ruptfx.directories import LOCK, reserved, write_json
 from ruptfx.study.definition import Study
 
 Result = dict[str, Any]
@@ -38,39 +38,19 @@ class Store:
     def __init__(self, path: str | Path, study: Study) -> None:
         self.path, self._study = Path(path).absolute(), study
         self.points = self.path / "points"
-        self._lock: TextIO | None = None
 
     def __enter__(self) -> Self:
         marker = self.path / "study.json"
-        if self.path.exists() and not self.path.is_dir():
-            raise RuptfxError(f"{self.path}: is a file; choose another --out")
-        strangers = [p.name for p in self.path.glob("*") if p.name not in (".lock", "points")]
+        strangers = [p.name for p in self.path.glob("*") if p.name not in (LOCK, "points")]
         if strangers and not marker.is_file():
             raise RuptfxError(f"{self.path}: holds something else ({strangers[0]}); choose another --out")
-        try:
-            self.points.mkdir(parents=True, exist_ok=True)
-            # Opened without truncation: the text is that of whoever holds the lock.
-            lock = self._lock = (self.path / ".lock").open("a+")
-        except OSError as error:
-            raise RuptfxError(f"{self.path}: cannot be written ({error.strerror}); choose another --out") from None
-        try:
-            # The kernel releases the lock when the process ends, however it ends.
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.seek(0)
-            owner = lock.read().strip() or "another process"
-            lock.close()
-            raise RuptfxError(f"{self.path}: {owner} works on this study; wait for it or stop it") from None
-        lock.truncate(0)
-        lock.write(f"process {os.getpid()} on {socket.gethostname()}")
-        lock.flush()
-        try:
+        with ExitStack() as held:
+            held.enter_context(reserved(self.path))
+            self.points.mkdir(exist_ok=True)
             self._claim(marker)
-        except BaseException:
-            lock.close()
-            raise
-        for left in self.points.glob(".*"):
-            shutil.rmtree(left, ignore_errors=True)
+            for left in self.points.glob(".*"):
+                shutil.rmtree(left, ignore_errors=True)
+            self._held = held.pop_all()
         return self
 
     def _claim(self, marker: Path) -> None:
@@ -91,8 +71,7 @@ class Store:
         write_json(marker, {"identity": mine, "study": self._study.model_dump(mode="json", exclude_none=True)})
 
     def __exit__(self, *_: Any) -> None:
-        if self._lock:
-            self._lock.close()
+        self._held.close()
 
     def result(self, point: str) -> Result | None:
         """What a finished point left, None if it is not finished."""
@@ -135,14 +114,3 @@ def read_result(path: Path, point: str) -> Result | None:
         return json.loads((path / "points" / point / "result.json").read_text())
     except FileNotFoundError:
         return None
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write, sync, rename: the file is old or new, never half."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w") as file:
-        json.dump(content, file, indent=1)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)

@@ -22,11 +22,11 @@ from small_cases import impact
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import __version__
+from ruptfx import __version__, directories
 from ruptfx.case import read_case
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
-from ruptfx.recording import checkpoint, run_directory
+from ruptfx.recording import checkpoint
 
 CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6}
 LIMIT = 120  # seconds; a deadlock looks like a slow run
@@ -309,7 +309,7 @@ def test_second_resume_at_the_same_time_is_refused(ranks, case_file, reference, 
     _, said = first.communicate(timeout=LIMIT)
     assert first.returncode == 0, said
     assert max(largest_difference(reference[1], out).values()) == 0
-    assert not (out / run_directory.LOCK).exists()
+    assert not (out / directories.LOCK).exists()
 
 
 @pytest.mark.faults

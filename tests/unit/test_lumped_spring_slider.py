@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from ruptfx.lumped.spring_slider import PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
-from ruptfx.schema import CaseError, find
+from ruptfx.schema import CaseError, alternatives, find
 
 W = 16.0
 VARIANTS = [(0.0, 0.0), (0.0, 0.4e-6), (1.6, 0.0), (1.6, 0.4e-6)]
@@ -141,15 +142,30 @@ def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
     assert read_result(tmp_path / "run").equals(data)
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["case_hash"] == model.hash
     assert [p.name for p in redraw(tmp_path / "run", ("svg",))] == ["velocity_steps.svg"]
-    with pytest.raises(RuptfxError, match="not empty"):
+    with pytest.raises(RuptfxError, match="exists already"):
         simulate(model, tmp_path / "run")
     with pytest.raises(RuptfxError, match="no result"):
         redraw(tmp_path)
 
 
-@pytest.mark.parametrize("kind", ["maxwell_slip", "spring_block", "spring_slider"])
+def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path) -> None:
+    model, out = SpringSlider(experiment=VelocitySteps(distance=5e-6, samples=100)), tmp_path / "run"
+    data = simulate(model, out, resume=True)
+    when = (out / "result.nc").stat().st_mtime_ns
+    assert simulate(model, out, resume=True).equals(data) and (out / "result.nc").stat().st_mtime_ns == when
+    (out / "summary.json").unlink()  # stopped before its end
+    (out / "result.nc").write_text("half")
+    assert simulate(model, out, resume=True).equals(data) and read_result(out).equals(data)
+    with pytest.raises(RuptfxError, match=f"holds a run of case {model.hash}, this is case"):
+        simulate(model.model_copy(update={"stiffness": 2 * model.stiffness}), out, resume=True)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").write_text("mine")
+    with pytest.raises(RuptfxError, match="exists already"):
+        simulate(model, tmp_path / "other", resume=True)
+    assert (tmp_path / "other" / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", alternatives("ruptfx.lumped"))
 def test_a_case_survives_toml(kind: str) -> None:
     model = find("ruptfx.lumped", kind)()
-    import tomllib
-
     assert parse_case(tomllib.loads(model.to_toml())) == model

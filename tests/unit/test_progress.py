@@ -3,9 +3,23 @@ from __future__ import annotations
 from ruptfx.progress import Progress
 
 
-def test_last_step_beyond_the_end_is_the_whole(capsys):
-    with Progress(1.0, show=True) as progress:
-        progress.update(0.55, 11, 0.1)
-        progress.update(1.1, 22, 0.1)  # few long steps: the last passes the end by up to one of them
-    percent = [line.split("%")[0].strip() for line in capsys.readouterr().err.splitlines()]
-    assert percent == ["50", "100"]
+def shown(capsys, *fractions):
+    with Progress() as progress:
+        for fraction in fractions:
+            progress.update(fraction, "text")
+    return [line.split("%")[0].strip() for line in capsys.readouterr().err.splitlines()]
+
+
+def test_a_line_every_tenth(capsys):
+    # Few long steps: the last passes the end by up to one of them.
+    assert shown(capsys, 0.05, 0.55, 0.58, 1.1) == ["50", "100"]
+
+
+def test_work_that_is_added(capsys):
+    assert shown(capsys, 0.5, 1.0, 0.6, 0.72) == ["50", "100", "70"]
+
+
+def test_quiet(capsys):
+    with Progress(show=False) as progress:
+        progress.update(0.5, "text")
+    assert capsys.readouterr() == ("", "")

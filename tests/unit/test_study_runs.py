@@ -114,7 +114,7 @@ def test_time_limit(tmp_path):
 
 def test_two_processes_and_another_study_are_refused(tmp_path):
     run(tmp_path, [2.0])
-    with Store(tmp_path / "out", study(tmp_path, [2.0])), pytest.raises(RuptfxError, match=r"process \d+ on .* works"):
+    with Store(tmp_path / "out", study(tmp_path, [2.0])), pytest.raises(RuptfxError, match=r"in use by process \d+ on"):
         run(tmp_path, [2.0])
     with pytest.raises(RuptfxError, match="another study: the case differs"):
         run(tmp_path, [2.0], extra="[set]\nduration = 1e-6")

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ruptfx.directories import write_json
 from ruptfx.study import mode_map, read_study
-from ruptfx.study.store import write_json
 from ruptfx.study.table import rows, write_csv
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
