@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).with_name("_extensions")))
 
-from ruptfx import __version__  # noqa: E402
+from ruptfx import __version__
 
 project = "ruptfx"
 author = "The ruptfx developers"

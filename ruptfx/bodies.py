@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,6 +58,8 @@ class Bodies:
     one_sided : dict of str to str
         As in `RawMesh`.
     ties : list of Tie
+    surfaces : dict of str to (ndarray, ndarray)
+        Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
     """
 
     mesh: Any
@@ -68,6 +70,7 @@ class Bodies:
     interfaces: list[str]
     one_sided: dict[str, str]
     ties: list[Tie] = field(default_factory=list)
+    surfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
     def edges(self) -> list[str]:
@@ -87,13 +90,15 @@ class Bodies:
 
 
 def distribute(
-    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None
-) -> Bodies:
+    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None,
+    sliding: Collection[str] = (),
+) -> Bodies:  # fmt: skip
     """Build the mesh on rank 0 and split it over the ranks.
 
     Both sides of every interface point end on the same rank: the dual graph is partitioned with the two sides
     glued together, the minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches
-    one of its vertices without owning it. Tied edges are treated in the same way.
+    one of its vertices without owning it. Tied edges are treated in the same way. Of an interface that slides, every
+    rank that owns a cell at it has all the others as ghosts.
 
     Parameters
     ----------
@@ -101,6 +106,8 @@ def distribute(
     source : MeshSource
     tied : dict of str to (str, str), optional
         By key of the case: edges whose nodes move alike.
+    sliding : collection of str
+        Interfaces that slide.
 
     Raises
     ------
@@ -115,7 +122,7 @@ def distribute(
             raw = source.build()
             check_orientation(raw)
             check_facets(raw)
-            check_pairs(raw)
+            check_pairs(raw, sliding)
             pairs = {key: tied_facets(raw, key, *edges) for key, edges in (tied or {}).items()}
         except Exception as caught:
             error = caught
@@ -128,28 +135,36 @@ def distribute(
             Tie(key, *edges, (raw.points[b] - raw.points[a]).mean(axis=(0, 1)))
             for (key, edges), (a, b) in zip((tied or {}).items(), pairs.values(), strict=True)
         ]
-        described = (raw.cell, raw.points.shape[1], raw.bodies, raw.cell_body, faces, raw.one_sided, named, ties)
-    cell, dim, bodies, cell_body, interfaces, one_sided, named, ties = comm.bcast(described, root=0)
+        surfaces = {name: sides for name, sides in raw.interfaces.items() if name in sliding}
+        described = (
+            raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
+            raw.one_sided, named, ties, surfaces,
+        )  # fmt: skip
+    described = comm.bcast(described, root=0)
+    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces = described
 
     def partitioner(_: Any, parts: int, *__: Any) -> Any:
         if raw is None:
             lists = fem.dolfinx.graph.adjacencylist(np.zeros(0, np.int32), np.zeros(1, np.int32))
         else:
-            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts, list(pairs.values())))
+            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts, list(pairs.values()), sliding))
         return getattr(lists, "_cpp_object", lists)
 
-    cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, VERTICES[cell]), np.int64)
+    cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, nodes), np.int64)
     points = raw.points if raw is not None else np.zeros((0, dim))
-    mesh = fem.create_mesh(comm, cells, points, cell, partitioner)
+    mesh = fem.create_mesh(comm, cells, points, cell, partitioner, order)
     facets, tags = _tag_facets(mesh, named)
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
-    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces)
 
 
 def check_orientation(raw: RawMesh) -> None:
     """Refuse flat or inverted quadrilaterals, which would give negative masses."""
     if raw.cell != "quadrilateral":
+        return
+    if raw.order > 1:
+        _check_curved(raw)
         return
     a, b, c, d = (raw.points[raw.cells[:, i]] for i in range(4))
 
@@ -161,6 +176,23 @@ def check_orientation(raw: RawMesh) -> None:
     if np.any(bad):
         x = raw.points[raw.cells[np.argmax(bad)]].mean(axis=0)
         raise RuptfxError(f"mesh: {bad.sum()} flat or folded quadrilaterals, the first near ({x[0]:.6g}, {x[1]:.6g}) m")
+
+
+def _check_curved(raw: RawMesh) -> None:
+    """Refuse curved cells whose map folds at a point that the kernels use."""
+    basix = fem.basix
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType[raw.cell], raw.order, lagrange_variant=basix.LagrangeVariant.gll_warped
+    )
+    slopes = np.asarray(element.tabulate(1, np.asarray(element.points)))[1:, :, :, 0]
+    volume = np.linalg.det(np.einsum("dqk,cka->cqda", slopes, raw.points[raw.cells]))
+    bad = volume.min(axis=1) <= 0
+    if np.any(bad & (volume.max(axis=1) > 0)):
+        x = raw.points[raw.cells[np.argmax(bad)]].mean(axis=0)
+        raise RuptfxError(
+            f"mesh: {bad.sum()} cells are folded, the first near ({x[0]:.6g}, {x[1]:.6g}) m: the surface is too steep "
+            "or too high for them; reduce the heights of the profile, or make the body higher"
+        )
 
 
 def named_facets(raw: RawMesh) -> dict[str, np.ndarray]:
@@ -190,13 +222,21 @@ def check_facets(raw: RawMesh) -> None:
         raise RuptfxError(f"mesh: the facet at ({x}) m belongs to {names}; name every facet once")
 
 
-def check_pairs(raw: RawMesh) -> None:
-    """Refuse interfaces that meet where more than two sides do: a node has one partner, or tractions add up wrongly."""
+def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
+    """Refuse interfaces that meet where more than two sides do: a node has one partner, or tractions add up wrongly.
+    What slides has no partners."""
+    for name in raw.facing:
+        if name not in sliding:
+            raise RuptfxError(
+                f"mesh: the two sides of interface '{name}' have meshes of their own; add the table "
+                f"[faults.{name}.sliding], or mesh both sides alike"
+            )
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for name, (plus, minus) in raw.interfaces.items():
-        if name not in raw.one_sided:
+        if name not in raw.one_sided and name not in sliding:
             pairs.append(np.unique(np.stack([plus.ravel(), minus.ravel()], axis=1), axis=0))
-    names = np.repeat([n for n in raw.interfaces if n not in raw.one_sided], [len(pair) for pair in pairs[1:]])
+    paired = [name for name in raw.interfaces if name not in raw.one_sided and name not in sliding]
+    names = np.repeat(paired, [len(pair) for pair in pairs[1:]])
     sides = np.concatenate(pairs)
     _, first = np.unique(sides, axis=0, return_index=True)
     first = first[sides[first, 0] != sides[first, 1]]
@@ -248,18 +288,20 @@ def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
     return facets, raw.edges[second]
 
 
-def destinations(raw: RawMesh, parts: int, tied: Sequence[Facets] = ()) -> tuple[np.ndarray, np.ndarray]:
+def destinations(
+    raw: RawMesh, parts: int, tied: Sequence[Facets] = (), sliding: Collection[str] = ()
+) -> tuple[np.ndarray, np.ndarray]:
     """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
     count = len(raw.cells)
     if parts == 1:
         return np.zeros(count, np.int32), np.arange(count + 1, dtype=np.int32)
-    joined = [*raw.interfaces.values(), *tied]
+    joined = [*(sides for name, sides in raw.interfaces.items() if name not in sliding), *tied]
     glued = np.arange(len(raw.points))
     for plus, minus in joined:
         glued[minus] = plus
     while np.any(glued[glued] != glued):  # corners of tied edges at an interface
         glued = glued[glued]
-    cells = glued[raw.cells]
+    cells = glued[raw.cells[:, : VERTICES[raw.cell]]]
     owner = _partition_graph(raw.cell, cells, parts)
     facet_cell = _cell_of_facets(raw)
     pairs = []
@@ -276,6 +318,11 @@ def destinations(raw: RawMesh, parts: int, tied: Sequence[Facets] = ()) -> tuple
         owner[together] = owner[leader[group[together]]]
         facets = np.concatenate([plus for plus, _ in joined])
         _ghost_pairs(cells, owner, glued[facets], together, group, ghosts)
+    for name in sliding:
+        both = np.concatenate([facet_cell(side) for side in raw.interfaces.get(name, ())])
+        ranks = set(owner[both].tolist())
+        for cell in both.tolist():
+            ghosts[cell] |= ranks
     lists = [[rank, *sorted(ghosts[cell] - {rank})] if cell in ghosts else [rank] for cell, rank in enumerate(owner)]
     offsets = np.concatenate([[0], np.cumsum([len(item) for item in lists])])
     return np.concatenate(lists).astype(np.int32), offsets.astype(np.int32)
@@ -299,7 +346,7 @@ def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
 
 def _cell_of_facets(raw: RawMesh) -> Any:
     """A function: facets by vertices -> the cell each belongs to."""
-    sorted_cells = raw.cells
+    sorted_cells = raw.cells[:, : VERTICES[raw.cell]]
     touching = sparse.csr_matrix(
         (
             np.ones(sorted_cells.size, np.int16),
@@ -354,7 +401,8 @@ def _tag_facets(mesh: Any, named: dict[str, np.ndarray]) -> tuple[Any, dict[str,
     tags = {name: number + 1 for number, name in enumerate(named)}
     mesh.topology.create_connectivity(dim - 1, dim)
     exterior = fem.dolfinx.mesh.exterior_facet_indices(mesh.topology)
-    nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior)
+    count = len(FACETS[mesh.basix_cell().name][0])  # vertices, which come before the nodes on curved sides
+    nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior).reshape(len(exterior), -1)[:, :count]
     inputs = np.sort(mesh.geometry.input_global_indices[nodes.astype(np.int64)].reshape(len(exterior), -1), axis=1)
     wanted = {tuple(facet): tags[name] for name, facets in named.items() for facet in np.sort(facets, axis=1).tolist()}
     values = np.array([wanted.get(tuple(facet), 0) for facet in inputs.tolist()], dtype=np.int32)

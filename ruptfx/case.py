@@ -20,6 +20,7 @@ from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_schema, kinds, nearest, shown_key
+from ruptfx.sliding import Sliding
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
@@ -41,6 +42,9 @@ class FaultCase(Part):
     """What the interface carries before anything moves."""
     gap: VaryingGap | None = None
     """Distance of the two sides where nothing has moved; the initial normal stress is zero where it is open."""
+    sliding: Sliding | None = None
+    """With this table, even an empty one, the two sides slide over each other as far as they like, and their meshes
+    need not match."""
     nucleation: list[AnyNucleation] = []
     """What starts the rupture; entries act together."""
 

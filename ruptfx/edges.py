@@ -143,7 +143,8 @@ class Edge:
         if len(self.facets) == 0:  # DOLFINx 0.9 divides by their number
             return np.zeros((0, side + 1))
         count = len(FACETS[mesh.basix_cell().name][0])
-        x = mesh.geometry.x[fem.dolfinx.mesh.entities_to_geometry(mesh, side, self.facets).reshape(-1, count)]
+        nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, side, self.facets).reshape(len(self.facets), -1)
+        x = mesh.geometry.x[nodes[:, :count]]
         along = x[:, 1:] - x[:, :1]
         normal = np.cross(along[:, 0], along[:, 1] if side == 2 else [0.0, 0.0, 1.0])[:, : side + 1]
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)

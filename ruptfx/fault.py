@@ -49,6 +49,11 @@ class Fault:
     gap: np.ndarray | None = None
 
     @property
+    def slides(self) -> bool:
+        """Whether what its points face follows the motion."""
+        return self.interface.initial is not self.interface
+
+    @property
     def is_loaded(self) -> bool:
         """Whether a nucleation adds shear traction."""
         return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
@@ -87,6 +92,8 @@ class Fault:
             "slip_rate": rate, "mean_slip_rate": rate, "shear_traction": self.driving_shear(0.0),
         }  # fmt: skip
         state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
+        if self.slides:
+            state["slip_followed"] = np.zeros(n)  # tangential jump when it was last found what points face
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
     def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
@@ -131,8 +138,8 @@ class Fault:
 
     def preload_work(self, displacement: np.ndarray) -> float:
         """Work of the initial stress on the displacement jump, points of this rank [J]."""
-        face = self.interface
-        opening, slip = face.split(face.jump(displacement))
+        face = self.interface.initial
+        opening, slip = face.split(face.rate(displacement))
         density = np.sum(self.shear_traction_0 * slip, axis=1) - self.normal_stress_0 * opening
         return float(np.sum(face.owned * face.weight * density))
 

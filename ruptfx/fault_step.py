@@ -122,18 +122,32 @@ class FaultStep:
         self.work = 0.0
         self._was_open = True
 
+    def refresh(self) -> None:
+        """Take over weights and inverse masses that have changed in place."""
+        face = self.fault.interface
+        normal, shear = impedances(face, self._inverse_mass, self.clock.kick)
+        self._fixed["weight"][:], self._fixed["q_normal_impedance"][:] = face.weight, normal
+        for k in range(self.fault.tangents):
+            self._fixed[f"q_shear_impedance_{k}"][:] = shear[:, k]
+
+    def start_from(self, normal_stress: np.ndarray, shear_traction: np.ndarray) -> None:
+        """Stresses that the velocities contain, in place of the initial ones; shapes (n,) and (n, tangents) [Pa]."""
+        self._fixed["q_normal_stress_0"][:] = normal_stress
+        for k in range(self.fault.tangents):
+            self._fixed[f"q_shear_traction_0_{k}"][:] = shear_traction[:, k]
+
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
         """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""
         is_open = self.fault.interface.has_normal and bool(np.any(state["normal_stress"] <= 0))
         collides, self._was_open = is_open or self._was_open, is_open
-        return self.fault.interface.split(self.fault.interface.jump(velocity))[0] if collides else None
+        return self.fault.interface.split(self.fault.interface.rate(velocity))[0] if collides else None
 
     def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
         """Energy lost in closing gaps over a step, points of this rank [J]."""
         if rate_old is None:
             return 0.0
         face = self.fault.interface
-        rate, _ = face.split(face.jump(velocity))
+        rate, _ = face.split(face.rate(velocity))
         power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, rate)
         return float(self._owned @ (face.weight * power)) * self.clock.kick
 

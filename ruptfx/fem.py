@@ -175,6 +175,19 @@ def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndar
     return vector.x.array.copy()
 
 
+def from_owners(space: dolfinx.fem.FunctionSpace, nodal: np.ndarray) -> np.ndarray:
+    """A nodal field with the same bits on all ranks: those of the owner; collective.
+
+    Parameters
+    ----------
+    nodal : ndarray, shape (local nodes, components)
+    """
+    function = dolfinx.fem.Function(space)
+    function.x.array[:] = nodal.ravel()
+    function.x.scatter_forward()
+    return function.x.array.reshape(nodal.shape).copy()
+
+
 def bilinear(form: ufl.Form) -> Any:
     """A compiled bilinear form."""
     return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)

@@ -121,6 +121,21 @@ class Interface:
         return self.frame * self.jump_factor[:, None]
 
     @property
+    def nodes(self) -> np.ndarray:
+        """Local nodes on which tractions act."""
+        return np.concatenate([self.plus, self.minus])
+
+    @property
+    def surface_points(self) -> np.ndarray:
+        """Coordinates of the nodes of both sides [m]; of one where they are at the same places."""
+        return self.points
+
+    @property
+    def initial(self) -> Interface:
+        """As it was before anything moved."""
+        return self
+
+    @property
     def has_normal(self) -> bool:
         """False in antiplane, where nothing moves normal to the interface."""
         return self.frame.shape[2] > 1
@@ -130,7 +145,7 @@ class Interface:
         return self.frame.shape[1] - self.has_normal
 
     def jump(self, field: np.ndarray) -> np.ndarray:
-        """J field: the discontinuity in the local frame.
+        """The discontinuity of a displacement in the local frame, J u.
 
         Parameters
         ----------
@@ -140,6 +155,10 @@ class Interface:
         -------
         ndarray, shape (n, local)
         """
+        return self.rate(field)
+
+    def rate(self, field: np.ndarray) -> np.ndarray:
+        """J field, of a velocity or a change of displacement: the same, except where the interface slides."""
         nodal = field.reshape(-1, self.frame.shape[2])
         difference = nodal[self.plus] if self.one_sided else nodal[self.plus] - nodal[self.minus]
         return np.einsum("ikc,ic->ik", self.rows, difference)

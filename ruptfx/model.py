@@ -24,6 +24,7 @@ from ruptfx.operators import ufl_form
 from ruptfx.places import Place, located, positions, shifted
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, nearest
+from ruptfx.sliding.interface import build_sliding
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
 
@@ -67,7 +68,8 @@ class Model:
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
         self.comm = comm or fem.MPI.COMM_WORLD
-        self.bodies = distribute(self.comm, case.mesh, self._tied_edges())
+        sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
+        self.bodies = distribute(self.comm, case.mesh, self._tied_edges(), sliding)
         self.mesh = self.bodies.mesh
         simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
         if simplex and case.order > 1:
@@ -117,7 +119,7 @@ class Model:
         centres = fem.dolfinx.mesh.compute_midpoints(
             self.mesh, self.mesh.topology.dim, np.arange(len(self.bodies.cell_body), dtype=np.int32)
         )[:, : self.mesh.geometry.dim]
-        points = [parallel.share_rows(self.comm, fault.interface.points) for fault in self.faults]
+        points = [parallel.share_rows(self.comm, fault.interface.surface_points) for fault in self.faults]
         if not points:
             raise CaseError("damping.kelvin_voigt: there is no interface; use damping.mass")
         tree = cKDTree(np.concatenate(points))
@@ -184,7 +186,12 @@ class Model:
         if name not in self.bodies.interfaces:
             known = ", ".join(self.bodies.interfaces) or "none"
             raise CaseError(f"faults.{name}: the mesh has no interface of that name; it has: {known}")
-        face = build_interface(self.layout, name)
+        if fault.sliding is None:
+            face = build_interface(self.layout, name)
+        else:
+            if fault.gap is not None:
+                raise CaseError(f"faults.{name}.gap: surfaces that slide have the distance that they have in the mesh")
+            face = build_sliding(self.layout, name, fault.sliding.follow)
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):
@@ -294,7 +301,7 @@ class Model:
         half = 0.5 * state.lag
         held = taken = preload = 0.0
         for fault in self.faults:
-            added = half * fault.interface.jump(state.velocity)
+            added = half * fault.interface.rate(state.velocity)
             found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
             held, taken = held + found[0], taken + found[1]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
@@ -305,6 +312,7 @@ class Model:
             "interface_elastic": held,
             "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
             "damping": state.energy["damping"],
+            "impact": state.energy["impact"],
             "boundary_work": state.energy["boundary_work"] + preload,
         }
         summed = self.copies * parallel.total(self.comm, list(here.values()))

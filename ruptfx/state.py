@@ -24,7 +24,7 @@ class State:
     faults : dict of str to dict of ndarray
         Fields of every fault by name, `lag` behind the displacement.
     energy : dict of str to float
-        Energies accumulated on this rank [J]: frictional_dissipation, damping, boundary_work.
+        Energies accumulated on this rank [J]: frictional_dissipation, damping, impact, boundary_work.
     fields : dict of str to ndarray, shape (nodes * components,)
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float

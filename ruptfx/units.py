@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     VaryingRatio = Any
     VaryingLength = Any
     VaryingGap = Any
+    VaryingHeight = Any
     VaryingSpeed = Any
     VaryingVelocity = Any
     VaryingTime = Any
@@ -56,6 +57,7 @@ else:
     VaryingRatio = varying(NonNegative, "1")
     VaryingLength = varying(Positive, "m")
     VaryingGap = varying(NonNegative, "m")
+    VaryingHeight = varying(float, "m")
     VaryingSpeed = varying(Positive, "m/s")
     VaryingVelocity = varying(NonNegative, "m/s")
     VaryingTime = varying(Positive, "s")

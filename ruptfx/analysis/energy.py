@@ -9,7 +9,7 @@ import numpy as np
 
 Array = np.ndarray
 
-PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping")
+PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "impact")
 
 
 def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:

@@ -91,6 +91,12 @@ class ContactMethod(Alternative):
     implicit: ClassVar[bool] = False
     """Whether implicit steps can use it."""
 
+    def sweeps_to(self) -> tuple[float, int] | None:
+        """Of explicit steps where neighbouring points depend on each other: the change of the tractions over the
+        largest one at which their sweeps end, and their largest number; None where a method cannot be used there, or,
+        as compliant contact, needs no sweeps."""
+        return None
+
     def multiplier_tolerance(self) -> float | None:
         """Change of the tractions over the largest one at which the outer iterations of implicit steps end; None
         where the trial does not depend on multipliers."""
@@ -145,10 +151,21 @@ def require(faults: Iterable[Any], way: Way) -> None:
     CaseError
     """
     for fault in faults:
-        if not getattr(fault.contact, way):
+        contact = fault.contact
+        if fault.slides and way == "implicit":
+            raise CaseError(
+                f"faults.{fault.name}.sliding: interfaces slide in explicit steps only; use the stepper 'leapfrog', or "
+                "remove this table"
+            )
+        if fault.slides and contact.sweeps_to() is None and not contact.traction_ends_slip:
+            raise CaseError(
+                f"faults.{fault.name}.contact.kind = '{contact.kind()}': on an interface that slides neighbouring "
+                "points depend on each other; use 'forward_lagrange' (rigid as well) or 'compliant'"
+            )
+        if not getattr(contact, way):
             able = [kind for kind, cls in alternatives("ruptfx.contact").items() if getattr(cls, way)]
             raise CaseError(
-                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use "
+                f"faults.{fault.name}.contact.kind = '{contact.kind()}': not for {way} steps; use "
                 f"{' or '.join(map(repr, able))}, or another stepper"
             )
 

@@ -32,7 +32,8 @@ class RawMesh:
     points : ndarray, shape (vertices, dim)
         Coordinates [m].
     cells : ndarray of int, shape (cells, vertices per cell)
-        In DOLFINx order (tensor order for quadrilaterals and hexahedra).
+        In DOLFINx order (tensor order for quadrilaterals and hexahedra); with `order` above 1 all nodes of a cell, the
+        vertices first.
     bodies : list of str
     cell_body : ndarray of int, shape (cells,)
         Index into `bodies`.
@@ -43,6 +44,10 @@ class RawMesh:
     one_sided : dict of str to str
         Interfaces whose minus side is not meshed (both facets are then those of the plus side), and what it is:
         ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
+    facing : set of str
+        Interfaces whose sides have meshes of their own: their facets are unequal lists, each in any order.
+    order : int
+        Of the polynomials that map the reference cell: above 1, cells are curved.
     """
 
     cell: str
@@ -53,6 +58,8 @@ class RawMesh:
     edges: dict[str, np.ndarray] = field(default_factory=dict)
     interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     one_sided: dict[str, str] = field(default_factory=dict)
+    facing: set[str] = field(default_factory=set)
+    order: int = 1
 
 
 class MeshSource(Alternative):

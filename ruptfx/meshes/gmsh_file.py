@@ -42,13 +42,16 @@ class Sides(Part):
     """Body or bodies on the side that the normal points to."""
     minus: OneOrMore
     """Body or bodies on the other side."""
+    matching: bool = True
+    """Whether the nodes of both sides are at the same places; if not, it has to slide (`[faults.NAME.sliding]`)."""
 
 
 class GmshFile(MeshSource):
     """A mesh file whose physical groups name the bodies, the interfaces and the edges.
 
     Bodies that share nodes are welded, except along the interfaces: there they are cut apart, and where an interface
-    ends inside they stay together. The two sides of an interface may also have their own nodes at the same places.
+    ends inside they stay together. The two sides of an interface may also have their own nodes at the same places, or,
+    with `matching = false`, where they like.
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
     where they cross or branch they are refused.
@@ -95,7 +98,7 @@ class GmshFile(MeshSource):
     def _interface(
         self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Facets of both sides, vertex by vertex at the same place."""
+        """Facets of both sides, vertex by vertex at the same place where they match."""
         side_of = np.zeros(len(raw.bodies) + 1, dtype=int)  # the last: no body
         side_of[[raw.bodies.index(body) for body in sides.plus]] = 1
         side_of[[raw.bodies.index(body) for body in sides.minus]] = -1
@@ -121,7 +124,9 @@ class GmshFile(MeshSource):
                 "there; refine the mesh along it"
             )
         own_plus, own_minus = (on(facets[alone & which], cells[alone & which, 0]) for which in (first, ~first))
-        if alone.any() or not len(facets):
+        if not sides.matching:
+            raw.facing.add(name)
+        elif alone.any() or not len(facets):
             own_minus = _partners(self.file, name, raw.points, own_plus, own_minus)
         return np.concatenate([plus, own_plus]), np.concatenate([minus, own_minus])
 
@@ -173,7 +178,8 @@ def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus:
     if unmatched or len(plus_nodes) != len(minus_nodes):
         raise RuptfxError(
             f"{file}: interface '{name}': the nodes of the two sides do not match ({len(plus_nodes)} on the plus, "
-            f"{len(minus_nodes)} on the minus side, {unmatched} without a partner); mesh both sides alike"
+            f"{len(minus_nodes)} on the minus side, {unmatched} without a partner); mesh both sides alike, or let it "
+            f"slide: matching = false here, and the table [faults.{name}.sliding]"
         )
     partner = np.zeros(len(points), dtype=np.int64)
     partner[plus_nodes] = minus_nodes[nearest]

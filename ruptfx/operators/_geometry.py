@@ -61,7 +61,7 @@ def _geometry(space: Any, cells: np.ndarray, kind: int, permutation: np.ndarray)
     x = _corners(mesh, cells)
     upright = np.ones(cells.shape)
     if kind == POINTWISE:
-        return upright, _pointwise(mesh, x, space, permutation)
+        return upright, _pointwise(mesh, _nodes(mesh, cells), space, permutation)
     jacobian, shape = _shape(x, is_tensor(mesh))
     if kind == MULTILINEAR:
         # The kernel divides by det J; the sign of a cell turned inside out goes with the moduli.
@@ -77,8 +77,12 @@ def is_tensor(mesh: Any) -> bool:
     return mesh.basix_cell().name in ("quadrilateral", "hexahedron")
 
 
-def _corners(mesh: Any, cells: np.ndarray) -> np.ndarray:
+def _nodes(mesh: Any, cells: np.ndarray) -> np.ndarray:
     return mesh.geometry.x[:, : mesh.geometry.dim][fem.geometry_dofmap(mesh)[cells]]
+
+
+def _corners(mesh: Any, cells: np.ndarray) -> np.ndarray:
+    return _nodes(mesh, cells)[..., : mesh.geometry.dim + 1 if not is_tensor(mesh) else 2**mesh.geometry.dim, :]
 
 
 def aligned(shape: tuple[int, int]) -> np.ndarray:
@@ -90,6 +94,14 @@ def aligned(shape: tuple[int, int]) -> np.ndarray:
 
 def geometry_element(mesh: Any) -> Any:
     return mesh.ufl_domain().ufl_coordinate_element()
+
+
+def _coordinate_element(mesh: Any) -> Any:
+    """The map from the reference cell, as Basix has it."""
+    described, basix = geometry_element(mesh), fem.basix
+    return basix.create_element(
+        basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
+    )
 
 
 def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +129,7 @@ def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
 
 def _classify(mesh: Any, cells: np.ndarray) -> np.ndarray:
     """Geometry of batches of cells, by their most demanding one, shape (batches,)."""
-    if geometry_element(mesh).degree > 1:
+    if not is_tensor(mesh) and geometry_element(mesh).degree > 1:
         return np.full(len(cells), POINTWISE, dtype=np.uint8)
     if not is_tensor(mesh):
         return np.full(len(cells), AFFINE, dtype=np.uint8)
@@ -130,7 +142,19 @@ def _classify(mesh: Any, cells: np.ndarray) -> np.ndarray:
     rounding = 4 * np.finfo(float).eps * np.abs(x).max(axis=(-2, -1))
     bent = bend > 1e-13 * size + rounding
     kind = np.where(bent, MULTILINEAR, np.where(shear <= 1e-15 * size, BOX, AFFINE))
+    kind = np.where(_is_curved(mesh, cells, size), POINTWISE, kind)
     return kind.max(axis=1).astype(np.uint8)
+
+
+def _is_curved(mesh: Any, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Whether nodes of a cell are not where its corners alone put them."""
+    if geometry_element(mesh).degree == 1:
+        return np.zeros(cells.shape, dtype=bool)
+    flat = fem.basix.create_element(fem.basix.ElementFamily.P, mesh.basix_cell(), 1)
+    linear = np.asarray(flat.tabulate(0, np.asarray(_coordinate_element(mesh).points)))[0, :, :, 0]
+    nodes = _nodes(mesh, cells)
+    away = np.abs(nodes - np.einsum("qk,blka->blqa", linear, _corners(mesh, cells))).max(axis=(-2, -1))
+    return away > 1e-13 * size + 4 * np.finfo(float).eps * np.abs(nodes).max(axis=(-2, -1))
 
 
 def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
@@ -141,10 +165,7 @@ def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
 
 def _pointwise(mesh: Any, x: np.ndarray, space: Any, permutation: np.ndarray) -> np.ndarray:
     """Scaled inverse Jacobian at every node of cells with curved edges."""
-    described, basix = geometry_element(mesh), fem.basix
-    element = basix.create_element(
-        basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
-    )
-    slopes = np.asarray(element.tabulate(1, space.element.basix_element.points[permutation]))[1:, :, :, 0]
+    points = space.element.basix_element.points[permutation]
+    slopes = np.asarray(_coordinate_element(mesh).tabulate(1, points))[1:, :, :, 0]
     jacobian = np.einsum("dqk,blka->blqda", slopes, x)
     return _scaled_inverse(jacobian).reshape(*x.shape[:2], -1)

@@ -11,7 +11,7 @@ from ruptfx.record import Record
 
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
-    "damping": "#e69f00",
+    "damping": "#e69f00", "impact": "#56b4e9",
 }  # safe for colour-blind readers
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
 

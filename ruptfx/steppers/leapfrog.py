@@ -12,6 +12,8 @@ from ruptfx import native, parallel
 from ruptfx.contact import require
 from ruptfx.fault_step import Clock, FaultStep
 from ruptfx.schema import CaseError
+from ruptfx.sliding.follower import Follower
+from ruptfx.sliding.step import SlidingStep
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Fraction
@@ -75,8 +77,7 @@ class LeapfrogMotion:
         c = model.components
         held = np.repeat(model.layout.shared, c) | model.loads.acting
         for fault in model.faults:
-            for side in (fault.interface.plus, fault.interface.minus):
-                held.reshape(-1, c)[side] = True
+            held.reshape(-1, c)[fault.interface.nodes] = True
         if model.viscosity is not None:
             held.reshape(-1, c)[model.viscosity.nodes] = True
         for tied in (model.layout.kept, model.layout.copies):
@@ -106,6 +107,7 @@ class LeapfrogMotion:
             self._viscous_force = np.zeros(len(model.mass))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
+        self._followers = [Follower(fault) for fault in model.faults if fault.slides]
         self._kicks = [_Kick(model, dofs, dt, number) for number in range(3)]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
@@ -133,6 +135,8 @@ class LeapfrogMotion:
             )
 
     def _advance(self, state: State, kick: _Kick) -> None:
+        for follower in self._followers:
+            follower(state)
         plain = np.zeros(2) if state.watched else None
         self._bulk(state, kick, plain)
         loads = self.model.loads
@@ -156,7 +160,7 @@ class LeapfrogMotion:
                 state.faults[name], state.displacement, state.velocity, state.force, state.time
             )
             state.energy["boundary_work"] += fault.work
-            state.energy["damping"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
+            state.energy["impact"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
         self.model.layout.equalise(state.velocity)  # an interface has only one of its ends at tied edges
         self._load_work(state, kick, factors)
         self._library.drift(
@@ -254,7 +258,7 @@ class _Kick:
     plain_keep, plain_push, plain_loss, plain_mass : float, ndarray of shape (nodes,), float, float
         The same for plain nodes, whose only damping is that of the mass, with the push over the time step; what that
         damping takes of the sum of squares that the kernel returns; and the mass times `plain_push`.
-    faults : list of (str, FaultStep)
+    faults : list of (str, FaultStep or SlidingStep)
     """
 
     def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
@@ -274,7 +278,9 @@ class _Kick:
         # Contact feels the mass with the dashpots in it, and cannot move what is driven.
         inverse_mass = np.where(prescribed, 0.0, effective)
         threshold = model.case.output.rupture_threshold
-        self.faults = [(f.name, FaultStep(f, inverse_mass, clock, threshold)) for f in model.faults]
+        self.faults = [
+            (f.name, (SlidingStep if f.slides else FaultStep)(f, inverse_mass, clock, threshold)) for f in model.faults
+        ]
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -1,0 +1,31 @@
+"""Forward Lagrange multipliers: rigid contact also where neighbouring points depend on each other."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from ruptfx.contact.split_node import SplitNode
+from ruptfx.schema import Unit
+
+Tolerance = Annotated[float, Field(gt=0, lt=1), Unit("1")]
+
+
+class ForwardLagrange(SplitNode):
+    """Rigid contact for interfaces that slide: the tractions with which the jump is admissible after the step.
+
+    The trial is that of split nodes, with the stress that the velocities contain in place of the initial one: on an
+    interface that slides, that of the last sweep. All points are solved at once, again and again, until their tractions
+    settle; a step that does not within `sweeps` goes on with what it has. Where points do not depend on each other it
+    is split-node contact. Explicit steps only.
+    Source: Carpenter, Taylor, Katona (1991).
+    """
+
+    tolerance: Tolerance = 1e-6
+    """Change of the tractions in a sweep, over the largest one, at which they have settled."""
+    sweeps: Annotated[int, Field(ge=1)] = 30
+    """Largest number of sweeps in a step."""
+
+    def sweeps_to(self) -> tuple[float, int]:
+        return self.tolerance, self.sweeps

@@ -1,0 +1,73 @@
+"""Lagrange polynomials on Gauss-Lobatto-Legendre points, in one dimension: sides of elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Lagrange polynomials on the Gauss-Lobatto-Legendre points of [-1, 1].
+
+    Attributes
+    ----------
+    points, weights : ndarray, shape (order + 1,)
+        And the weights of their quadrature.
+    inverse : ndarray, shape (order + 1, order + 1)
+        From values at the points to coefficients of Legendre polynomials.
+    """
+
+    points: Floats
+    weights: Floats
+    inverse: Floats
+
+    @classmethod
+    def of_order(cls, order: int) -> Basis:
+        last = legendre.Legendre.basis(order)
+        points = np.concatenate([[-1.0], np.sort(last.deriv().roots().real), [1.0]])
+        points = 0.5 * (points - points[::-1])  # symmetric to the last digit
+        weights = 2 / (order * (order + 1) * last(points) ** 2)
+        return cls(points, weights, np.linalg.inv(legendre.legvander(points, order)))
+
+    @property
+    def order(self) -> int:
+        return len(self.points) - 1
+
+    def values(self, at: Floats) -> Floats:
+        """At some places, shape (..., order + 1)."""
+        return legendre.legvander(at, self.order) @ self.inverse
+
+    def slopes(self, at: Floats) -> Floats:
+        """Derivatives at some places, shape (..., order + 1)."""
+        derivative = legendre.legder(self.inverse)  # of every column
+        return legendre.legvander(at, self.order - 1) @ derivative
+
+    def between(self, at: Floats, wanted: Floats, values: Floats) -> Floats:
+        """Where polynomials that grow along [-1, 1] have wanted values, by Newton's method from `at`.
+
+        Parameters
+        ----------
+        at, wanted : ndarray, shape (...)
+        values : ndarray, shape (..., order + 1)
+            Of the polynomials at the points.
+        """
+        if self.order == 1:
+            return (2 * wanted - values[..., 0] - values[..., 1]) / (values[..., 1] - values[..., 0])
+        for _ in range(30):
+            found = np.einsum("...a,...a->...", self.values(at), values)
+            slope = np.einsum("...a,...a->...", self.slopes(at), values)
+            step = (wanted - found) / slope
+            at = np.clip(at + step, -1.2, 1.2)
+            if np.abs(step).max(initial=0.0) < 1e-14:
+                break
+        return at
+
+
+basis_of_order = cache(Basis.of_order)

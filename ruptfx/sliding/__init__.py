@@ -1,0 +1,18 @@
+"""Interfaces whose sides slide over each other as far as they like, each with a mesh of its own.
+
+Strains and rotations of the bodies stay small, their stiffness constant; only who faces whom follows the motion.
+`surface` is one side as a chain of facets, `facing` finds what every point faces (a dual mortar), `interface` has the
+jump and its transpose of that, frozen between updates, and `step` is the explicit step.
+"""
+
+from __future__ import annotations
+
+from ruptfx.schema import Part
+from ruptfx.units import Positive
+
+
+class Sliding(Part):
+    """The two sides have meshes of their own, and what each point faces follows the motion."""
+
+    follow: Positive = 0.05
+    """Slip over the distance of nodes after which it is found again what every point faces."""

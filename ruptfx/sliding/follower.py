@@ -1,0 +1,43 @@
+"""When it is found again what the points of an interface face; what a run needs to go on from there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.fault import Fault
+from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.state import State
+
+
+class Follower:
+    """Lets the geometry of an interface follow the motion; called at the beginning of every step.
+
+    What it was last made from is in the state, the displacement as a nodal field and the tangential jump as a field of
+    the fault: a run that goes on from a checkpoint makes the same geometry, to the last bit.
+
+    Parameters
+    ----------
+    fault : Fault
+        Its interface slides.
+    """
+
+    def __init__(self, fault: Fault) -> None:
+        face = fault.interface
+        assert isinstance(face, SlidingInterface)
+        self._name, self._face = fault.name, face
+        self._state: State | None = None
+
+    def __call__(self, state: State) -> None:
+        """Find again what points face if one of them has slid far enough."""
+        face, field = self._face, f"followed_{self._name}"
+        followed = state.fields.setdefault(field, np.zeros_like(state.displacement))
+        if not len(face.plus):
+            return
+        slip_then = state.faults[self._name]["slip_followed"]
+        if self._state is not state:
+            self._state = state
+            face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip_then)
+        slip = face.jump(state.displacement)[:, 1]
+        if np.abs(slip - slip_then).max() > face.limit:
+            followed[face.dofs], slip_then[:] = state.displacement[face.dofs], slip
+            face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip)

@@ -1,0 +1,51 @@
+"""One side of an interface that slides: a curve of facets between the nodes of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.lobatto import Basis, basis_of_order
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """An open chain of facets; it runs along the tangent of the interface, the same way on both sides.
+
+    Facet e has the nodes e * order to (e + 1) * order.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (facets * order + 1,)
+        Local nodes of the displacement space, in order along the chain; empty on ranks that know nothing of it.
+    points : ndarray, shape (facets * order + 1, 2)
+        Where nothing has moved [m]; the same bits on all ranks.
+    order : int
+    """
+
+    nodes: Integers
+    points: Floats
+    order: int
+
+    @property
+    def basis(self) -> Basis:
+        return basis_of_order(self.order)
+
+    @property
+    def facets(self) -> int:
+        return max(0, len(self.nodes) - 1) // self.order
+
+    @property
+    def numbers(self) -> Integers:
+        """Nodes of every facet by their place in the chain, shape (facets, order + 1)."""
+        return np.arange(self.facets)[:, None] * self.order + np.arange(self.order + 1)
+
+    @property
+    def spacing(self) -> float:
+        """Median distance of neighbouring nodes [m]."""
+        return float(np.median(np.linalg.norm(np.diff(self.points, axis=0), axis=1)))

@@ -1,0 +1,221 @@
+"""Interfaces that slide, with every contact method that can: J, patch test, matching meshes, budget, refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from sliding_cases import rough, wave
+from small_cases import HOMALITE, SPLIT, advance, case, march, plates, smooth_field
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError
+from ruptfx.case import Case, parse_case
+from ruptfx.contact import ContactMethod
+from ruptfx.model import Model
+from ruptfx.operators._geometry import BOX, POINTWISE, _classify
+from ruptfx.operators.ufl_form import UflForm
+from ruptfx.schema import alternatives
+
+pytestmark = pytest.mark.fem
+
+CONTACTS: dict[str, dict[str, Any]] = {
+    "forward_lagrange": {"kind": "forward_lagrange", "tolerance": 1e-12, "sweeps": 100},
+    "compliant": {"kind": "compliant", "C_n": 3e11, "C_s": 3e11},
+}
+every_contact = pytest.mark.parametrize("contact", CONTACTS)
+
+
+def test_every_contact_that_slides_is_covered() -> None:
+    able = {
+        kind for kind, method in alternatives("ruptfx.contact").items()
+        if method.explicit and (method.traction_ends_slip or method.sweeps_to is not ContactMethod.sweeps_to)
+    }  # fmt: skip
+    assert able == set(CONTACTS)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_curved_elements_and_those_that_are_not(order: int) -> None:
+    """The fast kernel agrees with the weak form, and takes elements away from the surfaces for the boxes they are."""
+    model = Model(parse_case(rough({"order": order, "mesh.curve_order": order, "mesh.upper.height": 1e-3})))
+    u, fast, exact = smooth_field(model), np.zeros(2 * model.nodes), np.zeros(2 * model.nodes)
+    model.operator.add_internal_force(u, fast)
+    UflForm(model.bulk).add_internal_force(u, exact)
+    np.testing.assert_allclose(fast, exact, atol=1e-11 * np.abs(exact).max())
+    # Three rows follow the surface on either side, of 10 and 4 rows of 12 and 18 elements.
+    cells = np.arange(len(model.bodies.cell_body))[:, None]
+    kinds = _classify(model.mesh, cells)
+    assert np.sum(kinds == BOX) == 7 * 12 + 18 and np.sum(kinds == POINTWISE) > 80
+
+
+# -- the jump ------------------------------------------------------------------------------------------------------
+
+
+def test_exact_transpose_and_rigid_motion() -> None:
+    """<W t, J u> = <J' W t, u>; a translation opens and slides nowhere, also on rough surfaces."""
+    model = Model(parse_case(rough()))
+    face, random = model.faults[0].interface, np.random.default_rng(2)
+    u, t = random.normal(size=model.nodes * 2), random.normal(size=(face.total, 2))
+    force = np.zeros_like(u)
+    face.assemble(t, force)
+    left = np.sum(face.weight[:, None] * t * face.rate(u))
+    assert abs(left - force @ u) < 1e-13 * np.sum(np.abs(force * u))
+    assert np.abs(face.rate(np.tile([2.0, 3.0], model.nodes))).max() < 1e-13
+    # The normal goes from the minus (lower) to the plus body, the offset is the gap: crests touch at x = 0, 0.6 ...,
+    # within a hundredth of their height on these elements
+    assert face.frame[:, 0, 1].min() > 0.99
+    gap = face.jump(np.zeros_like(u))[:, 0]
+    assert np.abs(gap[np.isclose(face.points[:, 0] % 0.6e-3, 0)]).max() < 1e-7
+    # ... and valleys are 4 A apart, where the elements are fine enough.
+    np.testing.assert_allclose(gap[np.isclose(face.points[:, 0] % 0.6e-3, 0.3e-3)], 40e-6, rtol=1e-2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+@every_contact
+def test_uniform_stress_passes_between_different_meshes(contact: str, order: int) -> None:
+    """Patch test: uneven elements, 16 on 11, uniform compression and shear on top of the initial stress."""
+    added = np.array([[0.4e6, 0.7e6], [0.7e6, -2e6]])  # tension positive
+    boundaries = []
+    for edge, n in {"upper.top": (0, 1), "lower.bottom": (0, -1), "upper.left": (-1, 0), "lower.left": (-1, 0),
+                    "upper.right": (1, 0), "lower.right": (1, 0)}.items():  # fmt: skip
+        boundaries.append({"kind": "traction", "edge": edge, "traction": (added @ np.array(n, float)).tolist()})
+    body = {"length": 8e-3, "height": 2e-3}
+    mesh = {
+        "kind": "rough_plates", "curve_order": 1, "upper": {**body, "element_size": 0.5e-3},
+        "lower": {**body, "element_size": 8e-3 / 11},
+    }  # fmt: skip
+    loaded = case({
+        "order": order, "mesh": mesh, "boundaries": boundaries, "duration": 1e-6, "faults.main.sliding": {},
+        "faults.main.contact": CONTACTS[contact], "faults.main.friction": {"kind": "coulomb", "mu_d": 0.9},
+    })  # fmt: skip
+    model = Model(loaded)
+    motion, state = loaded.stepper.bind(model), model.initial_state()
+    E, nu = HOMALITE["young_modulus"], HOMALITE["poisson_ratio"]
+    strain = ((1 + nu) * added - nu * np.trace(added) * np.eye(2)) / E  # Hooke's law in plane stress
+    fields = state.displacement.reshape(-1, 2)
+    fields[:] = model.coordinates @ strain
+    if contact == "compliant":  # it closes by T_n / C and shears by T_t / C: the upper body moves
+        upper = np.unique(model.space.dofmap.list[model.bodies.cell_body == 0])
+        fields[upper] += added[:, 1] / 3e11
+    for _ in range(20):
+        motion.step(state)
+    assert np.abs(state.velocity).max() < 1e-10  # a wave of 2 MPa has 0.8 m/s
+    fault = state.faults["main"]
+    np.testing.assert_allclose(fault["normal_stress"], 8e6, rtol=1e-9)
+    np.testing.assert_allclose(fault["shear_traction"], 0.7e6, rtol=1e-8)
+
+
+@every_contact
+def test_matching_nodes_give_what_pairs_give(contact: str) -> None:
+    """With what is faced frozen: split nodes, and compliant contact of pairs."""
+    changes = {
+        "duration": 6e-6, "faults.main.initial_stress.shear": 2e6,
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.4, "mu_d": 0.1, "D_c": 1e-5},
+        "damping": {"kelvin_voigt": {"fraction": 0.1}},
+        "boundaries": [{"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 5.0, "ramp": 2e-6}],
+        "faults.main.nucleation": {"kind": "overstress", "extra": 0.2e6},
+    }  # fmt: skip
+    pairs, alone = SPLIT if contact == "forward_lagrange" else CONTACTS[contact], CONTACTS[contact]
+    step = {"stepper": {"kind": "leapfrog", "time_step": 2e-8}}
+    expected = march(case({**changes, **step, "faults.main.contact": pairs}))[2]
+    found = march(case({**changes, **step, "faults.main.contact": alone, "faults.main.sliding": {"follow": 1e9}}))[2]
+    assert expected.faults["main"]["slip"].max() > 1e-6
+    np.testing.assert_allclose(found.velocity, expected.velocity, atol=1e-10 * np.abs(expected.velocity).max())
+    for name in ("slip", "normal_stress", "shear_traction", "friction_work"):
+        values = expected.faults["main"][name]
+        np.testing.assert_allclose(found.faults["main"][name], values, atol=1e-10 * np.abs(values).max())
+    for name, value in expected.energy.items():
+        np.testing.assert_allclose(found.energy[name], value, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_rubbing_closes_the_budget(order: int) -> None:
+    """Impacts, friction, updates of who faces whom: work of all forces is accounted for to round-off, and the share of
+    the normal stress in it is small."""
+    size = {"mesh.upper.element_size": 0.05e-3 * order, "mesh.lower.element_size": 0.07e-3 * order}
+    table = rough({"order": order, "mesh.curve_order": order, "duration": 10e-6, "damping.mass": 1e5, **size})
+    model, motion, state = march(parse_case(table))
+    assert model.faults[0].interface.geometry.revision > 10
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert abs(work - sum(energy.values())) < 1e-11 * work
+    assert energy["frictional_dissipation"] > 0.02 * work
+    assert 0 < energy["impact"] < 0.05 * energy["frictional_dissipation"]
+
+
+def test_free_bodies_that_collide_keep_their_momentum() -> None:
+    """No supports: the sum of m v, zero at first, stays zero; the shear of friction turns nothing either."""
+    table = rough({"boundaries": [
+        {"kind": "traction", "edge": edge, "traction": traction, "ramp": 1e-6}
+        for edge, traction in (("upper.top", [5e6, -20e6]), ("lower.bottom", [-2.5e6, 10e6]))
+    ]})  # fmt: skip
+    model, _, state = march(parse_case(table))
+    momentum = (model.mass * state.velocity).reshape(-1, 2)
+    assert state.faults["main"]["normal_stress"].max() > 1e7
+    # The edges are 1.2 and 2.4 mm long: the loads are in balance.
+    assert np.abs(momentum.sum(axis=0)).max() < 1e-12 * np.abs(momentum).sum()
+
+
+def test_sides_that_swap() -> None:
+    """Which side carries the points changes little: the mean force between the bodies, the work of friction."""
+    found = []
+    for turned in (False, True):
+        given = parse_case(rough({"duration": 8e-6, "damping.mass": 2e5}))
+        raw = given.mesh.build()
+        raw.interfaces["main"] = raw.interfaces["main"][::-1] if turned else raw.interfaces["main"]
+        object.__setattr__(given.mesh, "build", lambda raw=raw: raw)
+        found.append(mean_force_and_friction(given))
+    np.testing.assert_allclose(found[1], found[0], rtol=0.03)
+
+
+def mean_force_and_friction(given: Case) -> tuple[float, float]:
+    """Mean normal force [N/m] and what friction took [J/m]."""
+    model, forces = Model(given), []
+    motion, state = given.stepper.bind(model), model.initial_state()
+    weight, fault = model.faults[0].interface.weight, state.faults["main"]
+    advance(motion, state, given.duration, lambda _: forces.append(weight @ fault["normal_stress"]))
+    return float(np.mean(forces)), float(state.energy["frictional_dissipation"])
+
+
+# -- what is refused -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"faults.main.contact": SPLIT},
+         r"contact.kind = 'split_node': on an interface that slides .* 'forward_lagrange'"),
+        ({"faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}, "stepper": {"kind": "quasi_static"}},
+         r"faults.main.sliding: interfaces slide in explicit steps only"),
+        ({"faults.main.sliding": None}, r"'main' have meshes of their own; add the table \[faults.main.sliding\]"),
+        ({"faults.main.gap": 1e-6}, r"faults.main.gap: surfaces that slide have the distance"),
+        ({"plane": "antiplane", "boundaries": []}, r"faults.main.sliding: only motion in a plane slides far"),
+        ({"boundaries": [{"kind": "periodic", "first": "upper.left", "second": "upper.right"}]},
+         r"faults.main.sliding: the interface ends at periodic edges"),
+        ({"mesh.upper.left": 3e-3}, r"mesh.upper.left = 0.003: the plates are beside each other"),
+        ({"mesh.upper.profile": wave(1, 2e-3)}, r"cells are folded, the first near .* reduce the heights"),
+    ],
+)  # fmt: skip
+def test_cases_that_cannot_slide(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuptfxError, match=message):
+        given = parse_case(rough(changes))
+        given.stepper.bind(Model(given))
+
+
+def test_bodies_that_overlap() -> None:
+    given = parse_case(rough())
+    raw = given.mesh.build()
+    raw.points[np.unique(raw.cells[raw.cell_body == 0]), 1] -= 1e-6
+    object.__setattr__(given.mesh, "build", lambda: raw)
+    # The crests at x = 0, 0.6 and 1.2 mm touch; then they are 1 um in one another.
+    with pytest.raises(RuptfxError, match=r"'main': the bodies overlap by (9|1\.0)\S*e-0[67] m at .* before anything"):
+        Model(given)
+
+
+def test_one_side_without_a_body() -> None:
+    table = plates({"mesh": {"kind": "block_on_rigid", "length": 4e-3, "height": 1e-3, "element_size": 1e-3},
+                    "faults.main.sliding": {}})  # fmt: skip
+    with pytest.raises(RuptfxError, match=r"faults.main.sliding: the minus side is not meshed \(rigid\)"):
+        Model(parse_case(table))

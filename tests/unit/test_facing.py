@@ -1,0 +1,109 @@
+"""Who faces whom: the identities of the dual mortar on two chains of facets, without bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ruptfx import RuptfxError
+from ruptfx.lobatto import basis_of_order
+from ruptfx.sliding.facing import Mortar
+from ruptfx.sliding.surface import Surface
+
+Floats = NDArray[np.float64]
+every_order = pytest.mark.parametrize("orders", [(1, 1), (2, 1), (1, 4), (4, 2), (4, 4), (8, 8)])
+
+
+def chain(ends: Floats, order: int, height: Callable[[Floats], Floats] = np.zeros_like) -> Surface:
+    part = 0.5 * (basis_of_order(order).points[:-1] + 1)
+    x = np.append((ends[:-1, None] + np.diff(ends)[:, None] * part).ravel(), ends[-1])
+    return Surface(np.arange(len(x)), np.stack([x, height(x)], axis=1), order)
+
+
+def uneven(seed: int, facets: int) -> Floats:
+    return np.sort(np.concatenate([[0.0, 1.0], np.random.default_rng(seed).uniform(0.05, 0.95, facets - 1)]))
+
+
+@every_order
+def test_identities_on_a_straight_line(orders: tuple[int, int]) -> None:
+    """Constants and polynomials of the lower order pass exactly; a constant traction is the consistent load of both."""
+    plus, minus = chain(uneven(1, 6), orders[0]), chain(uneven(2, 7), orders[1])
+    found = Mortar(plus, minus).find(plus.points, minus.points)
+    assert found.covered.all()
+    x, y = plus.points[:, 0], minus.points[:, 0]
+    for degree in range(min(orders) + 1):
+        np.testing.assert_allclose(found.coupling @ y**degree, x**degree, atol=1e-13)
+    # int N_j ds is the GLL weight of the node, half the length of its facets times their weights.
+    for side, load in ((plus, found.weight), (minus, found.coupling.T @ found.weight)):
+        expected = np.zeros(len(side.nodes))
+        sizes = np.diff(side.points[:: side.order, 0])
+        np.add.at(expected, side.numbers, 0.5 * sizes[:, None] * side.basis.weights)
+        np.testing.assert_allclose(load, expected, atol=1e-13)
+    np.testing.assert_allclose(found.tangent, np.tile([1.0, 0.0], (len(x), 1)), atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 8])
+def test_matching_nodes_face_each_other(order: int) -> None:
+    wavy = chain(uneven(3, 5), order, lambda x: 0.02 * np.cos(5 * x))
+    found = Mortar(wavy, wavy).find(wavy.points, wavy.points)
+    np.testing.assert_allclose(found.coupling.toarray(), np.eye(len(wavy.nodes)), atol=1e-12)
+
+
+def test_a_frozen_operator_is_the_gradient_of_the_gap() -> None:
+    """|g(u + d) - g(u) - n J d| falls with the square of d, sliding included; plus-side normals give a first order.
+
+    A closed wavy pair: the facing side of order 4 on facets a third smaller, so that the gap is that of interpolation.
+    """
+
+    def height(x: Floats) -> Floats:
+        return 0.02 * np.cos(2 * np.pi * x)
+
+    plus, minus = chain(np.linspace(0, 1, 7), 4, height), chain(np.linspace(-0.1, 1.1, 11), 4, height)
+    mortar = Mortar(plus, minus)
+
+    def gap(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        found = mortar.find(plus.points + u, minus.points + v)
+        normal = np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1)
+        jump = np.sum(normal * (plus.points + u - found.coupling @ (minus.points + v)), axis=1)
+        return jump, normal, found.coupling @ np.eye(len(v))
+
+    closed, normal, coupling = gap(np.zeros_like(plus.points), np.zeros_like(minus.points))
+    left = []
+    for size in np.array([2e-2, 1e-2, 5e-3, 2.5e-3]) * plus.spacing:
+        x, y = plus.points[:, :1], minus.points[:, :1]
+        u = size * np.hstack([1 + 0.3 * np.sin(3 * x), 0.5 * np.cos(2 * x)])
+        v = size * np.hstack([0.2 * np.sin(5 * y), 0.3 * np.cos(4 * y)])
+        linear = np.sum(normal * (u - coupling @ v), axis=1)
+        left.append(np.abs(gap(u, v)[0] - closed - linear).max())
+    assert np.all(np.divide(left[:-1], left[1:]) > 3.8), left
+
+
+def test_an_end_that_slides_off() -> None:
+    """Facets that reach over the end are taken node by node: weights stay positive and sum up to what is covered."""
+    plus, minus = chain(np.linspace(0, 1, 6), 4), chain(np.linspace(-1, 0.73, 9), 2)
+    found = Mortar(plus, minus).find(plus.points, minus.points)
+    assert np.all(found.covered == (plus.points[:, 0] <= 0.73)) and found.weight.min() > 0
+    spacing = np.diff(plus.points[:, 0]).max()
+    assert abs(found.weight[found.covered].sum() - 0.73) < spacing
+    sums = np.asarray(found.coupling.sum(axis=1)).ravel()
+    np.testing.assert_allclose(sums, found.covered.astype(float), atol=1e-14)
+    # What is covered reproduces the place.
+    np.testing.assert_allclose((found.coupling @ minus.points)[found.covered], plus.points[found.covered], atol=1e-13)
+
+
+def test_bodies_apart_face_nothing() -> None:
+    plus, minus = chain(np.linspace(0, 1, 6), 2, lambda x: 5 + 0 * x), chain(np.linspace(0, 1, 9), 2)
+    found = Mortar(plus, minus).find(plus.points, minus.points)
+    assert not found.covered.any() and found.coupling.nnz == 0
+    # They keep the length and the tangent of their own side.
+    np.testing.assert_allclose([found.weight.sum(), found.tangent[:, 0].min()], 1.0)
+
+
+def test_a_surface_that_folds_back() -> None:
+    plus = chain(np.linspace(0, 1, 6), 1)
+    with pytest.raises(RuptfxError, match=r"faces two parts of the other surface at \(0\.[3-7].* must not fold back"):
+        folded = np.array([[-0.1, 0.0], [0.6, 0.0], [0.62, -0.1], [0.3, -0.1], [0.3, -0.2], [1.1, -0.2]])
+        Mortar(plus, Surface(np.arange(6), folded, 1)).find(plus.points, folded)
