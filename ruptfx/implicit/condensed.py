@@ -39,7 +39,7 @@ MOST_UNKNOWNS = 4000  # of all jumps: S is dense
 KEPT = 4  # factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
-SMALL = 300  # unknowns up to which a factorisation takes next to no time
+SMALL = 500  # unknowns up to which a factorisation takes next to no time
 MAX_KRYLOV = 30  # iterations from which on it takes less than they do
 
 
@@ -125,7 +125,7 @@ class Condensed:
         """q of the jumps e that balance, shape (points, local) [Pa]; None where there are none; collective."""
         jumps = self._jumps
         start, driven = jumps.of(step.displacement), jumps.of(free)
-        reference = jumps.gather({name: response.traction for name, response in step.responses.items()})
+        begin = self._gather(step)
         changes = _Changes(compliance.matrix)
         enough = 0.01 * step.enough(TOLERANCE)
 
@@ -133,11 +133,11 @@ class Condensed:
             return self._tractions(step, start + e)
 
         def out_of_balance(e: np.ndarray, t: _Tractions) -> tuple[np.ndarray, np.ndarray]:
-            q = t.value - reference - np.einsum("pij,pj->pi", compliance.stuck, e)
+            q = t.value - begin.value - np.einsum("pij,pj->pi", compliance.stuck, e)
             return q, e - driven + (compliance.matrix @ q.ravel()).reshape(q.shape)
 
         e = np.zeros_like(driven)
-        now = tractions(e)
+        now: _Tractions | None = begin
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
                 q, missing = out_of_balance(e, now)
@@ -184,6 +184,10 @@ class Condensed:
             error = caught
         if parallel.anywhere(self._model.comm, error is not None):
             return None
+        return self._gather(step)
+
+    def _gather(self, step: Step) -> _Tractions:
+        """Of the last responses; collective."""
         value, tangent = (
             self._jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
             for part in ("traction", "tangent")
@@ -216,7 +220,7 @@ class _Changes:
 
         # y = D de: points that stick, where D is zero, drop out of (1 + D S) y = -D f.
         y, right, failed = np.zeros(n), -stressed(f.ravel()), True
-        if self._factors is not None or n > SMALL:
+        if n > SMALL:
             product = LinearOperator((n, n), lambda y: y + stressed(matrix @ y), dtype=float)
             inverse = LinearOperator((n, n), self._inverse(slope), dtype=float)
             y, failed = gmres(product, right, M=inverse, rtol=1e-9, restart=MAX_KRYLOV, maxiter=1)

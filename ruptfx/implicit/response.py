@@ -61,6 +61,7 @@ class FaultResponse:
         time: float,
         multiplier: tuple[np.ndarray, np.ndarray],
         body_stiffness: np.ndarray,
+        guess: FaultState | None = None,
     ) -> Response:
         """The response at the end of a step.
 
@@ -76,6 +77,8 @@ class FaultResponse:
             Normal stress and shear traction of the last outer iteration [Pa].
         body_stiffness : ndarray, shape (n,)
             As in `contact.Point`.
+        guess : FaultState, optional
+            Near which the answer is looked for first; the beginning of the step where it is left out.
 
         Raises
         ------
@@ -90,10 +93,10 @@ class FaultResponse:
         )  # fmt: skip
         normal, shear = trial.normal_stress, np.stack(trial.shear_traction, axis=1)
         relief = np.broadcast_to(trial.impedance[0], normal.shape)  # shear traction per slip rate
-        before = fault.components(state, "mean_slip_rate")
+        before, near = (fault.components(fields, "mean_slip_rate") for fields in (state, guess or state))
         done = project(
             self.law, {name: state[name] for name in (*self.law.state_names, "normal_stress")}, normal, shear, relief,
-            dt, before, None, dt / (dt + dt_before), self.radiation, np.linalg.norm(before, axis=1),
+            dt, before, None, dt / (dt + dt_before), self.radiation, np.linalg.norm(near, axis=1),
             f"of fault '{fault.name}' at time {time:.6g} s", tangent=True,
         )  # fmt: skip
         change = [done.shear_traction - initial]

@@ -96,11 +96,12 @@ class Step:
             On the rank of a point without an admissible traction.
         """
         for fault in self._equilibrium.model.faults:
-            fields = self.multipliers[fault.name]
+            fields, last = self.multipliers[fault.name], self.responses.get(fault.name)
             self.responses[fault.name] = self._equilibrium.answers[fault.name](
                 self._state.faults[fault.name], jumps[fault.name], self.dt,
                 self._state.numbers.get("dt_before", 0.0), self.time,
                 (fields["normal_stress"], fault.components(fields, "shear_traction")), self._body[fault.name],
+                last.state if last else None,
             )  # fmt: skip
 
     def evaluate(self, u: np.ndarray) -> None:

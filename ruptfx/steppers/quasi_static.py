@@ -35,7 +35,7 @@ class QuasiStatic(Stepper):
 
     The step follows half the difference between the explicit and the implicit Euler step, dt |V - V_old| / 2 <
     slip_tolerance + rate_tolerance dt V with V the mean slip rates of two steps, more than the error of slip, and the
-    number of Newton iterations.
+    number of Newton iterations; with `strength_tolerance` also what the same difference makes in the state of the law.
     Where slip becomes unstable the next equilibrium is far away, or there is none: steps fall to `smallest_step`, jump
     to it and the log says so, or the run stops. `radiation_damping` carries off what waves would (quasi-dynamic;
     Source: Rice 1993); kind = "hybrid" computes them.
@@ -56,6 +56,9 @@ class QuasiStatic(Stepper):
     hundredth of the normal stress over the whole interface."""
     rate_tolerance: Fraction = 0.1
     """Part of the slip of a step that its error may be, besides the slip tolerance."""
+    strength_tolerance: Fraction | None = None
+    """Error of the strength, which the state of the law brings, over the normal stress: steps then follow the state,
+    too, also where it changes and nothing slips. For seismic cycles, 0.002 or so."""
     radiation_damping: bool = False
     """Subtract mu / (2 c_s) times the slip rate from the elastic traction."""
     petsc_options: PetscOptions = {}
@@ -148,7 +151,7 @@ class QuasiStaticMotion:
         self._warned = True
 
     def _error(self, state: State, solution: Solution) -> float:
-        """Error of slip over what is tolerated, the largest of all points."""
+        """Error of slip and strength over what is tolerated, the largest of all points."""
         worst, dt = 0.0, solution.dt
         for fault in self.model.faults:
             old, new = (
@@ -158,7 +161,24 @@ class QuasiStaticMotion:
             error = 0.5 * dt * np.linalg.norm(new - old, axis=1)
             error = error / (self.slip_tolerance + self._stepper.rate_tolerance * dt * speed)
             worst = max(worst, float(error.max(initial=0.0)))
+            if self._stepper.strength_tolerance is not None:
+                worst = max(worst, self._strength_error(fault, state, solution) / self._stepper.strength_tolerance)
         return parallel.largest(self.model.comm, worst)
+
+    def _strength_error(self, fault: Fault, state: State, solution: Solution) -> float:
+        """Half of what it makes whether the state advances with the slip rate of this step or of the one before, over
+        the normal stress; the largest of the points of this rank in contact."""
+        old, new, law = state.faults[fault.name], solution.faults[fault.name], fault.friction
+        before, rate = (
+            np.linalg.norm(fault.components(fields, name), axis=1)
+            for fields, name in ((old, "mean_slip_rate"), (new, "slip_rate"))
+        )
+        stress, names = new["normal_stress"], law.all_state_fields()
+        pressure = np.where(stress > 0, stress, 1.0)
+        explicit = law.advance({name: old[name] for name in names}, before, pressure, solution.dt)
+        strengths = (law.strength(rate, pressure, given) for given in (explicit, {name: new[name] for name in names}))
+        error = 0.5 * np.abs(np.subtract(*strengths)) / pressure
+        return float(np.max(error * (stress > 0), initial=0.0))
 
     def _next(self, dt: float, error: float, solution: Solution) -> float:
         """Size of the next step [s]."""

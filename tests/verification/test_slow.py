@@ -113,6 +113,30 @@ def test_stick_slip_below_and_steady_sliding_above() -> None:
     assert min(tractions) > 0.9 * carried
 
 
+def test_steps_follow_the_state() -> None:
+    """From 1 um/s to a top that moves ten times faster: slip that is a fraction of D_c may be wrong, the strength not.
+
+    The state falls from D_c / V to D_c / (10 V), the strength by b ln 10 = 0.035 sigma: in steps in which half of a
+    change by the rates is less than 0.001 sigma, more than 0.035 / 0.002 = 17, and with ten times that in fewer.
+    """
+    steps = []
+    for tolerance in (0.001, 0.01):
+        table = slider(1.5 * K_C, {
+            "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "z", "velocity": 10 * V}],
+            "stepper": {"kind": "quasi_static", "slip_tolerance": 1.0, "first_step": 0.01, "largest_step": 1e4,
+                        "strength_tolerance": tolerance},
+        })  # fmt: skip
+        case = parse_case(table)
+        motion, state = case.stepper.bind(model := Model(case)), model.initial_state()
+        while state.time < 40 * D_C / V:
+            motion.step(state)
+        theta, rate = (state.faults["main"][name] for name in ("theta", "slip_rate"))
+        np.testing.assert_allclose(theta, D_C / (10 * V), rtol=0.02)
+        np.testing.assert_allclose(rate, 10 * V, rtol=0.02)
+        steps.append(state.step)
+    assert steps[0] > 1.5 * steps[1] and steps[0] > 17
+
+
 def test_a_load_without_equilibrium_stops_the_run(tmp_path: Path) -> None:
     """Pulled by a traction that grows to 1 MPa in 1 s, Coulomb friction 0.6 under 1 MPa holds a block for 0.6 s."""
     table = slider(K_C, {

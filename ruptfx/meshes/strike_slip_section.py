@@ -1,0 +1,58 @@
+"""A vertical section across a strike-slip fault, one side of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes.two_plates import affordable, grid, row_levels
+from ruptfx.schema import Unit
+from ruptfx.units import Length
+
+
+class StrikeSlipSection(MeshSource):
+    """Ground on one side of a vertical fault, the other its mirror image that moves the opposite way: x is depth, y the
+    distance from the fault.
+
+    The interface `main` reaches from the surface, `upper.left`, to `fault_depth`; below, the fault plane is the edge
+    `upper.below`, which a driven boundary moves at half the rate of the plates. The other edges are `upper.right` at
+    the greatest depth and `upper.top` far from the fault.
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "strike_slip_section", fault_depth = 8e-3, depth = 12e-3, distance = 4e-3, element_size = 1e-3 }'
+    )
+
+    fault_depth: Length
+    """Where the interface ends."""
+    depth: Length
+    """Of the section."""
+    distance: Length
+    """Of its far edge from the fault."""
+    element_size: Length
+    """Along the interface, and next to it; the spacing of nodes is this over the order."""
+    growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
+    """Ratio of the sizes of neighbouring elements away from the interface, below it too."""
+
+    @model_validator(mode="after")
+    def _deep_enough(self) -> StrikeSlipSection:
+        if self.depth <= self.fault_depth:
+            raise ValueError(f"depth = {self.depth:g}: must be more than fault_depth = {self.fault_depth:g}")
+        return self
+
+    def build(self) -> RawMesh:
+        fault = np.linspace(0, self.fault_depth, affordable(self.fault_depth / self.element_size) + 1)
+        below = self.fault_depth + row_levels(self.depth - self.fault_depth, self.element_size, self.growth)
+        x, y = np.concatenate([fault, below[1:]]), row_levels(self.distance, self.element_size, self.growth)
+        points, cells, sides = grid(x, y)
+        interface, below_it = np.split(sides["bottom"], [len(fault) - 1])
+        edges = {f"upper.{side}": sides[side] for side in ("left", "right", "top")}
+        return RawMesh(
+            cell="quadrilateral", points=points, cells=cells, bodies=["upper"],
+            cell_body=np.zeros(len(cells), dtype=int), edges=edges | {"upper.below": below_it},
+            interfaces={"main": (interface, interface)},
+            one_sided={"main": "antisymmetric"},
+        )  # fmt: skip
