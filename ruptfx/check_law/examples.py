@@ -67,6 +67,8 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
     """
     result: dict[str, Any] = {}
     for name, schema in properties(cls).items():
+        if name not in cls.model_fields:  # another way to give one that is
+            continue
         inner = folder(schema)
         options = flat(schema)
         if inner is not None:
