@@ -1,0 +1,86 @@
+"""Implicit steps on the interfaces alone against steps of the whole system: the same fields, in less processor time.
+
+The shear impact in steps of ten times the stable explicit one, and the stick-slip block in quasi-static steps of 1 s,
+on coarse meshes; with `--fine` on that of the impact demo (343 000 unknowns) and on one of 200 000 unknowns of the
+block, where the aims are in seconds. A step is the median of some in which the interface slides; the first one, with
+the factorisation and its action on the interface, is counted alone.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+import tomllib
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.bench import Check, Outcome
+from ruptfx.case import Case
+from ruptfx.implicit.equilibrium import Equilibrium
+from ruptfx.model import Model
+
+SOURCE = "aim, one core"
+TIMED = 5
+
+
+def demo(name: str, element_size: float, stepper: dict[str, Any]) -> Case:
+    """A demo on another mesh with another stepper."""
+    table = tomllib.loads(files("ruptfx").joinpath(f"demos/{name}.toml").read_text())
+    table["mesh"] |= {"element_size": element_size}
+    return Case.model_validate(table | {"stepper": stepper, "output": {"figures": False}})
+
+
+def measured(case: Case, comm: Any, skipped: int) -> dict[str, float]:
+    """Processor time [s] of the first step, of a step when some were skipped, and of one of the whole system; the
+    largest difference of displacement and slip between the two over their largest value."""
+    model = Model(case, comm)
+    motion, state = case.stepper.bind(model), model.initial_state()
+
+    def took(motion: Any, state: Any) -> float:
+        began = time.process_time()
+        motion.step(state)
+        return parallel.largest(model.comm, time.process_time() - began)
+
+    first = took(motion, state)
+    for _ in range(skipped):
+        motion.step(state)
+    theirs = copy.deepcopy(state)
+    condensed = [took(motion, state) for _ in range(TIMED)]
+    name = "equilibrium" if hasattr(motion, "equilibrium") else "_equilibrium"
+    radiation = {fault: answer.radiation for fault, answer in getattr(motion, name).answers.items()}
+    setattr(motion, name, Equilibrium(model, radiation=radiation, condensed=False))
+    whole = [took(motion, theirs) for _ in range(TIMED)]
+    pairs = [(state.displacement, theirs.displacement), (state.faults["main"]["slip"], theirs.faults["main"]["slip"])]
+    difference = max(
+        parallel.largest(model.comm, np.abs(ours - other).max(initial=0.0))
+        / parallel.largest(model.comm, np.abs(other).max(initial=0.0))
+        for ours, other in pairs
+    )
+    return {
+        "unknowns": model.total_nodes * model.components, "first": first, "condensed": float(np.median(condensed)),
+        "whole": float(np.median(whole)), "difference": difference,
+    }  # fmt: skip
+
+
+def run(fine: bool, comm: Any) -> Outcome:
+    cases = {
+        "impact": (demo("impact", 1e-3 if fine else 4e-3, {"kind": "generalized_alpha"}), 12, 0.3),
+        "stick-slip": (demo("stick_slip", 0.23e-3 if fine else 1.25e-3, {
+            "kind": "quasi_static", "first_step": 1.0, "largest_step": 1.0, "slip_tolerance": 1e-4,
+        }), 3, 0.05),
+    }  # fmt: skip
+    checks = []
+    for name, (case, skipped, aim) in cases.items():
+        found = measured(case, comm, skipped)
+        text = f"{name}, {found['unknowns']:.0f} unknowns"
+        checks.append(Check(f"{text}: difference", 0.0, found["difference"], 1e-9, "1", "the whole system"))
+        ratio = found["condensed"] / found["whole"]
+        checks.append(Check(f"{text}: a step over one of the whole system", 0.5, ratio, 0, "1", SOURCE, "at most"))
+        if fine:
+            checks.append(Check(f"{text}: a step", aim, found["condensed"], 0, "s", SOURCE, "at most"))
+            most = 20 * found["whole"]
+            checks.append(Check(f"{text}: the first step", most, found["first"], 0, "s", "20 whole steps", "at most"))
+    return Outcome(checks)
