@@ -1,11 +1,11 @@
-"""The bodies as a distributed mesh: partition that keeps interface pairs together, named facets, body of each cell."""
+"""The bodies as a distributed mesh: parts that keep interface pairs together, named facets, body of each cell."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -15,6 +15,9 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.schema import nearest
+
+if TYPE_CHECKING:
+    from ruptfx.meshes._lattice import Lattice
 
 Facets = tuple[np.ndarray, np.ndarray]  # of both sides, vertex by vertex
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
@@ -62,10 +65,10 @@ class Bodies:
         Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
     """
 
-    mesh: Any
+    mesh: fem.dolfinx.mesh.Mesh
     names: list[str]
     cell_body: np.ndarray
-    facets: Any
+    facets: fem.dolfinx.mesh.MeshTags
     tags: dict[str, int]
     interfaces: list[str]
     one_sided: dict[str, str]
@@ -93,12 +96,9 @@ def distribute(
     comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None,
     sliding: Collection[str] = (),
 ) -> Bodies:  # fmt: skip
-    """Build the mesh on rank 0 and split it over the ranks.
+    """The mesh, split over the ranks.
 
-    Both sides of every interface point end on the same rank: the dual graph is partitioned with the two sides
-    glued together, the minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches
-    one of its vertices without owning it. Tied edges are treated in the same way. Of an interface that slides, every
-    rank that owns a cell at it has all the others as ghosts.
+    Both sides of every interface point end on the same rank, and so do those of tied edges.
 
     Parameters
     ----------
@@ -114,6 +114,63 @@ def distribute(
     RuptfxError
         On all ranks.
     """
+    lattice = source.lattice()
+    if lattice is not None and not sliding and 2 * comm.size <= lattice.columns:  # a few columns are not worth it
+        ties = _ties_of(lattice, tied or {})
+        if ties is not None:
+            return _from_parts(comm, lattice, ties)
+    return _from_root(comm, source, tied or {}, sliding)
+
+
+def _ties_of(lattice: Lattice, tied: Mapping[str, tuple[str, str]]) -> list[Tie] | None:
+    """Ties of both ends of a body, or of the uppermost and the lowest edge; None where there are others."""
+    size = {
+        "x": np.array([np.ptp(lattice.x), 0.0]),
+        "y": np.array([0.0, max(y[-1] for y in lattice.levels.values()) - min(y[0] for y in lattice.levels.values())]),
+    }
+    ties = []
+    for key, (first, second) in tied.items():
+        here, there = (lattice.sides.get(edge, (-1, "")) for edge in (first, second))
+        if here[0] == there[0] and {here[1], there[1]} == {"left", "right"}:
+            ties.append(Tie(key, first, second, size["x"] if there[1] == "right" else -size["x"]))
+        elif {here[1], there[1]} == {"top", "bottom"} and {first, second} <= set(lattice.sides) - set(_facing(lattice)):
+            ties.append(Tie(key, first, second, size["y"] if there[1] == "top" else -size["y"]))
+        else:
+            return None
+    return ties
+
+
+def _facing(lattice: Lattice) -> list[str]:
+    """Sides of interfaces."""
+    return [f"{name}.{side}" for name in (*lattice.interfaces, *lattice.one_sided) for side in ("plus", "minus")]
+
+
+def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies:
+    """Every rank makes its own cells, and as many vertices as any other. There are no ghost cells: whoever touches a
+    vertex of an interface owns one of the pairs there."""
+    along = {lattice.sides[tie.first][1] for tie in ties}
+    cells = lattice.part(comm.rank, comm.size, bool(along & {"left", "right"}), bool(along & {"top", "bottom"}))
+    first, last = lattice.vertices * np.array([comm.rank, comm.rank + 1]) // comm.size
+    points = lattice.points(np.arange(first, last))
+
+    def partitioner(*_: object) -> object:
+        return _destinations(np.full(len(cells), comm.rank, np.int32), np.arange(len(cells) + 1, dtype=np.int32))
+
+    mesh = fem.create_mesh(comm, cells.astype(np.int64), points, "quadrilateral", partitioner)
+    facets, tags = _tag_facets(mesh, list(lattice.sides), lattice.side_of)
+    tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in lattice.one_sided}
+    body = lattice.body_of(mesh.geometry.input_global_indices[fem.geometry_dofmap(mesh)[:, 0]])
+    interfaces = [*lattice.interfaces, *lattice.one_sided]
+    return Bodies(mesh, lattice.bodies, body.astype(np.int32), facets, tags, interfaces, lattice.one_sided, ties)
+
+
+def _from_root(
+    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str]
+) -> Bodies:
+    """The mesh is built on rank 0. The dual graph is partitioned with the two sides of interfaces glued together, the
+    minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches one of its vertices
+    without owning it. Tied edges are treated in the same way. Of an interface that slides, every rank that owns a cell
+    at it has all the others as ghosts."""
     raw: RawMesh | None = None
     error: Exception | None = None
     pairs: dict[str, Facets] = {}
@@ -123,7 +180,7 @@ def distribute(
             check_orientation(raw)
             check_facets(raw)
             check_pairs(raw, sliding)
-            pairs = {key: tied_facets(raw, key, *edges) for key, edges in (tied or {}).items()}
+            pairs = {key: tied_facets(raw, key, *edges) for key, edges in tied.items()}
         except Exception as caught:
             error = caught
     parallel.raise_on_all(comm, error)
@@ -132,8 +189,7 @@ def distribute(
         named = named_facets(raw)
         faces = list(raw.interfaces)
         ties = [
-            Tie(key, *edges, (raw.points[b] - raw.points[a]).mean(axis=(0, 1)))
-            for (key, edges), (a, b) in zip((tied or {}).items(), pairs.values(), strict=True)
+            Tie(key, *tied[key], (raw.points[b] - raw.points[a]).mean(axis=(0, 1))) for key, (a, b) in pairs.items()
         ]
         surfaces = {name: sides for name, sides in raw.interfaces.items() if name in sliding}
         described = (
@@ -143,20 +199,30 @@ def distribute(
     described = comm.bcast(described, root=0)
     cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces = described
 
-    def partitioner(_: Any, parts: int, *__: Any) -> Any:
+    def partitioner(_: object, parts: int, *__: object) -> object:
         if raw is None:
-            lists = fem.dolfinx.graph.adjacencylist(np.zeros(0, np.int32), np.zeros(1, np.int32))
-        else:
-            lists = fem.dolfinx.graph.adjacencylist(*destinations(raw, parts, list(pairs.values()), sliding))
-        return getattr(lists, "_cpp_object", lists)
+            return _destinations(np.zeros(0, np.int32), np.zeros(1, np.int32))
+        return _destinations(*destinations(raw, parts, list(pairs.values()), sliding))
 
     cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, nodes), np.int64)
     points = raw.points if raw is not None else np.zeros((0, dim))
     mesh = fem.create_mesh(comm, cells, points, cell, partitioner, order)
-    facets, tags = _tag_facets(mesh, named)
+    number = {
+        tuple(facet): place for place, facets in enumerate(named.values())
+        for facet in np.sort(facets, axis=1).tolist()
+    }  # fmt: skip
+    facets, tags = _tag_facets(
+        mesh, list(named), lambda found: np.array([number.get(tuple(facet), -1) for facet in found.tolist()], dtype=int)
+    )
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
     return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces)
+
+
+def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
+    """Ranks of every cell, as DOLFINx wants them."""
+    lists = fem.dolfinx.graph.adjacencylist(data, offsets)
+    return getattr(lists, "_cpp_object", lists)
 
 
 def check_orientation(raw: RawMesh) -> None:
@@ -344,7 +410,7 @@ def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
     return np.array(split(fem.MPI.COMM_SELF, parts, getattr(graph, "_cpp_object", graph), False).array[:count])
 
 
-def _cell_of_facets(raw: RawMesh) -> Any:
+def _cell_of_facets(raw: RawMesh) -> Callable[[np.ndarray], np.ndarray]:
     """A function: facets by vertices -> the cell each belongs to."""
     sorted_cells = raw.cells[:, : VERTICES[raw.cell]]
     touching = sparse.csr_matrix(
@@ -395,17 +461,27 @@ def _ghost_pairs(
                 ghosts[cell].add(rank)
 
 
-def _tag_facets(mesh: Any, named: dict[str, np.ndarray]) -> tuple[Any, dict[str, int]]:
-    """Mesh tags of the named facets this rank integrates over."""
+def _tag_facets(
+    mesh: fem.dolfinx.mesh.Mesh, names: list[str], find: Callable[[np.ndarray], np.ndarray]
+) -> tuple[fem.dolfinx.mesh.MeshTags, dict[str, int]]:
+    """Mesh tags of the named facets this rank integrates over.
+
+    Parameters
+    ----------
+    find : callable
+        From facets of the hull, as the sorted numbers that their vertices had in the input, to the places of their
+        names, -1 where they have none.
+    """
     dim = mesh.topology.dim
-    tags = {name: number + 1 for number, name in enumerate(named)}
     mesh.topology.create_connectivity(dim - 1, dim)
     exterior = fem.dolfinx.mesh.exterior_facet_indices(mesh.topology)
     count = len(FACETS[mesh.basix_cell().name][0])  # vertices, which come before the nodes on curved sides
-    nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior).reshape(len(exterior), -1)[:, :count]
-    inputs = np.sort(mesh.geometry.input_global_indices[nodes.astype(np.int64)].reshape(len(exterior), -1), axis=1)
-    wanted = {tuple(facet): tags[name] for name, facets in named.items() for facet in np.sort(facets, axis=1).tolist()}
-    values = np.array([wanted.get(tuple(facet), 0) for facet in inputs.tolist()], dtype=np.int32)
+    inputs = np.zeros((0, count), dtype=np.int64)
+    if len(exterior):  # DOLFINx 0.9 divides by their number
+        nodes = fem.dolfinx.mesh.entities_to_geometry(mesh, dim - 1, exterior).reshape(len(exterior), -1)[:, :count]
+        inputs = np.sort(mesh.geometry.input_global_indices[nodes.astype(np.int64)], axis=1)
+    values = 1 + find(inputs).astype(np.int32)
     keep = values > 0
     order = np.argsort(exterior[keep])
+    tags = {name: number + 1 for number, name in enumerate(names)}
     return fem.dolfinx.mesh.meshtags(mesh, dim - 1, exterior[keep][order], values[keep][order]), tags

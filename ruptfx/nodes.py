@@ -118,18 +118,17 @@ class Nodes:
     @cached_property
     def numbering(self) -> np.ndarray:
         """Place of every local node in an order that does not depend on the partition (body, y, x); collective."""
-        owned = slice(0, self.owned)
-        keys = np.column_stack([self.coordinates[owned], self.body[owned]])
-        everything = parallel.gather_rows(self.comm, keys)
-        place = None
-        if everything is not None:
-            # Global numbers are contiguous by rank, so gathered rows are in that order.
-            extent = np.ptp(everything[:, :-1], axis=0).max()
-            order = np.lexsort(np.round(everything / np.append(np.full(keys.shape[1] - 1, extent), 1.0), 9).T)
-            place = np.empty_like(order)
-            place[order] = np.arange(len(order))
-        place = self.comm.bcast(place, root=0)
-        return place[self.space.dofmap.index_map.local_to_global(np.arange(self.count, dtype=np.int32))]
+        owned, x = slice(0, self.owned), self.coordinates
+        ends = [[parallel.largest(self.comm, (sign * axis).max(initial=-np.inf)) for axis in x.T] for sign in (1, -1)]
+        extent = max(high + low for high, low in zip(*ends, strict=True))
+        places = np.zeros((self.count, self.components))
+        places[owned] = parallel.places(
+            self.comm, np.column_stack([np.round(x[owned] / extent, 9), self.body[owned]])
+        )[:, None]
+        function = self._exchange.x  # doubles hold whole numbers to 9e15
+        function.array[:] = places.ravel()
+        function.scatter_forward()
+        return function.array.reshape(self.count, -1)[:, 0].astype(np.int64)
 
     def gather(self, field: np.ndarray) -> np.ndarray:
         """A nodal field of the whole problem on rank 0, in the order of `numbering`; empty elsewhere.

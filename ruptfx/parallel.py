@@ -76,6 +76,36 @@ def share_rows(comm: Comm, rows: np.ndarray) -> np.ndarray:
     return np.concatenate(comm.allgather(np.ascontiguousarray(rows)))
 
 
+def places(comm: Comm, rows: np.ndarray) -> np.ndarray:
+    """Where rows of this rank stand among those of all, sorted by their last column, then by the one before and so on.
+
+    Each rank sorts about as many as it has, those between two rows that are taken as limits (sample sort): they never
+    come together on one rank. Rows that are the same keep the order of the ranks.
+
+    Returns
+    -------
+    ndarray of int, shape (rows,)
+    """
+    samples = rows[np.lexsort(rows.T)][np.linspace(0, len(rows), comm.size, endpoint=False, dtype=int)[: len(rows)]]
+    everything = share_rows(comm, samples)
+    everything = everything[np.lexsort(everything.T)]
+    limits = everything[np.linspace(0, len(everything), comm.size, endpoint=False, dtype=int)[1:]]
+    # A row goes to the rank whose limits it is between; limits come before rows that are the same.
+    mixed = np.lexsort(np.concatenate([limits, rows]).T)
+    to = np.empty(len(rows), dtype=np.int64)
+    to[mixed[mixed >= len(limits)] - len(limits)] = np.cumsum(mixed < len(limits))[mixed >= len(limits)]
+    sent = [np.flatnonzero(to == rank) for rank in range(comm.size)]
+    received = comm.alltoall([rows[which] for which in sent])
+    order = np.lexsort(np.concatenate(received).T)
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = sum(comm.allgather(len(order))[: comm.rank]) + np.arange(len(order))
+    back = comm.alltoall(np.split(place, np.cumsum([len(part) for part in received])[:-1]))
+    result = np.empty(len(rows), dtype=np.int64)
+    for which, found in zip(sent, back, strict=True):
+        result[which] = found
+    return result
+
+
 def three_digits(value: float) -> float:
     """Rounded down, so that a result does not depend on the last digits of an eigenvalue and hence on the ranks."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 2)

@@ -221,6 +221,9 @@ class Given:
     def __init__(self, raw: Any) -> None:
         self.raw = raw
 
+    def lattice(self) -> None:
+        return None
+
     def build(self) -> Any:
         return self.raw
 

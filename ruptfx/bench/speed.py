@@ -152,11 +152,15 @@ def show(rows: list[dict[str, Any]]) -> None:
 # -- the problem ---------------------------------------------------------------------------------------------------
 
 
-class BentPlates(TwoPlates):
+class BentPlates(MeshSource):
     """Two plates of quadrilaterals none of which is a parallelogram."""
 
+    length: float
+    height: float
+    element_size: float
+
     def build(self) -> RawMesh:
-        raw = super().build()
+        raw = TwoPlates(length=self.length, height=self.height, element_size=self.element_size).build()
         x, y = raw.points.T
         raw.points[:] = np.stack([x + 0.1 * y * np.sin(3 * x), y * (1 + 0.1 * np.sin(4 * x))], axis=1)
         return raw

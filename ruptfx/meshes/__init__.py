@@ -1,6 +1,7 @@
 """Ways to make the bodies, one per file; the file name is the `kind` in a case.
 
-A mesh source fills a `RawMesh` on rank 0; `ruptfx.bodies` splits it over the ranks.
+A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies` splits over the ranks; or it gives a `Lattice`, of
+which every rank makes its own part.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ruptfx.schema import Alternative, alternative
+
+if TYPE_CHECKING:
+    from ruptfx.meshes._lattice import Lattice
 
 # Vertices of the facets of a cell in DOLFINx order.
 FACETS: dict[str, list[tuple[int, ...]]] = {
@@ -76,7 +80,14 @@ class MeshSource(Alternative):
         RuptfxError
             A mesh that cannot be used, with what was found in it.
         """
-        raise NotImplementedError
+        lattice = self.lattice()
+        if lattice is None:
+            raise NotImplementedError
+        return lattice.build()
+
+    def lattice(self) -> Lattice | None:
+        """What `build` would make, if it is a lattice; called on every rank, instead of it."""
+        return None
 
 
 if TYPE_CHECKING:

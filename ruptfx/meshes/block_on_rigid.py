@@ -6,7 +6,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes import MeshSource
+from ruptfx.meshes._lattice import Lattice
 from ruptfx.meshes.half_plate import plate
 from ruptfx.schema import Unit
 from ruptfx.units import Coordinate, Length
@@ -31,5 +32,5 @@ class BlockOnRigid(MeshSource):
     left: Coordinate = 0.0
     """x of the left end."""
 
-    def build(self) -> RawMesh:
+    def lattice(self) -> Lattice:
         return plate(self.length, self.height, self.element_size, self.growth, self.left, "rigid")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
-from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes.two_plates import affordable, grid, row_levels
+from ruptfx.meshes import MeshSource
+from ruptfx.meshes._lattice import Lattice, columns_of, row_levels
 from ruptfx.schema import Unit
 from ruptfx.units import Coordinate, Length
 
@@ -36,16 +35,11 @@ class HalfPlate(MeshSource):
     left: Coordinate = 0.0
     """x of the left end."""
 
-    def build(self) -> RawMesh:
+    def lattice(self) -> Lattice:
         return plate(self.length, self.height, self.element_size, self.growth, self.left, self.symmetry)
 
 
-def plate(length: float, height: float, size: float, growth: float, left: float, other_side: str) -> RawMesh:
+def plate(length: float, height: float, size: float, growth: float, left: float, other_side: str) -> Lattice:
     """A plate above the interface `main`, whose minus side is not meshed."""
-    x = left + np.linspace(0, length, affordable(length / size) + 1)
-    points, cells, sides = grid(x, row_levels(height, size, growth))
-    return RawMesh(
-        cell="quadrilateral", points=points, cells=cells, bodies=["upper"], cell_body=np.zeros(len(cells), dtype=int),
-        edges={f"upper.{side}": sides[side] for side in ("left", "right", "top")},
-        interfaces={"main": (sides["bottom"], sides["bottom"])}, one_sided={"main": other_side},
-    )  # fmt: skip
+    levels = row_levels(height, size, growth)
+    return Lattice(columns_of(left, length, size), {"upper": levels}, one_sided={"main": other_side})

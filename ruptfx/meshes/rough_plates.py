@@ -10,7 +10,7 @@ from pydantic import Field
 
 from ruptfx.lobatto import basis_of_order
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes.two_plates import affordable, row_levels
+from ruptfx.meshes._lattice import affordable, row_levels
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Coordinate, Length, VaryingHeight

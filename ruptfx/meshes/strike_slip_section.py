@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ruptfx.meshes import MeshSource, RawMesh
-from ruptfx.meshes.two_plates import affordable, grid, row_levels
+from ruptfx.meshes._lattice import Lattice, affordable, row_levels
 from ruptfx.schema import Unit
 from ruptfx.units import Length
 
@@ -47,12 +47,7 @@ class StrikeSlipSection(MeshSource):
         fault = np.linspace(0, self.fault_depth, affordable(self.fault_depth / self.element_size) + 1)
         below = self.fault_depth + row_levels(self.depth - self.fault_depth, self.element_size, self.growth)
         x, y = np.concatenate([fault, below[1:]]), row_levels(self.distance, self.element_size, self.growth)
-        points, cells, sides = grid(x, y)
-        interface, below_it = np.split(sides["bottom"], [len(fault) - 1])
-        edges = {f"upper.{side}": sides[side] for side in ("left", "right", "top")}
-        return RawMesh(
-            cell="quadrilateral", points=points, cells=cells, bodies=["upper"],
-            cell_body=np.zeros(len(cells), dtype=int), edges=edges | {"upper.below": below_it},
-            interfaces={"main": (interface, interface)},
-            one_sided={"main": "antisymmetric"},
-        )  # fmt: skip
+        raw = Lattice(x, {"upper": y}, one_sided={"main": "antisymmetric"}).build()
+        interface, raw.edges["upper.below"] = np.split(raw.interfaces["main"][0], [len(fault) - 1])
+        raw.interfaces["main"] = interface, interface
+        return raw

@@ -15,10 +15,10 @@ from small_cases import Given, case, march, plates, tilted, two_boxes, wavy_plat
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, fem
-from ruptfx.bodies import distribute
+from ruptfx.bodies import distribute, named_facets, tied_facets
 from ruptfx.case import parse_case
 from ruptfx.interface import Interface, build_interface
-from ruptfx.meshes import FACETS, RawMesh
+from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.half_plate import HalfPlate
@@ -137,6 +137,34 @@ def measure(facets: np.ndarray) -> float:
         return float(np.linalg.norm(sides[:, 0], axis=-1).sum())
     pairs = [(0, 1)] if facets.shape[1] == 3 else [(0, 2), (2, 1)]  # corners in tensor order: (0, 1, 3), (0, 3, 2)
     return float(sum(np.linalg.norm(np.cross(sides[:, i], sides[:, j]), axis=-1).sum() for i, j in pairs)) / 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("parts, tied", [(1, ""), (2, "wrapped"), (3, ""), (4, "wrapped"), (6, "upright")])
+def test_the_parts_of_a_lattice_make_it_up(kind: str, parts: int, tied: str) -> None:
+    """Every cell is in one part, of about the same size; what belongs together is in the same one."""
+    lattice = example(kind).lattice()
+    if lattice is None:
+        return
+    raw = lattice.build()
+    pieces = [lattice.part(number, parts, tied == "wrapped", tied == "upright") for number in range(parts)]
+    owner = {tuple(cell): number for number, piece in enumerate(pieces) for cell in piece.tolist()}
+    assert len(owner) == sum(map(len, pieces)) == len(raw.cells)
+    assert set(owner) == {tuple(cell) for cell in raw.cells.tolist()}
+    assert max(map(len, pieces)) <= 2 * min(map(len, pieces))
+    at = {frozenset(pair): number for cell, number in owner.items() for a, b in FACETS["quadrilateral"]
+          for pair in [(cell[a], cell[b])]}  # fmt: skip
+    together = list(raw.interfaces.values())
+    if tied == "wrapped":
+        together += [tied_facets(raw, "", f"{body}.left", f"{body}.right") for body in raw.bodies]
+    if tied == "upright" and "lower.bottom" in raw.edges:
+        together.append(tied_facets(raw, "", "lower.bottom", "upper.top"))
+    for first, second in together:
+        assert [at[frozenset(f)] for f in first.tolist()] == [at[frozenset(f)] for f in second.tolist()]
+    # Names are found again by the numbers of the vertices.
+    names = list(lattice.sides)
+    for name, facets in named_facets(raw).items():
+        assert {names[i] for i in lattice.side_of(facets)} == {name}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -333,7 +361,7 @@ def test_folded_elements() -> None:
 
 
 def test_an_error_in_a_source_reaches_the_caller() -> None:
-    class Broken:
+    class Broken(MeshSource):
         def build(self) -> RawMesh:
             raise RuptfxError("no mesh today")
 

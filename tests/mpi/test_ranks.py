@@ -16,6 +16,7 @@ from ruptfx import RuptfxError, fem, launch, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import parse_case
 from ruptfx.interface import build_interface
+from ruptfx.meshes import MeshSource
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
@@ -175,8 +176,19 @@ def test_gather_and_share() -> None:
     assert parallel.total(COMM, 1.0) == COMM.size
 
 
+@pytest.mark.parametrize("rows", [0, 1, 2, 400])
+def test_places_are_those_of_one_sort(rows: int) -> None:
+    """Few distinct values, so that many rows are the same; some ranks may have none."""
+    mine = np.random.default_rng(COMM.rank).integers(0, 5, (rows * (COMM.rank + 1) + (COMM.rank == 0), 3)).astype(float)
+    everything = parallel.share_rows(COMM, mine)
+    wanted = np.empty(len(everything), dtype=int)
+    wanted[np.lexsort(everything.T)] = np.arange(len(everything))
+    found = COMM.allgather(parallel.places(COMM, mine))
+    np.testing.assert_array_equal(np.concatenate(found), wanted)
+
+
 def test_an_error_in_a_mesh_source_is_raised_on_all() -> None:
-    class Broken:
+    class Broken(MeshSource):
         def build(self) -> Any:
             raise RuptfxError("no mesh today")
 

@@ -1,0 +1,88 @@
+"""Memory of the largest rank on 1, 2, 4 and 8 ranks: nothing that grows with the mesh comes together on one of them.
+
+Two plates of order 4 with an interface all along; the mesh, the model, one explicit step and the numbering of the nodes
+that records and checkpoints use. What Python and its libraries take before that is shown, not counted. The aim of 1.3
+over the number of ranks leaves room for what ranks share along their common lines.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import RuptfxError, launch
+from ruptfx.bench import Check, Outcome
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
+RANKS = (1, 2, 4, 8)
+SLACK = 1.3
+# Of every rank: largest resident memory [MB] with all libraries and the C code loaded, and at the end.
+PROGRAM = """
+import resource, sys
+from ruptfx import fem
+from ruptfx.bench.speed import problem
+from ruptfx.model import Model
+
+def one_step(nodes, comm):
+    model = Model(problem(2, 4, "affine", nodes), comm)
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    return model
+
+one_step(500, fem.MPI.COMM_SELF)
+memory = [resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]
+model = one_step(int(sys.argv[1]), fem.MPI.COMM_WORLD)
+model.layout.numbering
+memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+found = model.comm.gather(memory)
+if found is not None:
+    print(*(max(row[1] - row[0] for row in found), max(row[0] for row in found), model.total_nodes))
+"""
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    del comm
+    nodes = 8_000_000 if fine else 500_000
+    largest, before = [], []
+    for ranks in RANKS:
+        more, libraries, nodes = _measured(ranks, nodes)
+        largest.append(more)
+        before.append(libraries)
+    checks = [
+        Check(f"{nodes} nodes: largest rank of {ranks} over one rank", SLACK / ranks, memory / largest[0], 0.0, "1",
+              f"{memory:.0f} MB beyond the {libraries:.0f} MB of libraries", "at most")
+        for ranks, memory, libraries in zip(RANKS[1:], largest[1:], before[1:], strict=True)
+    ]  # fmt: skip
+    return Outcome(checks, lambda: _draw(nodes, largest))
+
+
+def _measured(ranks: int, nodes: int) -> tuple[float, float, int]:
+    """Memory of the largest rank beyond that of the libraries, and that of the libraries [MB], and nodes."""
+    command = [launch.find_mpiexec(), "-n", str(ranks), sys.executable, "-c", PROGRAM, str(nodes)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=3600, env=launch.mpi_environment(ranks)
+    )
+    if done.returncode:
+        raise RuptfxError(f"bench memory, {nodes} nodes on {ranks} ranks: {done.stderr.strip()[-2000:]}")
+    more, libraries, total = done.stdout.split()[-3:]
+    return float(more), float(libraries), int(total)
+
+
+def _draw(nodes: int, largest: list[float]) -> Figure:
+    from matplotlib import pyplot as plt
+
+    figure, ax = plt.subplots(figsize=(4, 3), layout="constrained")
+    ax.loglog(RANKS, largest, "o-", label="measured")
+    ax.loglog(RANKS, SLACK * largest[0] / np.array(RANKS), "k:", lw=1, label=f"{SLACK} / ranks of one rank")
+    ax.set(xlabel="Ranks", ylabel="Memory of the largest rank (MB)", title=f"{nodes:.3g} nodes", xticks=RANKS,
+           xticklabels=[str(ranks) for ranks in RANKS])  # fmt: skip
+    ax.minorticks_off()
+    ax.legend()
+    return figure
