@@ -17,16 +17,17 @@ from matplotlib.figure import Figure
 
 Array = np.ndarray
 
-WIDTH = 7.0  # inch, two columns of a journal
+WIDTH, ONE_COLUMN = 7.0, 3.5  # inch, two columns of a journal, and one
 STYLE: Any = {
     "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 8, "legend.fontsize": 7, "xtick.labelsize": 7,
     "ytick.labelsize": 7, "axes.linewidth": 0.6, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
     "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
-    "lines.linewidth": 1.0, "legend.frameon": False, "savefig.dpi": 200, "figure.dpi": 100, "pdf.fonttype": 42,
-    "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
+    "lines.linewidth": 1.0, "lines.markersize": 4, "legend.frameon": False, "savefig.dpi": 200, "figure.dpi": 100,
+    "pdf.fonttype": 42, "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
 }
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
+STICK_SLIP, STEADY, UNDECIDED, ACCENT = "#b5382a", "#2a6099", "#8a8a8a", "#e0a030"
 # Perceptually uniform, cut where lines and guides would not show.
 RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
 TIME_MAP = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1, 256)))
@@ -68,8 +69,13 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
 
 def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Figure, Array]:
     """Figure and its array of axes, shape (rows, columns)."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = blank_figure(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def blank_figure(width: float, height: float) -> Figure:
+    """A figure without axes [inches]."""
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def letter(axes: Iterable[Axes]) -> None:

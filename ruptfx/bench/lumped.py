@@ -209,26 +209,26 @@ def slider_checks() -> list[Check]:
 
 def figure() -> Any:
     """Amplitude against alpha, and mean friction against load amplitude, with the expected numbers."""
-    from ruptfx.lumped._style import STEADY, STICK_SLIP, TWO_COLUMNS, new_figure, styled
+    from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled
     def draw() -> Any:
-        picture = new_figure(TWO_COLUMNS, 2.7)
-        left, right = picture.subplots(1, 2)
+        picture, axes = new_figure(1, 2, 2.7)
+        left, right = axes[0]
         data, load = ensembles()[0], modulation()
         left.plot(data.alpha_fine, data.limit_amplitude, color=STEADY, label=r"$N\to\infty$")
         mean, scatter = data.late_amplitude.mean("realisation"), data.late_amplitude.std("realisation")
         left.errorbar(data.alpha, mean, scatter, fmt="o", color=STEADY, capsize=2, label="300 blocks")
         left.plot(list(PILOT), list(PILOT.values()), "x", color=STICK_SLIP, markersize=6, label="expected")
-        left.set(xscale="log", xlabel=r"shape parameter $\alpha$", ylabel="late amplitude")
+        left.set(xscale="log", xlabel=r"Shape parameter $\alpha$", ylabel="Late amplitude")
         right.plot(load.eps, 100 * load.mean_change, "o-", color=STEADY, label="slider")
         right.plot(list(MODULATION), [100 * v for v in MODULATION.values()], "x", color=STICK_SLIP, markersize=6,
                    label="expected")
         right.plot(load.eps, 100 * load.law, "--", color="0.4", label="constant age")
-        right.set(xlabel=r"load amplitude $\epsilon$", ylabel="change of mean friction [%]")
-        for letter, ax in zip("ab", (left, right), strict=True):
-            ax.set_title(f"({letter})")
-            ax.legend()
+        right.set(xlabel=r"Load amplitude $\epsilon$", ylabel="Change of mean friction (%)")
+        left.legend()
+        right.legend()
+        letter(axes[0])
         return picture
 
     return draw()

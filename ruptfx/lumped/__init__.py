@@ -10,7 +10,7 @@ import time
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ruptfx import RuptfxError, __version__
 from ruptfx.directories import is_finished, prepare, reserved, write_json
@@ -31,6 +31,9 @@ def silent(fraction: float, message: str) -> None:
 
 class LumpedModel(CaseFile, Alternative):
     """The contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
+
+    example: ClassVar[str] = ""
+    """A case file of a second or less, without `kind`; the contract tests run it."""
 
     title: str = ""
     """What figures are headed with."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from ruptfx.lumped.spring_slider import PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
-from ruptfx.schema import CaseError, alternatives, find
+from ruptfx.schema import CaseError, find
 
 W = 16.0
 VARIANTS = [(0.0, 0.0), (0.0, 0.4e-6), (1.6, 0.0), (1.6, 0.4e-6)]
@@ -163,9 +162,3 @@ def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path)
     with pytest.raises(RuptfxError, match="exists already"):
         simulate(model, tmp_path / "other", resume=True)
     assert (tmp_path / "other" / "thesis.tex").read_text() == "mine"
-
-
-@pytest.mark.parametrize("kind", alternatives("ruptfx.lumped"))
-def test_a_case_survives_toml(kind: str) -> None:
-    model = find("ruptfx.lumped", kind)()
-    assert parse_case(tomllib.loads(model.to_toml())) == model

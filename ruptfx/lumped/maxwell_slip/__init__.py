@@ -10,7 +10,7 @@ Forces are divided by the load of a block N_b, drive displacements by N_b / k, i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import xarray
@@ -31,6 +31,8 @@ class MaxwellSlip(LumpedModel):
     Source: Baygeldi, Amireghbali, Gurel, Ozcan, Coker (2026), Mech. Adv. Mater. Struct.; the dynamic coefficient is
     not published, 0.225 puts the transition where theirs is.
     """
+
+    example: ClassVar[str] = "alphas = [1e4, 1.0]\nblocks = 30\nrealisations = 2\nperiods = 6.0"
 
     mu_s: Coefficient = 0.3
     """Static coefficient of a block."""

@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.lumped._style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, TWO_COLUMNS, UNDECIDED, new_figure, styled
+from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, UNDECIDED, WIDTH, blank_figure, styled
 
 _COLOURS = {"stick-slip": STICK_SLIP, "steady": STEADY, "undecided": UNDECIDED}
 
@@ -31,7 +31,7 @@ def histories(dataset: xarray.Dataset) -> Figure:
     count = dataset.sizes["alpha"]
     columns = min(3, count)
     rows = -(-count // columns)
-    figure = new_figure(TWO_COLUMNS, 2.3 * rows)
+    figure = blank_figure(WIDTH, 2.3 * rows)
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     period, colours = float(dataset.slip_period), _colour(dataset)
     for index, ax in enumerate(axes):
@@ -49,25 +49,25 @@ def histories(dataset: xarray.Dataset) -> Figure:
         raster.spines["right"].set_visible(last)
         raster.tick_params(labelright=last, right=last)
         if last:
-            raster.set_ylabel("slipping block")
+            raster.set_ylabel("Slipping block")
         ax.set_zorder(raster.get_zorder() + 1)
         ax.patch.set_visible(False)
         ax.plot(row.trace_time / period, row.trace_friction, color=colours[index])
         for level, style in ((dataset.attrs["mu_s"], "--"), (dataset.attrs["mu_d"], ":")):
             ax.axhline(level, color="0.3", linestyle=style, linewidth=0.6)
         mode = "stick-slip" if row.stick_slip else "steady sliding"
-        ax.set_title(f"({chr(97 + index)})  $\\alpha$ = {float(row.alpha):g}: {mode}")
+        ax.set_title(f"({chr(97 + index)})  $\\alpha$ = {float(row.alpha):g}: {mode}", loc="left")
         if index % columns == 0:
-            ax.set_ylabel("friction coefficient")
+            ax.set_ylabel("Friction coefficient")
         if index >= count - columns:
-            ax.set_xlabel("time / slip period")
+            ax.set_xlabel("Time / slip period")
     return figure
 
 
 @styled
 def static(dataset: xarray.Dataset) -> Figure:
     """Macroscopic static coefficient against alpha, with its scatter."""
-    figure = new_figure(ONE_COLUMN, 2.6)
+    figure = blank_figure(ONE_COLUMN, 2.6)
     ax = figure.subplots()
     values = dataset.mu_static
     for alpha, runs in zip(dataset.alpha.values, values.values, strict=True):
@@ -84,8 +84,8 @@ def static(dataset: xarray.Dataset) -> Figure:
             textcoords="offset points", va="center",
         )
     _transition(ax, dataset)
-    ax.set(xscale="log", xlabel=r"shape parameter $\alpha$  (rough $\rightarrow$ smooth)")
-    ax.set_ylabel("static coefficient")
+    ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$  (rough $\rightarrow$ smooth)")
+    ax.set_ylabel("Static coefficient")
     ax.legend(loc="center right")
     return figure
 
@@ -103,7 +103,7 @@ def _transition(ax, dataset: xarray.Dataset) -> None:  # type: ignore[no-untyped
 @styled
 def amplitude(dataset: xarray.Dataset) -> Figure:
     """Late peak-to-peak friction against alpha, the threshold and the laws for infinitely many blocks."""
-    figure = new_figure(ONE_COLUMN, 2.6)
+    figure = blank_figure(ONE_COLUMN, 2.6)
     ax = figure.subplots()
     values = dataset.late_amplitude
     ax.errorbar(
@@ -121,8 +121,8 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
         xycoords=("axes fraction", "data"), xytext=(0, 2), textcoords="offset points", color=STICK_SLIP,
     )
     _transition(ax, dataset)
-    ax.set(xscale="log", xlabel=r"shape parameter $\alpha$", ylim=(0, 1.05))
-    ax.set_ylabel(r"late peak-to-peak / $2(\mu_s-\mu_d)$")
+    ax.set(xscale="log", xlabel=r"Shape parameter $\alpha$", ylim=(0, 1.05))
+    ax.set_ylabel(r"Late peak-to-peak / $2(\mu_s-\mu_d)$")
     ax.legend(loc="upper left")
     return figure
 
@@ -131,7 +131,7 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
 def roughness_map(dataset: xarray.Dataset) -> Figure:
     """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts by the alpha
     at the transition."""
-    figure = new_figure(TWO_COLUMNS * 0.75, 2.9)
+    figure = blank_figure(WIDTH * 0.75, 2.9)
     ax = figure.subplots()
     alpha = np.geomspace(0.03, 1e5, 200)
     low, high = (float(dataset[name]) / np.sqrt(2 * alpha + 1) for name in ("R_a_scale_min", "R_a_scale_max"))
@@ -142,7 +142,7 @@ def roughness_map(dataset: xarray.Dataset) -> Figure:
         critical = rf"$R_{{a,crit}}$ = {limits[0]:.3f}–{limits[1]:.3f} µm at {alpha_c}"
         ax.axhspan(*limits, color=ACCENT, alpha=0.3, linewidth=0, label=critical)
     else:
-        ax.set_title(r"no transition among these $\alpha$: no verdicts")
+        ax.set_title(r"no transition among these $\alpha$: no verdicts", loc="left")
     for row in (dataset.isel(surface=i) for i in range(dataset.sizes["surface"])):
         colour, R_a = _COLOURS[str(row.verdict.values)], float(row.R_a) * 1e6
         ends = np.maximum([float(row.alpha_low), float(row.alpha_high)], alpha[0])
@@ -155,6 +155,6 @@ def roughness_map(dataset: xarray.Dataset) -> Figure:
             xytext=(6 if right else -6, 0), textcoords="offset points", va="center", color=colour,
             ha="left" if right else "right",
         )
-    ax.set(xscale="log", yscale="log", xlabel=r"shape parameter $\alpha$", ylabel=r"roughness $R_a$ [µm]")
+    ax.set(xscale="log", yscale="log", xlabel=r"Shape parameter $\alpha$", ylabel=r"Roughness $R_a$ (µm)")
     ax.legend(loc="lower left")
     return figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 import xarray
@@ -33,6 +33,8 @@ class SpringBlock(LumpedModel):
     values. A block is held by `contacts` springs of mean stiffness K_s / contacts, each of which breaks at a random
     force and returns unstretched after `delay`.
     """
+
+    example: ClassVar[str] = "blocks = 6\ncontacts = 10\nlarge_events = 1\nduration = 2.0"
 
     blocks: Annotated[int, Field(ge=2, le=1000)] = 70
     """Blocks of the chain."""

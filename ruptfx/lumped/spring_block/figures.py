@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 from matplotlib.figure import Figure
 
-from ruptfx.lumped._style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, TWO_COLUMNS, new_figure, styled
+from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
 from ruptfx.lumped.spring_block.events import Breaks, Event, local_speeds
 
 
@@ -38,14 +38,14 @@ def _map(
         data.values.T, aspect="auto", origin="lower", cmap=cmap, rasterized=True,
         extent=(time[0], time[-1], 0.5, data.sizes["block"] + 0.5), **limits,
     )
-    ax.set_ylabel("block")
+    ax.set_ylabel("Block")
     figure.colorbar(image, ax=ax, label=label, pad=0.01, aspect=12, extend=extend)
 
 
 @styled
 def maps(dataset: xarray.Dataset) -> Figure:
     """Loading curve, spring forces in the slider, detached fraction and contact forces against time."""
-    figure = new_figure(TWO_COLUMNS, 6.6)
+    figure = blank_figure(WIDTH, 6.6)
     axes = figure.subplots(4, 1, sharex=True)
     axes[0].plot(dataset.time, dataset.force, color="k", linewidth=0.8)
     large = dataset.event_large.values.astype(bool)
@@ -56,22 +56,21 @@ def maps(dataset: xarray.Dataset) -> Figure:
     axes[0].plot(
         dataset.event_start[small], dataset.event_force[small], ".", color=STEADY, markersize=3, label="precursor"
     )
-    axes[0].set(ylabel="loading force [N]", ylim=(0, None))
+    axes[0].set(ylabel="Loading force (N)", ylim=(0, None))
     axes[0].legend(loc="lower right", ncols=2)
-    _map(figure, axes[1], -dataset.elastic_force.isel(block=slice(0, -1)), "compression [N]", "viridis")
-    _map(figure, axes[2], 100 * (1 - dataset.attached), "detached [%]", "magma_r", vmin=0, vmax=100)
+    _map(figure, axes[1], -dataset.elastic_force.isel(block=slice(0, -1)), "Compression (N)", "viridis")
+    _map(figure, axes[2], 100 * (1 - dataset.attached), "Detached (%)", "magma_r", vmin=0, vmax=100)
     reach = float(np.nanpercentile(np.abs(dataset.contact_force), 99.8)) or 1.0
-    _map(figure, axes[3], dataset.contact_force, "contact force [N]", "RdBu_r", "both", vmin=-reach, vmax=reach)
-    axes[3].set(xlabel="time [s]")
-    for letter, ax in zip("abcd", axes, strict=True):
-        ax.set_title(f"({letter})", fontsize=8)
+    _map(figure, axes[3], dataset.contact_force, "Contact force (N)", "RdBu_r", "both", vmin=-reach, vmax=reach)
+    axes[3].set(xlabel="Time (s)")
+    letter(axes)
     return figure
 
 
 @styled
 def fronts(dataset: xarray.Dataset) -> Figure:
     """The first large event enlarged, with the slope of the chain's wave, and the front speeds until then."""
-    figure = new_figure(TWO_COLUMNS, 2.6)
+    figure = blank_figure(WIDTH, 2.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     breaks, index = _breaks(dataset), _first_large(dataset)
     start, speed = float(dataset.event_start[index]), float(dataset.chain_speed)
@@ -86,9 +85,9 @@ def fronts(dataset: xarray.Dataset) -> Figure:
         "wave of\nthe chain", (-1 + 0.55 * blocks / speed * 1e3, 0.55 * blocks), xytext=(3, 0),
         textcoords="offset points", color=STEADY, fontsize=6,
     )
-    left.set(xlabel="time since the first detachment [ms]", ylabel="block")
-    left.set_title("(a)")
-    figure.colorbar(image, ax=left, label="detached [%]", pad=0.01)
+    left.set(xlabel="Time since the first detachment (ms)", ylabel="Block")
+    left.set_title("(a)", loc="left")
+    figure.colorbar(image, ax=left, label="Detached (%)", pad=0.01)
     times, which = breaks.detachments()
     seen = times <= float(dataset.event_end[index])
     _speeds(right, times[seen], which[seen], dataset, speed)
@@ -113,18 +112,18 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
         ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
                 transform=ax.get_xaxis_transform())
     ax.axvline(1, color="0.3", linestyle=":", linewidth=0.8)
-    ax.set(xscale="log", xlabel="front speed / chain speed", ylabel="front segments")
-    ax.set_title("(b)  until the first large event")
+    ax.set(xscale="log", xlabel="Front speed / chain speed", ylabel="Front segments")
+    ax.set_title("(b)  until the first large event", loc="left")
     ax.legend(loc="upper left")
 
 
 @styled
 def displacements(dataset: xarray.Dataset) -> Figure:
     """Displacement of the trailing and the middle block, and the first precursors enlarged."""
-    figure = new_figure(ONE_COLUMN, 2.8)
+    figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     middle = dataset.sizes["block"] // 2
-    inset = ax.inset_axes((0.12, 0.58, 0.42, 0.38))
+    inset = ax.inset_axes((0.12, 0.52, 0.42, 0.38))
     until = float(dataset.event_start[_first_large(dataset)]) if dataset.sizes["event"] else np.inf
     early = dataset.time.values <= until
     for block, colour in ((1, STICK_SLIP), (middle, STEADY)):
@@ -132,8 +131,8 @@ def displacements(dataset: xarray.Dataset) -> Figure:
         ax.plot(dataset.time, path, color=colour, label=f"block {block}")
         inset.plot(dataset.time[early], path[early], color=colour)
     inset.tick_params(labelsize=6)
-    inset.set_title("before sliding", fontsize=6)
-    ax.set(xlabel="time [s]", ylabel="displacement [µm]")
+    inset.set_title("before sliding", fontsize=6, loc="left")
+    ax.set(xlabel="Time (s)", ylabel="Displacement (µm)")
     ax.legend(loc="lower right")
     return figure
 
@@ -141,7 +140,7 @@ def displacements(dataset: xarray.Dataset) -> Figure:
 @styled
 def lengths(dataset: xarray.Dataset) -> Figure:
     """Length of all precursors against the force that starts them, their number and the correlation of the two."""
-    figure = new_figure(ONE_COLUMN, 3.0)
+    figure = blank_figure(ONE_COLUMN, 3.0)
     ax = figure.subplots()
     slides, blocks = bool(dataset.event_large.values.any()), dataset.sizes["block"]
     last = _first_large(dataset) if slides else dataset.sizes["event"]
@@ -158,6 +157,6 @@ def lengths(dataset: xarray.Dataset) -> Figure:
             line / scale, slope * line / blocks, "--", color="0.4",
             label=f"least squares through 0 (n = {last}, r = {float(dataset.length_correlation):.2f})",
         )
-    ax.set(xlabel=r"force / $F_s$", ylabel="length / slider length", xlim=(0, None), ylim=(0, 1.08))
+    ax.set(xlabel=r"Force / $F_s$", ylabel="Length / slider length", xlim=(0, None), ylim=(0, 1.08))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import numpy as np
 import xarray
@@ -47,6 +47,8 @@ class SpringSlider(LumpedModel):
     Source: Baumberger, Berthoud, Caroli et al. (2001), C. R. Acad. Sci., eqs. 6-9; Ruina (1983). The default
     friction is of the size found for PMMA near room temperature.
     """
+
+    example: ClassVar[str] = 'experiment = { kind = "velocity_steps", distance = 5e-6, samples = 100 }'
 
     friction: AnyFriction = PMMA
     """A rate and state law."""

@@ -7,7 +7,7 @@ import xarray
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from ruptfx.lumped._style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, TWO_COLUMNS, new_figure, styled
+from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, blank_figure, letter, styled
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
@@ -18,14 +18,14 @@ def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
 @styled
 def velocity_steps(dataset: xarray.Dataset) -> Figure:
     """Friction and speeds against the displacement of the drive."""
-    figure = new_figure(ONE_COLUMN, 3.2)
+    figure = blank_figure(ONE_COLUMN, 3.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     x = dataset.drive_displacement * 1e6
     top.plot(x, dataset.friction, color=STICK_SLIP)
-    top.set_ylabel("friction coefficient")
+    top.set_ylabel("Friction coefficient")
     bottom.plot(x, dataset.slip_rate * 1e6, color=STEADY, label="slip rate")
     bottom.plot(x, dataset.drive_speed * 1e6, color="0.4", linestyle="--", linewidth=0.7, label="drive")
-    bottom.set(yscale="log", xlabel="drive displacement [µm]", ylabel="speed [µm/s]")
+    bottom.set(yscale="log", xlabel="Drive displacement (µm)", ylabel="Speed (µm/s)")
     bottom.legend(loc="upper right")
     return figure
 
@@ -33,7 +33,7 @@ def velocity_steps(dataset: xarray.Dataset) -> Figure:
 @styled
 def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
     """Friction through the holds, and the static friction against their duration."""
-    figure = new_figure(TWO_COLUMNS, 2.7)
+    figure = blank_figure(WIDTH, 2.7)
     left, right = figure.subplots(1, 2)
     shades = np.linspace(0.2, 1, dataset.sizes["hold"])
     for shade, run in zip(shades, (dataset.isel(hold=i) for i in range(dataset.sizes["hold"])), strict=True):
@@ -42,24 +42,23 @@ def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
             (run.drive_displacement - restart) * 1e6, run.friction, color=STICK_SLIP, alpha=float(shade),
             label=f"{float(run.hold):g} s",
         )
-    left.set(xlabel="drive displacement from the hold [µm]", ylabel="friction coefficient")
-    left.set_title("(a)")
+    left.set(xlabel="Drive displacement from the hold (µm)", ylabel="Friction coefficient")
     left.legend(title="hold", title_fontsize=7)
     right.plot(dataset.hold, dataset.static_friction, "o", color=STICK_SLIP, label="simulation")
     slope, last = dataset.attrs["b"], dataset.isel(hold=-1)
     line = float(last.static_friction) + slope * np.log(dataset.hold / float(last.hold))
     right.plot(dataset.hold, line, "--", color="0.4", label=f"slope b = {slope:g} per e-fold")
     right.axhline(float(dataset.steady_friction), color=STEADY, linestyle=":", label="steady sliding")
-    right.set(xscale="log", xlabel="duration of the hold [s]", ylabel="static friction coefficient")
-    right.set_title("(b)")
+    right.set(xscale="log", xlabel="Duration of the hold (s)", ylabel="Static friction coefficient")
     right.legend()
+    letter((left, right))
     return figure
 
 
 @styled
 def modulated_speed(dataset: xarray.Dataset) -> Figure:
     """Friction against the modulated speed: loops about the steady line."""
-    figure = new_figure(ONE_COLUMN, 2.8)
+    figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     order = np.argsort(dataset.drive_speed.values)
     speed = dataset.drive_speed.values * 1e6
@@ -72,7 +71,7 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
                 arrowprops={"arrowstyle": "->", "color": colour, "lw": 1},
             )
     ax.plot(speed[order], dataset.steady_friction.values[order], "k:", label="steady")
-    ax.set(xscale="log", xlabel="drive speed [µm/s]", ylabel="friction coefficient")
+    ax.set(xscale="log", xlabel="Drive speed (µm/s)", ylabel="Friction coefficient")
     ax.legend(title="period", title_fontsize=7, loc="lower left")
     return figure
 
@@ -81,30 +80,30 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
 def modulated_load(dataset: xarray.Dataset) -> Figure:
     """Mean friction, its harmonics and the critical stiffness against the amplitude of the load."""
     critical = bool(np.isfinite(dataset.K_c.values).any())
-    figure = new_figure(TWO_COLUMNS, 2.4)
+    figure = blank_figure(WIDTH, 2.4)
     axes = figure.subplots(1, 2 + critical)
     fine = np.linspace(0, float(dataset.eps.max()), 100)
     axes[0].plot(dataset.eps, 100 * dataset.mean_change, "o-", color=STICK_SLIP, label="simulation")
     axes[0].plot(fine, 100 * np.interp(fine, dataset.eps, dataset.law), "--", color="0.4", label="constant age")
-    axes[0].set_ylabel("change of mean friction [%]")
+    axes[0].set_ylabel("Change of mean friction (%)")
     axes[0].legend()
     axes[1].plot(dataset.eps, dataset.first_harmonic, "o-", color=STEADY, label="f")
     axes[1].plot(dataset.eps, dataset.second_harmonic, "s-", color=ACCENT, label="2 f")
-    axes[1].set(ylabel="harmonic of F / W", ylim=(0, None))
+    axes[1].set(ylabel="Harmonic of F / W", ylim=(0, None))
     axes[1].legend()
     if critical:
         axes[2].plot(dataset.eps, dataset.K_c / float(dataset.attrs["K_c"]), "o-", color="k")
         axes[2].set(ylabel=r"$K_c(\epsilon)\,/\,K_c(0)$", ylim=(0, 1.05))
-    for letter, ax in zip("abc", axes, strict=False):
-        ax.set_title(f"({letter})")
-        ax.set_xlabel(r"load amplitude $\epsilon$")
+    letter(axes)
+    for ax in axes:
+        ax.set_xlabel(r"Load amplitude $\epsilon$")
     return figure
 
 
 @styled
 def stability(dataset: xarray.Dataset) -> Figure:
     """Stick-slip and steady sliding over speed and stiffness, with the linear boundary."""
-    figure = new_figure(ONE_COLUMN, 2.8)
+    figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     speed = dataset.speed * 1e6
     ax.pcolormesh(
@@ -115,7 +114,7 @@ def stability(dataset: xarray.Dataset) -> Figure:
     ax.plot(speed, dataset.k_c_simulated * 1e-4, ".", color=STICK_SLIP, markersize=4, label="simulation")
     ax.annotate("stick-slip", (0.06, 0.08), xycoords="axes fraction", color=STICK_SLIP)
     ax.annotate("steady sliding", (0.06, 0.88), xycoords="axes fraction", color=STEADY)
-    ax.set(xscale="log", xlabel="drive speed [µm/s]", ylabel=r"$K / W$ [$10^4$ m$^{-1}$]")
+    ax.set(xscale="log", xlabel="Drive speed (µm/s)", ylabel=r"$K / W$ ($10^4$/m)")
     ax.legend(loc="upper right")
     return figure
 
@@ -123,7 +122,7 @@ def stability(dataset: xarray.Dataset) -> Figure:
 @styled
 def bifurcation(dataset: xarray.Dataset) -> Figure:
     """Amplitude and harmonic content against stiffness, and the waves."""
-    figure = new_figure(TWO_COLUMNS, 3.0)
+    figure = blank_figure(WIDTH, 3.0)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
     left.plot(dataset.ratio, dataset.amplitude, "-", color=STICK_SLIP)
     settled = np.abs(dataset.drift.values) < 0.01
@@ -133,13 +132,13 @@ def bifurcation(dataset: xarray.Dataset) -> Figure:
         )
     left.legend(loc="lower left")
     left.axvline(1, color="0.4", linestyle=":", linewidth=0.8)
-    left.set(xlabel=r"$K / K_c$", ylabel="peak-to-peak friction", ylim=(0, None))
-    left.set_title("(a)")
+    left.set(xlabel=r"$K / K_c$", ylabel="Peak-to-peak friction", ylim=(0, None))
+    left.set_title("(a)", loc="left")
     second = left.twinx()
     second.spines["right"].set_visible(True)
     second.plot(dataset.ratio, dataset.harmonic, "s--", color=STEADY, markersize=3)
     second.set(ylim=(0, 1))
-    second.set_ylabel("second / first harmonic", color=STEADY)
+    second.set_ylabel("Second / first harmonic", color=STEADY)
     chosen = np.unique(np.linspace(0, dataset.sizes["ratio"] - 1, min(5, dataset.sizes["ratio"])).astype(int))
     step = 1.1 * float(dataset.amplitude.max())
     for row, index in enumerate(chosen):
@@ -148,28 +147,28 @@ def bifurcation(dataset: xarray.Dataset) -> Figure:
         right.annotate(
             f"{float(wave.ratio):g}", (1.01, -row * step), xycoords=("axes fraction", "data"), va="center", fontsize=7
         )
-    right.set(xlabel="time [s]", ylabel="friction coefficient, shifted")
-    right.set_title(r"(b)  waves at $K / K_c$ (right)")
+    right.set(xlabel="Time (s)", ylabel="Friction coefficient, shifted")
+    right.set_title(r"(b)  waves at $K / K_c$ (right)", loc="left")
     return figure
 
 
 @styled
 def fit(dataset: xarray.Dataset) -> Figure:
     """The measured trace, the fit and its parameters with their intervals."""
-    figure = new_figure(ONE_COLUMN * 1.5, 3.2)
+    figure = blank_figure(ONE_COLUMN * 1.5, 3.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     top.plot(dataset.time, dataset.measured, ".", color="0.6", markersize=2, label="measured")
     top.plot(dataset.time, dataset.fitted, color=STICK_SLIP, label="fit")
-    top.set_ylabel("friction coefficient")
+    top.set_ylabel("Friction coefficient")
     top.legend(loc="lower right")
     level = 100 * dataset.attrs["confidence"]
     text = [f"{level:.0f} % intervals"]
     for name, factor, unit in (("a", 1, ""), ("b", 1, ""), ("D_c", 1e6, " µm")):
         value, low, high = (float(dataset[name + end]) * factor for end in ("", "_low", "_high"))
         text.append(rf"${name}$ = {value:.4g}{unit}  [{low:.4g}, {high:.4g}]")
-    top.set_title("\n".join(text), fontsize=7)
+    top.set_title("\n".join(text), fontsize=7, loc="left")
     bottom.plot(dataset.time, dataset.fitted - dataset.measured, color=STEADY, linewidth=0.6)
-    bottom.set(xlabel="time [s]", ylabel="residual")
+    bottom.set(xlabel="Time (s)", ylabel="Residual")
     return figure
 
 

@@ -1,0 +1,53 @@
+"""Every lumped model of the folder, by its own example: files, the same result again, names and units, figures."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+from ruptfx.case import parse_case
+from ruptfx.lumped import LumpedModel, read_result, simulate
+from ruptfx.schema import alternatives
+
+MODELS = alternatives("ruptfx.lumped")
+
+
+def example(kind: str) -> LumpedModel:
+    found = parse_case({"kind": kind, **tomllib.loads(MODELS[kind].example)})
+    assert isinstance(found, LumpedModel)
+    return found
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_example(kind: str, tmp_path: Path) -> None:
+    model, told = example(kind), []
+    data = simulate(model, tmp_path / "run", lambda fraction, text: told.append(fraction))
+    assert told == sorted(told) and told[0] >= 0 and told[-1] == 1
+    assert parse_case(tomllib.loads((tmp_path / "run" / "case.toml").read_text())) == model
+    assert model.run().equals(data) and read_result(tmp_path / "run").equals(data)
+    for name, values in data.variables.items():
+        if values.dtype.kind in "fiu":
+            assert values.attrs["units"] and values.attrs["long_name"], name
+            assert not np.isinf(values).any(), name
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["kind"] == kind and summary["case_hash"] == model.hash
+    figures = model.figures(data)
+    assert {f"{name}.png" for name in figures} == {path.name for path in (tmp_path / "run" / "figures").iterdir()}
+    assert figures and pyplot.get_fignums() == []
+    for figure in figures.values():
+        figure.canvas.draw()
+        labels = [axis.get_label_text() for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
+        assert sum(map(bool, labels)) >= 2 and not any("[" in label for label in labels)
+        for ax in figure.axes:
+            assert ax.lines or ax.collections or ax.images or ax.patches or not ax.get_visible()
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_defaults_survive_toml(kind: str) -> None:
+    model = MODELS[kind]()
+    assert isinstance(model, LumpedModel) and parse_case(tomllib.loads(model.to_toml())) == model
