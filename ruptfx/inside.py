@@ -1,4 +1,4 @@
-"""A point inside the bodies, as boundaries act on it: shape functions, their gradients, nodal forces."""
+"""A point inside the bodies, as boundaries act on it and instruments look at it: shape functions, gradients, forces."""
 
 from __future__ import annotations
 
@@ -76,6 +76,16 @@ class Inside:
             nodal[nodes] += shape.T @ weights
         total = nodal.ravel()
         self.model.layout.sum_shared(total)
+        return total
+
+    def value(self, field: np.ndarray) -> np.ndarray:
+        """What the elements of this rank add to a nodal field at the point, and to its derivatives along x, y ...
+
+        Shape (1 + dim, components); the sum over the ranks is the field there."""
+        nodal = field.reshape(self.model.nodes, -1)
+        total = np.zeros((1 + self.model.mesh.geometry.dim, nodal.shape[1]))
+        for nodes, shape in self._cells:
+            total += shape @ nodal[nodes]
         return total
 
     def force(self, force: Sequence[float]) -> np.ndarray:

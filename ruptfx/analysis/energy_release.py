@@ -1,0 +1,143 @@
+"""Fracture energy of a moving front, from the fields around it and from what happens at the interface.
+
+`j_integral` counts the energy that flows through a contour to the tip, `breakdown_energy` the work of the stress above
+its residual at a point; both are the fracture energy of a front with a process zone that is small. `process_zone` is
+how long the traction of a point falls, as a length; `slides_like` tells a crack from a pulse by how long points slide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.near_tip import Medium
+
+Array = np.ndarray
+
+PULSE = 0.4  # of the time left: points that slide for less are those of a pulse
+
+
+def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, medium: Medium) -> float:
+    """Energy release of a front that runs along x, from a contour above the interface [J/m2].
+
+    G = (2 / v) int [sigma_ij n_j v_i + (U + T) v n_x] ds, U and T the densities of strain and kinetic energy, twice for
+    the mirror image below (Source: Freund 1990, eq. 5.2.7). The contour moves with the tip; on another one it is the
+    same where the front is steady.
+
+    Parameters
+    ----------
+    contour : ndarray, shape (n, 2)
+        From the interface ahead of the tip to that behind it, anticlockwise [m].
+    stress : ndarray, shape (n, 3)
+        xx, yy, xy [Pa], less the stress that remains behind the front: without its friction, which takes energy, too.
+    velocity : ndarray, shape (n, 2)
+        [m/s]
+    speed : float
+        [m/s]
+    medium : Medium
+
+    Raises
+    ------
+    RuptfxError
+        Arrays that do not fit each other.
+    """
+    if len(contour) < 3 or stress.shape != (len(contour), 3) or velocity.shape != contour.shape:
+        raise RuptfxError(
+            f"j_integral: contour {contour.shape}, stress {stress.shape} and velocity {velocity.shape} must be (n, 2), "
+            "(n, 3) and (n, 2) with at least three points"
+        )
+    xx, yy, xy = stress.T
+    shear = medium.shear_modulus
+    # Of plane stress or strain: sigma_xx - sigma_yy = 2 G (e_xx - e_yy), sigma_xx + sigma_yy = 2 (lambda + G) (e_xx +
+    # e_yy), lambda + G = G (c_p^2 / c_s^2 - 1).
+    bulk = shear * ((medium.c_p / medium.c_s) ** 2 - 1)
+    energy = (xx + yy) ** 2 / (8 * bulk) + ((xx - yy) ** 2 + 4 * xy**2) / (8 * shear)
+    energy = energy + 0.5 * medium.density * np.sum(velocity**2, axis=1)
+    # n ds is (dy, -dx) anticlockwise.
+    along_x = xx * velocity[:, 0] + xy * velocity[:, 1] + energy * speed
+    along_y = xy * velocity[:, 0] + yy * velocity[:, 1]
+    step = np.diff(contour, axis=0)
+    flow = 0.5 * (along_x[1:] + along_x[:-1]) @ step[:, 1] - 0.5 * (along_y[1:] + along_y[:-1]) @ step[:, 0]
+    return float(2 * flow / speed)
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """How the traction of one point fell.
+
+    Attributes
+    ----------
+    energy : float
+        int (T - T_residual) ds until it reached the residual [J/m2].
+    peak, residual : float
+        Traction [Pa].
+    slip : float
+        At which it reached the residual [m].
+    start, stop : float
+        Times of the peak and of the residual [s].
+    """
+
+    energy: float
+    peak: float
+    residual: float
+    slip: float
+    start: float
+    stop: float
+
+
+def breakdown(time: Array, traction: Array, slip: Array, residual: float | None = None) -> Breakdown:
+    """Local stress drop of a point; its fracture energy is the area under traction over slip above what remains.
+
+    Parameters
+    ----------
+    time, traction, slip : ndarray, shape (times,)
+        At a point of the interface: s, Pa, m.
+    residual : float, optional
+        Traction that remains [Pa]; the least after the peak when left out.
+
+    Raises
+    ------
+    RuptfxError
+        A point that did not slip.
+    """
+    size, way = np.abs(traction), np.abs(slip - slip[0])
+    peak = int(np.argmax(size))
+    if not way[-1] > 0 or peak == len(size) - 1:
+        raise RuptfxError("breakdown: the traction did not fall: the front did not pass the point in this time")
+    least = float(size[peak:].min()) if residual is None else residual
+    # Reached to 1 % of the drop: some laws approach it for ever.
+    down = size[peak:] <= least + 0.01 * (size[peak] - least)
+    if not down.any():
+        raise RuptfxError(f"breakdown: the traction fell to {size[peak:].min():.6g} Pa, not to {least:.6g} Pa")
+    end = peak + int(np.argmax(down)) + 1
+    above = np.maximum(size[:end] - least, 0.0)
+    energy = float(0.5 * (above[1:] + above[:-1]) @ np.diff(way[:end]))
+    return Breakdown(energy, float(size[peak]), least, float(way[end - 1]), float(time[peak]), float(time[end - 1]))
+
+
+def process_zone(fall: Breakdown, speed: float) -> float:
+    """Length over which the traction falls behind a front [m]."""
+    return speed * (fall.stop - fall.start)
+
+
+def slides_like(duration: Array, left: Array) -> str:
+    """"pulse" or "crack", by how long points slide.
+
+    Parameters
+    ----------
+    duration : ndarray, shape (points,)
+        From the front to the first stop [s]; NaN where nothing slid.
+    left : ndarray, shape (points,)
+        From the front to the end of all sliding [s], which a crack takes to heal.
+
+    Returns
+    -------
+    str
+        "pulse" if the median of duration / left is below 0.4, "crack" otherwise, "none" where nothing slid.
+    """
+    slid = np.isfinite(duration) & (left > 0)
+    if not slid.any():
+        return "none"
+    return "pulse" if float(np.median(duration[slid] / left[slid])) < PULSE else "crack"

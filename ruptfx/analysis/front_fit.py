@@ -1,0 +1,332 @@
+"""Fit of a mode II front to strain gauges near the interface: fracture energy, stress intensity, speed and passage.
+
+While a front passes, gauges at heights of some millimetres see the field of `near_tip` at x - v (t - t_0). Speed v,
+passage t_0 and the length of the process zone are found by least squares, with numbers that enter linearly: K_II and
+its rate, the two potentials that grow with sqrt(r) (two, as they are free of each other where K_II changes), the stress
+along the interface, which no traction tells, and the shear stress left behind. Samples count while the tip is within
+2.5 a_s heights of the gauge, a_s = sqrt(1 - v^2 / c_s^2), where the singular field is large: fields contract with a_s.
+Gauges at several places along the interface tell the speed best; near c_R an error of 1 % in it is one of 10 % in the
+fracture energy. Gauges at several heights tell the process zone.
+Source: Svetlizky and Fineberg (2014), who found the fracture energy of such traces; sqrt(r) after Freund (1990).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.fracture import A_II, slowness_factors
+from ruptfx.analysis.near_tip import Medium, mode_II, pressure_field
+
+Array = np.ndarray
+
+COMPONENTS = ("xx", "yy", "xy")
+SPEEDS = np.array([0.03, 0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.86, 0.92, 0.96, 0.98])  # c_R, where to begin
+SLOWEST, FASTEST = 0.01, 0.995  # c_R
+STARTS, WINDOWS = 3, 3
+MOST = 500  # samples in the search for a start
+REACH = 2.5  # a_s heights of the gauge, on either side of the tip
+LONGEST = 2.0  # heights: a longer process zone is not seen as one
+EXPLAINED = 0.9  # of the variance of the samples, at least
+DOUBT = 0.3  # of the fracture energy, the largest standard error
+FEWEST = 12  # samples of a component of a gauge within reach
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Strains at one point against time.
+
+    Attributes
+    ----------
+    x, y : float
+        Place: along the interface and height above it [m].
+    time : ndarray, shape (times,)
+        Increasing [s].
+    strain : mapping of ndarray, shape (times,)
+        Changes of strain since before the rupture, by component: some of ``xx``, ``yy``, ``xy`` (of the tensor).
+    """
+
+    x: float
+    y: float
+    time: Array
+    strain: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class FrontFit:
+    """A front that explains the traces; errors are standard errors, as if the residuals were independent.
+
+    Attributes
+    ----------
+    fracture_energy, fracture_energy_error : float
+        G = A_II K_II^2 / E' [J/m2].
+    K_II, K_II_error : float
+        With the sign of the shear stress ahead of the tip [Pa sqrt(m)].
+    speed, speed_error : float
+        [m/s]
+    position, passage, passage_error : float
+        The mean place of the gauges [m], and when the tip is there [s].
+    process_zone : float
+        Length of the zone behind the tip over which the shear stress falls as in `near_tip.mode_II` [m]; gauges higher
+        than it is long do not tell it.
+    explained : float
+        Part of the variance of the samples that the front explains.
+    residual : float
+        Root mean square of what it leaves [1].
+    samples : int
+    """
+
+    fracture_energy: float
+    fracture_energy_error: float
+    K_II: float
+    K_II_error: float
+    speed: float
+    speed_error: float
+    position: float
+    passage: float
+    passage_error: float
+    process_zone: float
+    explained: float
+    residual: float
+    samples: int
+
+    def tip(self, time: Array) -> Array:
+        """Position of the tip [m]."""
+        return self.position + self.speed * (time - self.passage)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """All samples in one column: place, time, which component, value."""
+
+    x: Array
+    y: Array
+    time: Array
+    component: Array
+    value: Array
+
+    def part(self, chosen: Array | slice) -> _Samples:
+        return _Samples(*(getattr(self, name)[chosen] for name in ("x", "y", "time", "component", "value")))
+
+    def spread(self) -> float:
+        """Sum of squares about the mean of each component."""
+        parts = (self.value[self.component == number] for number in range(len(COMPONENTS)))
+        return sum(float(np.sum((part - part.mean()) ** 2)) for part in parts if len(part))
+
+    def columns(self, numbers: Array, medium: Medium) -> Array:
+        """Strains per unit of K_II, its rate, the coefficients of sqrt(r) and the uniform stresses along x and in shear
+        as far as the components have them, shape (samples, 5 or 6); the numbers are speed, passage and zone."""
+        speed, passage, zone = (float(value) for value in numbers)
+        late = self.time - passage
+        ahead = self.x - speed * late
+        singular, growing = (mode_II(ahead, self.y, speed, medium, 1.0, power, zone) for power in (-0.5, 0.5))
+        pressure = pressure_field(ahead, self.y, speed, medium, 0.5)
+        fields = np.array([
+            np.choose(self.component, [field.xx, field.yy, field.xy]) for field in (singular, growing, pressure)
+        ])
+        along = 1 / medium.modulus
+        ratio = 1 - 2 * (medium.c_s / medium.c_p) ** 2  # -e_yy / e_xx of a stress along x alone
+        columns = [fields[0], fields[0] * late, *fields[1:], np.choose(self.component, [along, -ratio * along, 0.0])]
+        columns.append(np.where(self.component == 2, 0.5 / medium.shear_modulus, 0.0))
+        return np.stack([column for column in columns if column.any()], axis=1)
+
+
+def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach: float = REACH) -> FrontFit:
+    """Fit one front of constant speed to the traces of one or more gauges.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        Gauges so near each other that the front does not change between them.
+    medium : Medium
+    direction : int
+        1 where the front runs towards positive x, -1 towards negative x.
+    reach : float
+        Samples count while the tip is within that many a_s heights of the gauge.
+
+    Raises
+    ------
+    RuptfxError
+        Traces that are none, or that no sub-Rayleigh front explains: what speaks against it.
+    """
+    samples, position = _gathered(traces, direction)
+    few = samples.part(slice(None, None, max(1, len(samples.value) // MOST)))
+    tried = [_solve(few, speed, passage, 0.0, medium, reach) for speed, passage in _starts(few, medium, reach)]
+    good = [each for each in tried if each.explained >= EXPLAINED]
+    # A slow front is so long in the window that it may be fitted to anything weak; the strongest strains are the front.
+    best = max(good or tried, key=lambda each: each.gained if good else each.explained, default=None)
+    if best is None:
+        raise RuptfxError("front_fit: no front explains anything of the traces; was there one in this time?")
+    speed, passage, zone = (float(value) for value in best.values[:3])
+    return _judged(_solve(samples, speed, passage, zone, medium, reach), samples, medium, position)
+
+
+def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]:
+    """All samples, with x from the mean place and along the front's way; that place."""
+    if direction not in (1, -1):
+        raise RuptfxError(f"front_fit: direction = {direction}: must be 1 or -1")
+    if not traces:
+        raise RuptfxError("front_fit: no trace was given")
+    position = float(np.mean([trace.x for trace in traces]))
+    columns: list[list[Array]] = [[], [], [], [], []]
+    for number, trace in enumerate(traces, 1):
+        name, time = f"front_fit: trace {number}", np.asarray(trace.time, dtype=float)
+        if trace.y <= 0:
+            raise RuptfxError(f"{name}: y = {trace.y:g} m: the gauge must be above the interface, where y > 0")
+        if len(time) < FEWEST or not np.all(np.diff(time) > 0):
+            raise RuptfxError(f"{name}: {len(time)} times: at least {FEWEST} that increase are needed")
+        if not trace.strain:
+            raise RuptfxError(f"{name}: no strain; give some of {', '.join(COMPONENTS)}")
+        for component, values in trace.strain.items():
+            if component not in COMPONENTS:
+                raise RuptfxError(f"{name}: strain '{component}': must be one of {', '.join(COMPONENTS)}")
+            if np.shape(values) != time.shape or not np.isfinite(values).all():
+                raise RuptfxError(f"{name}: strain '{component}': {len(time)} finite numbers are needed, one per time")
+            sign = direction if component == "xy" else 1  # a mirror turns the shear
+            full = np.full(len(time), 1.0)
+            columns[0].append(direction * (trace.x - position) * full)
+            columns[1].append(trace.y * full)
+            columns[2].append(time)
+            columns[3].append(np.full(len(time), COMPONENTS.index(component)))
+            columns[4].append(sign * np.asarray(values, dtype=float))
+    x, y, when, which, value = (np.concatenate(column) for column in columns)
+    if np.ptp(value) == 0:
+        raise RuptfxError("front_fit: the traces are constant: no front passed")
+    return _Samples(x, y, when, which.astype(np.int64), value), position
+
+
+def _starts(samples: _Samples, medium: Medium, reach: float) -> list[tuple[float, float]]:
+    """The best passage of every speed, those that explain most of strong strains first."""
+    first, last, height = samples.time.min(), samples.time.max(), samples.y.min()
+    found = []
+    for speed in SPEEDS * medium.c_R:
+        width = 0.5 * slowness_factors(speed, medium.c_p, medium.c_s)[1] * height / speed  # of the strains, in time
+        for passage in np.linspace(first, last, max(8, int((last - first) / width)) + 2)[1:-1]:
+            near = _near(samples, speed, passage, medium, reach)
+            if len(near.value) >= FEWEST:
+                solution = _linear(near, speed, passage, 0.0, medium)
+                found.append((solution.gained * max(solution.explained, 0.0), float(speed), float(passage)))
+    best = {speed: (gained, passage) for gained, speed, passage in sorted(found)}  # the last of every speed
+    ranked = sorted(((gained, speed, passage) for speed, (gained, passage) in best.items()), reverse=True)
+    return [(speed, passage) for _, speed, passage in ranked[:STARTS]]
+
+
+def _near(samples: _Samples, speed: float, passage: float, medium: Medium, reach: float) -> _Samples:
+    height = reach * slowness_factors(speed, medium.c_p, medium.c_s)[1] * samples.y
+    return samples.part(np.abs(samples.x - speed * (samples.time - passage)) <= height)
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Speed, passage, process zone, K_II and the other coefficients; what they leave of the samples near the tip."""
+
+    values: Array
+    residual: Array
+    near: _Samples
+
+    @property
+    def explained(self) -> float:
+        """Part of the variance."""
+        spread = self.near.spread()
+        return 1 - float(self.residual @ self.residual) / spread if spread > 0 else 0.0
+
+    @property
+    def gained(self) -> float:
+        """Variance explained."""
+        return self.explained * self.near.spread() / len(self.residual)
+
+
+def _linear(near: _Samples, speed: float, passage: float, zone: float, medium: Medium) -> _Solution:
+    """The best coefficients at a speed, a passage and a process zone."""
+    columns = near.columns(np.array([speed, passage, zone]), medium)
+    scale = np.abs(columns).max(axis=0)
+    coefficients = np.linalg.lstsq(columns / scale, near.value, rcond=None)[0] / scale
+    return _Solution(np.array([speed, passage, zone, *coefficients]), near.value - columns @ coefficients, near)
+
+
+def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium: Medium, reach: float) -> _Solution:
+    """Least squares in all numbers, in a window that follows the tip."""
+    bounds = np.array([SLOWEST, -np.inf, 0.0]), np.array([FASTEST, np.inf, LONGEST])
+    near = _near(samples, speed, passage, medium, reach)
+    for _ in range(WINDOWS):
+        if len(near.value) < FEWEST:
+            raise RuptfxError(
+                f"front_fit: {len(near.value)} samples lie near the tip, {FEWEST} are the least; sample faster"
+            )
+        scale = np.array([medium.c_R, near.y.mean() / speed, near.y.min()])
+
+        def residual(values: Array, near: _Samples = near, scale: Array = scale) -> Array:
+            speed, passage, zone = (float(value) for value in values * scale)
+            left: Array = _linear(near, speed, passage, zone, medium).residual / np.abs(near.value).max()
+            return left
+
+        begin = np.array([speed, passage, zone]) / scale
+        begin = np.clip(begin, [1.001 * SLOWEST, -np.inf, 0.01], [0.999 * FASTEST, np.inf, 0.99 * LONGEST])
+        found = least_squares(residual, begin, bounds=bounds, xtol=1e-6, ftol=1e-6)
+        speed, passage, zone = (float(value) for value in found.x * scale)
+        last, near = near, _near(samples, speed, passage, medium, reach)
+    return _linear(last, speed, passage, zone, medium)
+
+
+def _jacobian(solution: _Solution, medium: Medium) -> Array:
+    """Derivative of the strains with respect to all numbers, shape (samples, numbers)."""
+    near, numbers, coefficients = solution.near, solution.values[:3], solution.values[3:]
+    slopes = []
+    for index, step in enumerate((1e-5 * numbers[0], 1e-5 * near.y.mean() / numbers[0], 1e-4 * near.y.min())):
+        change = np.zeros(3)
+        change[index] = step
+        low = np.maximum(numbers - change, 0.0)  # no zone is shorter
+        low[1] = numbers[1] - change[1]
+        upper, lower = (near.columns(values, medium) @ coefficients for values in (numbers + change, low))
+        slopes.append((upper - lower) / (numbers + change - low)[index])
+    return np.column_stack([*slopes, near.columns(numbers, medium)])
+
+
+def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: float) -> FrontFit:
+    """The result with its errors, or what speaks against it."""
+    residual = solution.residual
+    speed, passage, zone, K = (float(value) for value in solution.values[:4])
+    first, last = samples.time.min(), samples.time.max()
+    if not first < passage < last:
+        raise RuptfxError(
+            f"front_fit: the tip would pass at {passage:.6g} s, the traces have {first:.6g} to {last:.6g} s: no front "
+            "passed the gauges in this time"
+        )
+    if not 1.01 * SLOWEST < speed / medium.c_R < 0.999 * FASTEST:
+        raise RuptfxError(
+            f"front_fit: speed = {speed:.6g} m/s is a bound of the search, {SLOWEST:g} to {FASTEST:g} c_R: the front "
+            "is slower or faster, and near_tip.mode_II does not describe it"
+        )
+    explained = solution.explained
+    if not explained >= EXPLAINED:
+        raise RuptfxError(
+            f"front_fit: a front explains {explained:.0%} of the strains, {EXPLAINED:.0%} is the least: too much "
+            "noise, several fronts at once, or none below c_R"
+        )
+    jacobian = _jacobian(solution, medium)
+    freedom = max(len(residual) - len(solution.values), 1)
+    # Speed, passage and coefficients differ by many orders: scaled, so that the inverse keeps its digits.
+    scale = np.linalg.norm(jacobian, axis=0)
+    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
+    covariance = inverse * float(residual @ residual) / freedom
+    energy = A_II(speed, medium.c_p, medium.c_s) * K**2 / medium.modulus
+    h = 1e-5 * speed
+    slope = (A_II(speed + h, medium.c_p, medium.c_s) - A_II(speed - h, medium.c_p, medium.c_s)) / (2 * h)
+    gradient = np.zeros(len(solution.values))
+    gradient[[0, 3]] = slope * K**2 / medium.modulus, 2 * energy / K
+    errors = np.sqrt(np.diag(covariance))
+    energy_error = float(np.sqrt(gradient @ covariance @ gradient))
+    if not energy_error <= DOUBT * energy:
+        raise RuptfxError(
+            f"front_fit: fracture energy {energy:.4g} +- {energy_error:.4g} J/m2: the traces do not tell it; give "
+            "more components, or gauges nearer to the interface"
+        )
+    return FrontFit(
+        fracture_energy=energy, fracture_energy_error=energy_error, K_II=K, K_II_error=float(errors[3]), speed=speed,
+        speed_error=float(errors[0]), position=position, passage=passage, passage_error=float(errors[1]),
+        process_zone=zone, explained=explained, residual=float(np.sqrt(np.mean(residual**2))), samples=len(residual),
+    )  # fmt: skip

@@ -1,0 +1,56 @@
+"""Fracture energy of fields and tractions whose energy is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ruptfx import RuptfxError
+from ruptfx.analysis import energy_release
+from ruptfx.analysis.fracture import A_II, stress_intensity
+from ruptfx.analysis.near_tip import Medium, mode_II
+from ruptfx.materials import Plane
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+
+PMMA = IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0)
+
+
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+@pytest.mark.parametrize("fraction", [0.1, 0.5, 0.9])
+def test_j_integral(plane: Plane, fraction: float) -> None:
+    """K of 2.5 J/m2 by A_II K^2 / E', which knows nothing of contours."""
+    medium = Medium.of(PMMA, plane)
+    speed = fraction * medium.c_R
+    K = stress_intensity(2.5, medium.modulus, A_II(speed, medium.c_p, medium.c_s))
+    angle = np.linspace(0, np.pi, 2001)
+    for contour in (
+        4e-3 * np.column_stack([np.cos(angle), np.sin(angle)]),
+        1e-3 * np.column_stack([np.interp(angle, [0, 1, 2, np.pi], x) for x in ([5, 5, -3, -3], [0, 2, 2, 0])]),
+    ):  # fmt: skip
+        field = mode_II(contour[:, 0], contour[:, 1], speed, medium, K)
+        stress = np.column_stack(field.stress(medium))
+        velocity = np.column_stack([field.velocity_x, field.velocity_y])
+        assert energy_release.j_integral(contour, stress, velocity, speed, medium) == pytest.approx(2.5, rel=2e-3)
+
+
+def test_breakdown() -> None:
+    # 5 MPa rises to 6 without slip, falls linearly to 4 over 3 um: 0.5 x 2e6 x 3e-6 = 3 J/m2; then slip goes on.
+    time = np.linspace(0, 10e-6, 1001)
+    slip = np.clip((time - 2e-6) / 4e-6, 0, None) * 3e-6
+    traction = np.where(time < 2e-6, 5e6 + 1e6 * time / 2e-6, 6e6 - 2e6 * np.minimum(slip / 3e-6, 1))
+    found = energy_release.breakdown(time, -traction, slip + 1e-6)
+    assert found.energy == pytest.approx(3.0, rel=5e-3)
+    assert (found.peak, found.residual) == pytest.approx((6e6, 4e6))
+    # 4 us from peak to residual, at 1000 m/s 4 mm, to the 1 % of the drop that is left.
+    assert energy_release.process_zone(found, 1000.0) == pytest.approx(4e-3, rel=0.02)
+    with pytest.raises(RuptfxError, match="did not fall"):
+        energy_release.breakdown(time, traction, np.zeros_like(time))
+    with pytest.raises(RuptfxError, match="not to 3e"):
+        energy_release.breakdown(time, traction, slip, residual=3e6)
+
+
+def test_slides_like() -> None:
+    left = np.array([9.0, 8.0, 7.0, 6.0])
+    assert energy_release.slides_like(left.copy(), left) == "crack"
+    assert energy_release.slides_like(np.full(4, 1.0), left) == "pulse"
+    assert energy_release.slides_like(np.full(4, np.nan), left) == "none"
