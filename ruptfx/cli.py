@@ -10,9 +10,10 @@ import typer
 from ruptfx import __version__
 
 COMMANDS = {
-    "Compute": ("check", "run", "study"),
-    "Look at it": ("plot",),
-    "Find out": ("describe", "demos", "check_law", "bench"),
+    "Begin": ("new", "demos", "describe"),
+    "Compute": ("check", "mesh", "run", "resume", "study"),
+    "Look at it": ("list", "plot", "compare", "export"),
+    "Trust and extend": ("bench", "check_law", "cite"),
 }
 """By the heading under which `--help` lists them."""
 

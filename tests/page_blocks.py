@@ -27,7 +27,7 @@ FENCE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 NOT_RUN = re.compile(r"<!-- not run: \S.*?-->\s*$", re.DOTALL)
-SECONDS = 60
+SECONDS = 240
 
 
 @dataclass(frozen=True)

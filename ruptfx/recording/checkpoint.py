@@ -96,13 +96,13 @@ class Checkpoints:
             "largest_work": self._recorder.largest_work,
             "files": {path.name: _checksum(path) for path in sorted(temporary.iterdir())},
         }  # fmt: skip
-        (temporary / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
+        write_manifest(temporary, manifest)
         for path in temporary.iterdir():
             _sync(path)
         shutil.rmtree(final, ignore_errors=True)
         temporary.replace(final)
         _sync(folder)
-        for old in _all(self._recorder.out)[:-KEPT]:
+        for old in all_of(self._recorder.out)[:-KEPT]:
             shutil.rmtree(old)
 
 
@@ -132,7 +132,7 @@ class Checkpoint:
 
         def find() -> tuple[Path, dict[str, Any]] | None:
             refused = []
-            for path in reversed(_all(out)):
+            for path in reversed(all_of(out)):
                 try:
                     return path, _verified(path, case_hash)
                 except CheckpointError as error:
@@ -177,12 +177,24 @@ class Checkpoint:
         state.numbers = dict(self.manifest["numbers"])
 
 
-def _all(out: Path) -> list[Path]:
+def all_of(out: Path) -> list[Path]:
+    """Checkpoints of a run directory, the newest last."""
     return sorted(path for path in (out / FOLDER).glob("step_*") if path.is_dir())
 
 
-def _verified(path: Path, case_hash: str) -> dict[str, Any]:
-    """The manifest, after every check."""
+def write_manifest(path: Path, manifest: dict[str, Any]) -> None:
+    """Write what a checkpoint is, sealed."""
+    (path / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """What a checkpoint says it is.
+
+    Raises
+    ------
+    CheckpointError
+        Missing or damaged.
+    """
     try:
         manifest = json.loads((path / "manifest.json").read_text())
         seal = manifest.pop("seal")
@@ -190,6 +202,12 @@ def _verified(path: Path, case_hash: str) -> dict[str, Any]:
         raise CheckpointError(f"{path}: manifest.json is missing or damaged; it cannot be used") from None
     if seal != _seal(manifest):
         raise CheckpointError(f"{path}: manifest.json does not match its own checksum; it cannot be used")
+    return manifest
+
+
+def _verified(path: Path, case_hash: str) -> dict[str, Any]:
+    """The manifest, after every check."""
+    manifest = read_manifest(path)
     if manifest["case_hash"] != case_hash:
         raise CheckpointError(
             f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "

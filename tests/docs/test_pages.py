@@ -11,7 +11,7 @@ NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 pytestmark = pytest.mark.docs
 
 
-@pytest.mark.parametrize("page", PAGES[1:], ids=NAMES[1:])
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(ROOT))

@@ -1,0 +1,37 @@
+"""`ruptfx resume`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ruptfx import RuptfxError
+from ruptfx.commands._shared import reported
+from ruptfx.commands.run import run as run_command
+
+
+def resume(
+    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    duration: Annotated[str | None, typer.Option(help="Extend the run to this, as '90 us' or a number [s].")] = None,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
+) -> None:
+    """Go on with a run that was stopped, from its newest checkpoint; with --duration also with one that is finished."""
+    case = run / "case.toml"
+    with reported():
+        if not case.exists():
+            raise RuptfxError(f"{run}: no run directory: it holds no case.toml")
+        if duration is not None:
+            from ruptfx.case import override, parse_case, read_case, read_toml
+            from ruptfx.lumped import LumpedModel
+            from ruptfx.recording.extension import extend
+
+            before = read_case(case)
+            if isinstance(before, LumpedModel):
+                raise RuptfxError(f"{run}: {before.kind()} is a lumped model, and is not resumed; run it again")
+            table = read_toml(case)
+            override(table, f"duration={duration}")
+            extend(run, before, parse_case(table, run.resolve()))
+    run_command(case, ranks=ranks, out=run, resume=True, quiet=quiet)

@@ -1,0 +1,98 @@
+"""The drawing of `ruptfx mesh`: what a case means by its names, normals and positions."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from ruptfx import RuptfxError, fem
+from ruptfx.case import Case
+from ruptfx.fault import Fault
+from ruptfx.figure_style import styled
+from ruptfx.meshes import RawMesh
+from ruptfx.model import Model
+from ruptfx.places import patches
+
+BODIES = ("#dfe9f2", "#f3e6dd", "#e3efdd", "#efe0ef", "#f2efd8")
+NORMAL, TANGENT, PATCH = "#1769aa", "#2e7d32", "#c8501e"
+
+
+@styled
+def draw(case: Case) -> Figure:
+    """Elements and names of bodies, edges and interfaces, with origin, normal, tangent and patches; one rank.
+
+    Raises
+    ------
+    RuptfxError
+        The mesh is three-dimensional, or cannot be used.
+    """
+    raw = case.mesh.build()
+    if raw.points.shape[1] != 2:
+        raise RuptfxError("ruptfx mesh draws two dimensions; run a few steps and open bulk.xdmf in ParaView instead")
+    extent = np.ptp(raw.points, axis=0)
+    figure = Figure(figsize=(7.0, float(np.clip(7.0 * extent[1] / extent[0] + 1.0, 2.0, 9.0))), layout="constrained")
+    axes = figure.add_subplot()
+    _draw_bodies(axes, raw)
+    for name, facets in raw.edges.items():
+        _name(axes, raw.points[facets], name)
+    model = Model(case, fem.MPI.COMM_SELF)
+    for fault in model.faults:
+        _draw_interface(axes, model, fault, 0.12 * float(extent.min()))
+    axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=case.title or None)
+    axes.margins(0.06)
+    return figure
+
+
+def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
+    order = [0, 1, 3, 2] if raw.cell == "quadrilateral" else [0, 1, 2]
+    corners = raw.points[raw.cells[:, order]]
+    for number, name in enumerate(raw.bodies):
+        own = corners[raw.cell_body == number]
+        colour = BODIES[number % len(BODIES)]
+        axes.add_collection(PolyCollection(own, facecolor=colour, edgecolor="#bbbbbb", linewidth=0.2))
+        center = own.mean(axis=(0, 1))
+        axes.text(*center, name, ha="center", va="center", weight="bold", size=10)
+    axes.autoscale_view()
+
+
+def _name(axes: Axes, sides: np.ndarray, name: str) -> None:
+    """An edge in black, its name beside its middle."""
+    axes.add_collection(LineCollection(list(sides), color="black", linewidth=1.2))
+    middle = sides.mean(axis=(0, 1))
+    along = np.ptp(sides.reshape(-1, 2), axis=0)
+    axes.text(*middle, name, ha="center", va="center", size=7, rotation=90 if along[1] > along[0] else 0,
+              bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8})  # fmt: skip
+
+
+def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> None:
+    face = fault.interface
+    order = np.argsort(face.position)
+    x, y = face.points[order].T
+    axes.plot(x, y, color="black", linewidth=1.8)
+    if face.line.measure != "x":
+        axes.plot(*face.line.origin, "o", color="black", markersize=4)
+    middle = order[len(order) // 4]
+    label = f"interface {fault.name}: position = {face.line.meaning}"
+    axes.annotate(label, face.points[middle], (0, -18), textcoords="offset points", size=7)
+    normal = np.array([face.frame[middle, 0, 0], face.frame[middle, 0, 1]]) if model.components > 1 else _across(x, y)
+    tangent = np.array([normal[1], -normal[0]])  # the convention of `Interface`
+    for direction, colour, label in ((normal, NORMAL, "n"), (tangent, TANGENT, "t")):
+        start, end = face.points[middle], face.points[middle] + length * direction
+        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.4})
+        axes.annotate(label, end, (2, 2), textcoords="offset points", color=colour)
+    for patch in patches(model.placed[fault.name], f"faults.{fault.name}"):
+        ends = np.clip(patch.ends, face.line.first, face.line.last)
+        inside = order[(face.position[order] >= ends[0]) & (face.position[order] <= ends[1])]
+        axes.plot(*face.points[inside].T, color=PATCH, linewidth=3.5, alpha=0.7, solid_capstyle="butt")
+        if len(inside):
+            key = patch.key.removeprefix(f"faults.{fault.name}.")
+            place = face.points[inside[len(inside) // 2]]
+            axes.annotate(key, place, (0, 5), textcoords="offset points", color=PATCH, ha="center", size=7)
+
+
+def _across(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Normal of an interface in antiplane, which has no local frame in the plane; of the chord from end to end."""
+    along = np.array([x[-1] - x[0], y[-1] - y[0]])
+    return np.array([-along[1], along[0]]) / np.linalg.norm(along)

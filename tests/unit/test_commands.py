@@ -1,0 +1,186 @@
+"""Commands around a run: new, mesh, list, compare, export, resume, cite."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+import xarray
+from matplotlib.image import imread
+from small_cases import merged, plates
+from typer.testing import CliRunner, Result
+
+from ruptfx.cli import app
+from ruptfx.record import Record
+
+ROOT = Path(__file__).parents[2]
+fem = pytest.mark.fem
+
+
+def ruptfx(*arguments: str | Path) -> Result:
+    return CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(argument) for argument in arguments])
+
+
+def said(result: Result) -> str:
+    return " ".join(result.output.split())
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two finished runs, the second pressed together twice as much, with checkpoints."""
+    pytest.importorskip("dolfinx")
+    folder = tmp_path_factory.mktemp("runs")
+    for name, changes in (("one", {}), ("two", {"faults.main.initial_stress.normal": 12e6})):
+        keys = {"duration": 4e-6, "output.checkpoint_steps": 10, "output.figures": False, **changes}
+        (folder / f"{name}.toml").write_text(tomli_w.dumps(merged(plates(), keys)))
+        result = ruptfx("run", folder / f"{name}.toml", "--out", folder / name, "--quiet")
+        assert result.exit_code == 0, said(result)
+    return folder
+
+
+# -- new and mesh ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("demo", ["impact", "antiplane", "bimaterial", "rate_state", "gmsh", "spring_slider"])
+def test_new_writes_a_case_that_is_valid(demo: str, tmp_path: Path) -> None:
+    from ruptfx.case import read_case
+
+    result = ruptfx("new", tmp_path / "mine", "--from", demo)
+    assert result.exit_code == 0 and f"ruptfx check {tmp_path / 'mine.toml'}" in said(result)
+    assert "# " in (tmp_path / "mine.toml").read_text()
+    case = read_case(tmp_path / "mine.toml")
+    if demo == "gmsh":
+        assert Path(case.mesh.file).parent == tmp_path
+    assert "exists already" in said(ruptfx("new", tmp_path / "mine", "--from", demo))
+
+
+def test_new_knows_its_demos(tmp_path: Path) -> None:
+    assert "did you mean 'bimaterial'?" in said(ruptfx("new", tmp_path / "mine", "--from", "bimateral"))
+    assert "known:" in said(ruptfx("new", tmp_path / "mine", "--from", "mode_map"))  # a study
+    assert not list(tmp_path.iterdir())
+
+
+@fem
+@pytest.mark.parametrize("demo", ["gmsh", "antiplane"])
+def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None:
+    from ruptfx.case import read_case
+    from ruptfx.mesh_drawing import draw
+
+    pytest.importorskip("gmsh")
+    coarse = ["mesh.element_size=2000.0"] if demo == "antiplane" else []
+    axes = draw(read_case(ROOT / "demos" / f"{demo}.toml", coarse)).axes[0]
+    words = " ".join(text.get_text() for text in axes.texts)
+    wanted = {
+        "gmsh": ["above", "below", "above.left", "interface fault: position = arc length from (0, 0.015) m", "n", "t"],
+        "antiplane": ["upper", "upper.top", "interface main: position = x", "nucleation.0"],
+    }[demo]
+    assert [word for word in wanted if word not in words] == []
+    # From the foot of the arrow to its head: the normal of a line from (0, 0.015) to (0.08, 0.025), to the plus side.
+    arrow = next(text for text in axes.texts if getattr(text, "arrow_patch", None) is not None)
+    direction = np.array(arrow.xy) - np.array(arrow.xyann)
+    normal = np.array([-10.0, 80.0] if demo == "gmsh" else [0.0, 1.0])
+    np.testing.assert_allclose(direction / np.linalg.norm(direction), normal / np.linalg.norm(normal), atol=1e-9)
+
+
+@fem
+def test_mesh_saves_a_picture(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(plates()))
+    result = ruptfx("mesh", tmp_path / "case.toml", "--out", tmp_path / "mesh.png")
+    assert result.exit_code == 0 and imread(tmp_path / "mesh.png").std() > 0.02
+    assert "lumped model" in said(ruptfx("mesh", ROOT / "demos" / "spring_slider.toml"))
+
+
+# -- runs ------------------------------------------------------------------------------------------------------------
+
+
+def test_list(runs: Path, tmp_path: Path) -> None:
+    (tmp_path / "stopped").mkdir()
+    (tmp_path / "stopped" / "case.toml").write_text((runs / "one" / "case.toml").read_text())
+    rows = ruptfx("list", runs).output
+    assert re.search(r"one\s+complete\s+\w+.*step \d+0\s+\d+\.\d MB", rows) and "two" in rows
+    assert "stopped" in said(ruptfx("list", tmp_path))
+    assert "no runs below it" in said(ruptfx("list", tmp_path / "nothing"))
+
+
+def test_compare(runs: Path, tmp_path: Path) -> None:
+    result = ruptfx("compare", runs / "one", runs / "two", "--out", tmp_path / "both.png")
+    text = said(result)
+    # 6 MPa and 12 MPa: twice as much.
+    assert result.exit_code == 0 and "faults.main.initial_stress.normal 6e+06 1.2e+07 +100 %" in text
+    assert "peak_slip_rate" in text and "wall_time" not in text
+    assert imread(tmp_path / "both.png").std() > 0.02
+    same = said(ruptfx("compare", runs / "one", runs / "one", "--out", tmp_path / "same.png"))
+    assert "%" not in same and "differs" not in same
+
+
+def test_export_tables(runs: Path, tmp_path: Path) -> None:
+    assert ruptfx("export", runs / "one", "--out", tmp_path).exit_code == 0
+    with Record(runs / "one") as record:
+        data = record.interface
+        table = np.genfromtxt(tmp_path / "main_slip_rate.csv", delimiter=",", comments="#", skip_header=2)
+        np.testing.assert_allclose(table[:, 0], data.time, rtol=1e-8)
+        np.testing.assert_allclose(table[:, 1:], data.slip_rate, rtol=1e-8)
+        still = np.genfromtxt(tmp_path / "main.csv", delimiter=",", names=True, deletechars="")
+        np.testing.assert_allclose(still["rupture_time_[s]"], data.rupture_time, rtol=1e-8)
+
+
+def test_export_netcdf(runs: Path, tmp_path: Path) -> None:
+    assert ruptfx("export", runs / "one", "--format", "netcdf", "--out", tmp_path).exit_code == 0
+    with Record(runs / "one") as record, xarray.open_dataset(tmp_path / "main.nc", engine="h5netcdf") as written:
+        np.testing.assert_array_equal(written.slip, record.interface.slip)
+        assert written.slip.attrs["units"] == "m"
+    with xarray.open_dataset(tmp_path / "bulk.nc", engine="h5netcdf") as bulk:
+        assert list(bulk.component.values) == ["x", "y"]
+
+
+def test_export_vtk(runs: Path, tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    assert ruptfx("export", runs / "one", "--format", "vtk", "--out", tmp_path).exit_code == 0
+    files = sorted(tmp_path.glob("*.vtu"))
+    with Record(runs / "one") as record:
+        last, snapshot = meshio.read(files[-1]), record.bulk.isel(time=-1)
+        assert len(files) == record.bulk.sizes["time"]
+        np.testing.assert_array_equal(last.point_data["velocity"][:, :2], snapshot.velocity)
+        assert last.point_data["velocity"].shape[1] == 3 and not last.point_data["velocity"][:, 2].any()
+        assert f'timestep="{float(snapshot.time)!r}" file="{files[-1].name}"' in (tmp_path / "bulk.pvd").read_text()
+
+
+def test_a_finished_run_is_extended(runs: Path, tmp_path: Path) -> None:
+    """Bit by bit what one run over the whole time with the same intervals gives."""
+    import shutil
+
+    extended, whole = tmp_path / "extended", tmp_path / "whole"
+    shutil.copytree(runs / "one", extended)
+    assert "has 4e-06 s already" in said(ruptfx("resume", extended, "--duration", "4 us"))
+    result = ruptfx("resume", extended, "--duration", "8 us", "--quiet")
+    assert result.exit_code == 0, said(result)
+    table = merged(plates(), {
+        "duration": 8e-6, "output.checkpoint_steps": 10, "output.figures": False,
+        "output.interface_interval": 4e-6 / 300, "output.bulk_interval": 4e-6 / 6,
+    })  # fmt: skip
+    (tmp_path / "whole.toml").write_text(tomli_w.dumps(table))
+    assert ruptfx("run", tmp_path / "whole.toml", "--out", whole, "--quiet").exit_code == 0
+    with Record(extended) as one, Record(whole) as other:
+        assert one.complete and one.summary["case_hash"] == other.summary["case_hash"]
+        for name in ("time", "slip", "slip_rate", "shear_traction"):
+            np.testing.assert_array_equal(one.interface[name], other.interface[name])
+    # It did go on: both beginnings are in the log.
+    assert len(re.findall("nodes", (extended / "run.log").read_text())) == 2
+
+
+def test_resume_of_what_is_no_run(tmp_path: Path) -> None:
+    assert "no run directory" in said(ruptfx("resume", tmp_path))
+
+
+def test_cite_says_what_the_citation_file_says() -> None:
+    text, citation = said(ruptfx("cite")), (ROOT / "CITATION.cff").read_text()
+    for key in ("title", "version", "doi", "volume", "year"):
+        for value in re.findall(rf"^ *{key}: (.+)$", citation, re.MULTILINE):
+            assert value.strip('"') in text
+    for family in re.findall(r"family-names: (\w+)", citation):
+        assert family in text
+    assert json.dumps(text).count("@") == 3
