@@ -53,7 +53,7 @@ def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
         colour = BODIES[number % len(BODIES)]
         axes.add_collection(PolyCollection(own, facecolor=colour, edgecolor="#bbbbbb", linewidth=0.2))
         center = own.mean(axis=(0, 1))
-        axes.text(*center, name, ha="center", va="center", weight="bold", size=10)
+        axes.text(center[0], center[1], name, ha="center", va="center", weight="bold", size=10)
     axes.autoscale_view()
 
 
@@ -62,7 +62,7 @@ def _name(axes: Axes, sides: np.ndarray, name: str) -> None:
     axes.add_collection(LineCollection(list(sides), color="black", linewidth=1.2))
     middle = sides.mean(axis=(0, 1))
     along = np.ptp(sides.reshape(-1, 2), axis=0)
-    axes.text(*middle, name, ha="center", va="center", size=7, rotation=90 if along[1] > along[0] else 0,
+    axes.text(middle[0], middle[1], name, ha="center", va="center", size=7, rotation=90 if along[1] > along[0] else 0,
               bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8})  # fmt: skip
 
 

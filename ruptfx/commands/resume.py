@@ -33,5 +33,7 @@ def resume(
                 raise RuptfxError(f"{run}: {before.kind()} is a lumped model, and is not resumed; run it again")
             table = read_toml(case)
             override(table, f"duration={duration}")
-            extend(run, before, parse_case(table, run.resolve()))
+            longer = parse_case(table, run.resolve())
+            assert not isinstance(longer, LumpedModel)
+            extend(run, before, longer)
     run_command(case, ranks=ranks, out=run, resume=True, quiet=quiet)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError, directories
 from ruptfx.case import Case
-from ruptfx.recording import checkpoint, run_directory
+from ruptfx.recording import checkpoint
 
 
 def extend(out: Path, before: Case, longer: Case) -> Case:
@@ -42,7 +42,7 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
         "bulk_interval": output.bulk_interval or before.duration / 6,
     }
     case = longer.model_copy(update={"output": output.model_copy(update=intervals)})
-    with run_directory.reserved(fem.MPI.COMM_SELF, out):
+    with directories.reserved(out):
         for path in checkpoint.all_of(out):
             manifest = checkpoint.read_manifest(path)
             if manifest["case_hash"] == before.hash:
