@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import math
 import os
 import platform
 import shlex
@@ -19,6 +20,8 @@ import warnings
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+
+import numpy as np
 
 from ruptfx import RuptfxError
 
@@ -65,6 +68,14 @@ def load(name: str, source: str, defines: Mapping[str, object] | None = None) ->
             _compile(compiler, text, file)
         _loaded[key] = ctypes.CDLL(str(file))
     return _loaded[key]
+
+
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Uninitialised array that begins on a cache line, as vector loads want it."""
+    size = math.prod(shape)
+    raw = np.empty(size + 8)
+    offset = (-raw.ctypes.data // 8) % 8
+    return raw[offset : offset + size].reshape(shape)
 
 
 @cache

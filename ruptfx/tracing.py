@@ -197,7 +197,7 @@ _C = {
     "sign": "(double)(({0} > 0) - ({0} < 0))", "where": "({0} != 0 ? {1} : {2})",
     "less": "(double)({0} < {1})", "less_equal": "(double)({0} <= {1})", "greater": "(double)({0} > {1})",
     "greater_equal": "(double)({0} >= {1})", "equal": "(double)({0} == {1})", "not_equal": "(double)({0} != {1})",
-    "logical_and": "(double)({0} != 0 && {1} != 0)", "logical_or": "(double)({0} != 0 || {1} != 0)",
+    "logical_and": "(double)({0} != 0) * ({1} != 0)", "logical_or": "(double)(({0} != 0) + ({1} != 0) > 0)",
     "logical_xor": "(double)(({0} != 0) != ({1} != 0))", "logical_not": "(double)({0} == 0)",
     "isfinite": "(double)(isfinite({0}) != 0)", "isinf": "(double)(isinf({0}) != 0)",
     "isnan": "(double)(isnan({0}) != 0)",
@@ -371,11 +371,12 @@ def _ordered(roots: Iterable[Expression]) -> list[Expression]:
     return list(order)
 
 
-def to_c(outputs: Mapping[str, Expression], indent: str = "    ") -> str:
-    """C statements that assign every output from variables named like the symbols."""
+def to_c(outputs: Mapping[str, Expression | float], end: str = "\n") -> str:
+    """C statements that assign every output from what the symbols are named, with this between them."""
+    targets = {name: x if isinstance(x, Expression) else constant(x) for name, x in outputs.items()}
     names: dict[Expression, str] = {}
     lines: list[str] = []
-    for node in _ordered(outputs.values()):
+    for node in _ordered(targets.values()):
         if node.op == "symbol":
             names[node] = node.args[0]
         elif node.op == "constant":
@@ -383,9 +384,9 @@ def to_c(outputs: Mapping[str, Expression], indent: str = "    ") -> str:
         else:
             names[node] = f"e{len(lines)}"
             text = _C[node.op].format(*(names[arg] for arg in node.args))
-            lines.append(f"{indent}const double {names[node]} = {text};")
-    lines += [f"{indent}{target} = {names[node]};" for target, node in outputs.items()]
-    return "\n".join(lines)
+            lines.append(f"const double {names[node]} = {text};")
+    lines += [f"{target} = {names[node]};" for target, node in targets.items()]
+    return end.join(lines)
 
 
 def _literal(value: float, infinity: str, nan: str) -> str:

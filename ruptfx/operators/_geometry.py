@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError, fem, native
 from ruptfx.operators import Bulk
 
 BOX, AFFINE, MULTILINEAR, POINTWISE = range(4)  # kinds of a batch, as in the C source
@@ -36,7 +36,7 @@ def numbers(
         kind[part] = _classify(mesh, cells[part])
     width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind]
     start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
-    number = aligned((int(start[-1]), lanes))
+    number = native.aligned((int(start[-1]), lanes))
     moduli = np.array([material.lame(bulk.plane) for material in bulk.materials])
     for value in np.unique(kind):
         batches = np.flatnonzero(kind == value)
@@ -83,13 +83,6 @@ def _nodes(mesh: Any, cells: np.ndarray) -> np.ndarray:
 
 def _corners(mesh: Any, cells: np.ndarray) -> np.ndarray:
     return _nodes(mesh, cells)[..., : mesh.geometry.dim + 1 if not is_tensor(mesh) else 2**mesh.geometry.dim, :]
-
-
-def aligned(shape: tuple[int, int]) -> np.ndarray:
-    """Uninitialised array that begins on a cache line, as vector loads want it."""
-    raw = np.empty(shape[0] * shape[1] + 8)
-    offset = (-raw.ctypes.data // 8) % 8
-    return raw[offset : offset + shape[0] * shape[1]].reshape(shape)
 
 
 def geometry_element(mesh: Any) -> Any:

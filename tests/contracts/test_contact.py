@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import platform
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 
+from ruptfx import native
 from ruptfx.contact import Point
 from ruptfx.fault import Fault
 from ruptfx.fault_step import Clock, FaultStep, impedances
@@ -158,6 +161,19 @@ def test_compiled_step_with_a_gap(method: str) -> None:
     worst, opened, _ = steps_agree(replace(fault, gap=gap), 2, random)
     assert worst < 1e-10
     assert 0.05 < opened < 0.99
+
+
+@every_method
+def test_laws_are_vectorized(method: str) -> None:
+    """No loop over points was left to one at a time: none calls exp or pow of numbers, but those of vectors."""
+    gcc = "Free Software Foundation" in native._version(native.find_compiler())
+    if platform.machine() != "x86_64" or platform.libc_ver() < ("glibc", "2.35") or not gcc:
+        pytest.skip("vectors of exp and pow come with GCC and glibc on x86-64")
+    fault = a_fault(method, friction("rate_and_state_power_law", None, profiles=True), 2, np.random.default_rng(1))
+    step = FaultStep(fault, np.ones(4 * POINTS), Clock.of_step(1e-7), 1e-3)
+    called = set(Path(step._library._name).read_bytes().split(b"\0"))
+    assert {b"exp", b"pow", b"expm1"}.isdisjoint(called)
+    assert any(name.startswith(b"_ZGV") and name.endswith(b"_pow") for name in called)
 
 
 @every_method
