@@ -1,5 +1,5 @@
 // One explicit step of an interface, LANES points at a time: gather, point (trial and projection), settle (what is
-// written back), push (what the bodies feel). The algorithm is that of projection.py. fault_step.py writes in front of
+// written back), push (what the bodies feel). The algorithm is that of points.py. fault_step.py writes in front of
 // this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END, TOLERANCE,
 // MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, and the traced formulas of contact method, law and monitors.
 #include <math.h>

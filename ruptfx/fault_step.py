@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from importlib.resources import files
 from itertools import accumulate
 
@@ -22,6 +22,7 @@ from ruptfx.contact import ContactMethod, Point
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment, component_names
 from ruptfx.interface import Interface
+from ruptfx.points import Clock
 from ruptfx.projection import BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
 from ruptfx.state import FaultState
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
@@ -48,33 +49,6 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> t
     mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-300))
     z = 1 / (kick * interface.weight[:, None] * mobility)
     return z[:, 0], z[:, interface.frame.shape[1] - interface.tangents :]
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Times of an explicit step [s].
-
-    Attributes
-    ----------
-    dt : float
-        Between displacements.
-    kick : float
-        How long the traction acts on the velocity: `dt`, at the start half of it.
-    since : float
-        Time since the traction before: `dt`, at the start zero.
-    extrapolation : float
-        Of `TracedLaw`: 1/2, in the step after the start 1.
-    """
-
-    dt: float
-    kick: float
-    since: float
-    extrapolation: float
-
-    @classmethod
-    def of_step(cls, dt: float, number: int = 2) -> Clock:
-        """The step with this number after a start from one time for all: 0, 1, and all others."""
-        return cls(dt, 0.5 * dt if number == 0 else dt, 0.0 if number == 0 else dt, 1.0 if number == 1 else 0.5)
 
 
 class FaultStep:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.contact import Point, Trial
+from ruptfx.contact import Trial
 from ruptfx.fault import Fault
-from ruptfx.fields import MONITORS, Moment
-from ruptfx.projection import Projected, TracedLaw, project
+from ruptfx.points import Clock, closed_and_stuck, frictional_power, point, settle
+from ruptfx.projection import Projected, TracedLaw
 
 if TYPE_CHECKING:
     from ruptfx.state import FaultState, State
@@ -85,40 +85,25 @@ class FaultResponse:
         ProjectionError
             On the rank of a point without an admissible traction.
         """
-        fault = self.fault
-        slip, initial = fault.components(state, "slip"), fault.driving_shear(time)
-        trial = closed_and_stuck(
-            fault, jump, slip, dt, time, normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T),
-            body_stiffness=body_stiffness,
+        clock = Clock.implicit(dt, dt_before)
+        found = trial, done = point(
+            self.fault, self.law, state, jump, clock, time, self.radiation, guess, tangent=True,
+            normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
         )  # fmt: skip
-        normal, shear = trial.normal_stress, np.stack(trial.shear_traction, axis=1)
-        relief = np.broadcast_to(trial.impedance[0], normal.shape)  # shear traction per slip rate
-        before, near = (fault.components(fields, "mean_slip_rate") for fields in (state, guess or state))
-        done = project(
-            self.law, {name: state[name] for name in (*self.law.state_names, "normal_stress")}, normal, shear, relief,
-            dt, before, None, dt / (dt + dt_before), self.radiation, np.linalg.norm(near, axis=1),
-            f"of fault '{fault.name}' at time {time:.6g} s", tangent=True,
-        )  # fmt: skip
-        change = [done.shear_traction - initial]
-        if fault.interface.has_normal:
-            change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
-        gap = (done.normal_stress - normal) * trial.normal_compliance
-        return Response(
-            np.concatenate(change, axis=1), self._tangent(done, relief, trial.normal_compliance, dt),
-            self._new_state(state, done, gap, dt, time),
-        )  # fmt: skip
+        settled = settle(self.fault, self.law, state, jump, found, clock, time, self.threshold)
+        return Response(settled.change, self._tangent(trial, done, dt), settled.state)
 
-    def _tangent(self, done: Projected, relief: np.ndarray, compliance: np.ndarray | float, dt: float) -> np.ndarray:
+    def _tangent(self, trial: Trial, done: Projected, dt: float) -> np.ndarray:
         """dT / d[u] from the derivatives of the projection: the trial has the stiffness relief / dt along the
         interface and 1 / compliance across."""
         assert done.tangent is not None
-        slopes, tangents = done.tangent, self.fault.tangents
+        slopes, tangents, relief = done.tangent, self.fault.tangents, trial.impedance[0]
         stiffness = relief / dt
         along = stiffness[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
         if not self.fault.interface.has_normal:
             return along
         result = np.zeros((len(relief), 1 + tangents, 1 + tangents))
-        normal = np.broadcast_to(1 / compliance, relief.shape)
+        normal = 1 / trial.normal_compliance
         result[:, 0, 0] = normal * slopes.stress
         # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
         result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
@@ -131,37 +116,13 @@ class FaultResponse:
         none = np.zeros((len(body_stiffness), fault.tangents))
         jump = np.zeros((len(none), fault.interface.frame.shape[1]))
         trial = closed_and_stuck(  # in a step of one second, so that it is the same to the last bit in any other
-            fault, jump, none, 1.0, 0.0, normal_multiplier=none[:, 0], shear_multiplier=list(none.T),
-            body_stiffness=body_stiffness,
+            fault, jump, none, Clock.implicit(1.0, 1.0), 0.0, normal_multiplier=none[:, 0],
+            shear_multiplier=list(none.T), body_stiffness=body_stiffness,
         )  # fmt: skip
         stiffness = list(trial.impedance)
         if fault.interface.has_normal:
             stiffness.insert(0, 1 / trial.normal_compliance)
-        columns = [np.broadcast_to(each, body_stiffness.shape) for each in stiffness]
-        return np.stack(columns, axis=1)[:, :, None] * np.eye(len(columns))
-
-    def _new_state(self, old: FaultState, done: Projected, gap: np.ndarray, dt: float, time: float) -> FaultState:
-        fault = self.fault
-        state = fault.state_of({
-            "normal_stress": done.normal_stress, "opening": gap, "slip_rate": done.slip_rate,
-            "slip": fault.components(old, "slip") + dt * done.mean_slip_rate, "mean_slip_rate": done.mean_slip_rate,
-            "shear_traction": done.shear_traction,
-        })  # fmt: skip
-        then, speed = (
-            np.linalg.norm(rate, axis=1) for rate in (fault.components(old, "slip_rate"), done.slip_rate)
-        )
-        power = self._power(old, state)
-        at = Moment(time, dt, speed, then, done.normal_stress, power, dt, self.threshold)
-        monitors = {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
-        return state | monitors | done.state
-
-    def _power(self, old: FaultState, new: FaultState) -> np.ndarray:
-        """Of friction over a step [W/m2], shape (n,)."""
-        rates, tractions = (
-            [self.fault.components(fields, name) for fields in (old, new)]
-            for name in ("mean_slip_rate", "shear_traction")
-        )
-        return np.asarray(self.fault.contact.dissipated(*tractions, *rates)).sum(axis=1)
+        return np.stack(stiffness, axis=1)[:, :, None] * np.eye(len(stiffness))
 
     def commit(self, state: State, new: FaultState, dt: float) -> None:
         """Take over the fields at the end of a step, `state.time`, and count, of the points of this rank, what friction
@@ -169,7 +130,7 @@ class FaultResponse:
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
-        dissipated = float(area @ self._power(old, new)) * dt
+        dissipated = float(area @ frictional_power(fault, old, new, dt)) * dt
         # The mean pressure on what the gap grew.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
         rigid = not any(fault.contact.stiffness())
@@ -184,30 +145,3 @@ class FaultResponse:
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values
-
-
-def closed_and_stuck(
-    fault: Fault, jump: np.ndarray, slip: np.ndarray, dt: float, time: float, **of_iteration: Any
-) -> Trial:
-    """The trial of a fault from its displacement jump alone, as implicit steps see it.
-
-    Parameters
-    ----------
-    jump : ndarray, shape (n, local)
-        [m]
-    slip : ndarray, shape (n, tangents)
-        Before [m].
-    dt, time : float
-        Length of the step and the time of the traction [s].
-    **of_iteration
-        Multipliers and body stiffness of `contact.Point`.
-    """
-    normal_jump, slip_jump = fault.interface.split(jump)
-    unknown = np.full(len(jump), np.nan)
-    trial = fault.contact.trial(Point(
-        normal_stress_0=fault.normal_stress_0, shear_traction_0=list(fault.driving_shear(time).T),
-        opening_jump=fault.opening(normal_jump), slip_jump=list(slip_jump.T), opening_velocity=unknown,
-        slip_velocity=[unknown] * fault.tangents, slip=list(slip.T), since=dt, dt=dt, normal_impedance=unknown,
-        shear_impedance=[unknown] * fault.tangents, **of_iteration,
-    ))  # fmt: skip
-    return replace(trial, normal_stress=np.broadcast_to(trial.normal_stress, unknown.shape))

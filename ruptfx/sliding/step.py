@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from ruptfx.fault import Fault
-from ruptfx.fault_step import Clock, FaultStep
+from ruptfx.fault_step import FaultStep
 from ruptfx.interface import Interface
+from ruptfx.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState

@@ -10,7 +10,8 @@ import numpy as np
 
 from ruptfx import native, parallel
 from ruptfx.contact import require
-from ruptfx.fault_step import Clock, FaultStep
+from ruptfx.fault_step import FaultStep
+from ruptfx.points import Clock
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import Follower
 from ruptfx.sliding.step import SlidingStep

@@ -19,10 +19,11 @@ pytest.importorskip("dolfinx")
 from ruptfx import native
 from ruptfx.contact import Point
 from ruptfx.fault import Fault
-from ruptfx.fault_step import Clock, FaultStep, impedances
+from ruptfx.fault_step import FaultStep, impedances
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.interface import Interface, Line
 from ruptfx.model import Model
+from ruptfx.points import Clock
 from ruptfx.schema import alternatives
 
 pytestmark = pytest.mark.fem
