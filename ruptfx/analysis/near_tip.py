@@ -16,13 +16,16 @@ In plane stress c_p is the speed of the plate, as in `fracture`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.fracture import A_II, effective_modulus, rayleigh_function, slowness_factors
-from ruptfx.materials import Plane
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+
+if TYPE_CHECKING:
+    from ruptfx.materials import Plane
+    from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
 Array = np.ndarray
 
