@@ -103,13 +103,13 @@ def _commands(block: Block) -> Iterator[tuple[str, str]]:
         yield block.text, ""
         return
     for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
-        command, shown = re.fullmatch(r"((?:.*\\\n)*.*\n?)(.*)", part, re.DOTALL).groups()  # type: ignore[union-attr]
+        command, shown = re.fullmatch(r"((?:[^\n]*\\\n)*[^\n]*\n?)(.*)", part, re.DOTALL).groups()  # type: ignore[union-attr]
         yield command, shown
 
 
 def matches(shown: str, printed: str) -> bool:
-    """Whether the lines shown follow each other in what was printed; `...` stands for anything, also for lines."""
-    lines = [re.sub(r"\s+", " ", line).strip() for line in printed.splitlines()]
+    """Whether the lines shown follow each other in what was printed; `...` stands for anything, also for lines; borders of tables do not count."""
+    lines = [re.sub(r"[\s│┃]+", " ", line).strip() for line in printed.splitlines()]
     place = 0
     for wanted in (re.sub(r"\s+", " ", line).strip() for line in shown.splitlines() if line.strip()):
         if wanted == "...":

@@ -49,7 +49,19 @@ def test_a_block_that_fails_is_noticed(tmp_path: Path, monkeypatch: pytest.Monke
             run_page(page, tmp_path / str(number))
 
 
+def test_console_blocks_are_commands_and_what_they_print(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```console\n$ echo a; \\\n  echo b\na\nb\n$ echo c\n```\n")
+    (tmp_path / "right").mkdir()
+    run_page(page, tmp_path / "right")
+    page.write_text("```console\n$ echo a\nb\n```\n")
+    (tmp_path / "wrong").mkdir()
+    with pytest.raises(AssertionError, match="shows otherwise"):
+        run_page(page, tmp_path / "wrong")
+
+
 def test_shown_output_is_compared_line_by_line() -> None:
     assert matches("speed ... m/s\n...\nend\n", "begin\nspeed 1.25   m/s\nmore\nend\n")
     assert not matches("end\nspeed ...\n", "speed 1\nend\n")  # the other order
+    assert matches("zone ... m\n", "│ zone │ 8.1 │ m │\n")
     assert not matches("[x]\n", "x\n")  # brackets are characters
