@@ -15,6 +15,8 @@ from typing import Any, ClassVar
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+Table = dict[str, Any]  # with text as keys, as in TOML and JSON
+
 __version__ = "0.1.0"
 
 _PUBLIC = {

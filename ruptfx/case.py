@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from ruptfx import Table
 from ruptfx.boundaries import AnyBoundary
 from ruptfx.contact import AnyContact
 from ruptfx.friction import AnyFriction
@@ -50,7 +51,7 @@ class FaultCase(Part):
 
     @field_validator("nucleation", mode="before")
     @classmethod
-    def _as_list(cls, value: Any) -> Any:
+    def _as_list(cls, value: object) -> Any:
         return [value] if isinstance(value, dict) else value
 
 
@@ -139,7 +140,7 @@ class Case(CaseFile):
 
     @field_validator("stepper", mode="before")
     @classmethod
-    def _leapfrog_unless_said(cls, value: Any) -> Any:
+    def _leapfrog_unless_said(cls, value: object) -> Any:
         return {"kind": "leapfrog", **value} if isinstance(value, dict) else value
 
     @field_validator("operator")
@@ -182,7 +183,7 @@ class Case(CaseFile):
         return [boundary.driven_edge for boundary in self.boundaries if boundary.driven_edge is not None]
 
 
-def parse_case(table: dict[str, Any], directory: Path | None = None) -> Case | LumpedModel:
+def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:
     """A case from tables; relative paths in it are relative to `directory`. A top-level ``kind`` names a lumped model.
 
     Raises
@@ -232,7 +233,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Case | LumpedM
         raise CaseError("\n".join(f"{path}: {line}" for line in str(error).splitlines())) from None
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> Table:
     """Tables of a TOML file, unchecked.
 
     Raises
@@ -248,7 +249,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-def load_toml(text: str) -> dict[str, Any]:
+def load_toml(text: str) -> Table:
     """Tables of a TOML text.
 
     Raises
@@ -265,7 +266,7 @@ def load_toml(text: str) -> dict[str, Any]:
     return table
 
 
-def override(table: dict[str, Any], item: str) -> None:
+def override(table: Table, item: str) -> None:
     """Set one dotted key of the tables in place; list entries are addressed by number.
 
     Raises
@@ -285,7 +286,7 @@ def override(table: dict[str, Any], item: str) -> None:
         raise CaseError(f"--set {item}: {error}") from None
 
 
-def set_key(table: dict[str, Any], key: str, value: Any) -> None:
+def set_key(table: Table, key: str, value: object) -> None:
     """Set the value of one dotted key in place; list entries are addressed by number.
 
     Raises
@@ -306,7 +307,7 @@ def set_key(table: dict[str, Any], key: str, value: Any) -> None:
         raise CaseError(f"{shown_key(key)}: does not lead to a value of the case") from None
 
 
-def case_schema() -> dict[str, Any]:
+def case_schema() -> Table:
     """JSON schema of a case file: of a field run, or of a lumped model where ``kind`` stands at the top."""
     schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
     definitions = schema.pop("$defs")

@@ -15,13 +15,12 @@ import sys
 import threading
 import traceback
 from pathlib import Path
-from typing import Any
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError, Table, fem
 from ruptfx.case import parse_case
 from ruptfx.simulation import Interrupted, simulate
 
-Job = dict[str, Any]
+Job = Table
 
 
 class Jobs:
@@ -42,7 +41,7 @@ class Jobs:
     def next(self) -> Job | None:
         return self._queue.get()
 
-    def answer(self, text: dict[str, Any]) -> None:
+    def answer(self, text: Table) -> None:
         self._answers.write(json.dumps(text) + "\n")
         self._answers.flush()
 
@@ -58,7 +57,7 @@ def main() -> None:
         gc.collect()  # frees the communicators of the meshes, of which MPI has a few thousand
 
 
-def _run(job: Job, comm: fem.MPI.Comm) -> dict[str, Any]:
+def _run(job: Job, comm: fem.MPI.Comm) -> Table:
     """The answer to one job: status and scalars, or the error."""
     try:
         case, out = parse_case(job["case"]), Path(job["directory"]) / "run"
@@ -77,7 +76,7 @@ def _run(job: Job, comm: fem.MPI.Comm) -> dict[str, Any]:
         return {"status": "failed", "error": traceback.format_exc(limit=-3).strip()}
 
 
-def _harvest(out: Path, keep: list[str]) -> dict[str, Any]:
+def _harvest(out: Path, keep: list[str]) -> Table:
     from ruptfx.study.harvest import harvest
 
     return harvest(out, keep)

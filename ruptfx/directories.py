@@ -10,9 +10,9 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.case import read_case
 from ruptfx.plugins import CaseFile
 
@@ -130,7 +130,7 @@ def prepare(out: Path, again: CaseFile | None = None) -> None:
         raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
 
 
-def write_json(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: Table) -> None:
     """Write, sync, rename: the file is old or new, never half."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with temporary.open("w", encoding="utf-8") as file:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ruptfx import RuptfxError, launch, native
+from ruptfx import Table
 
 VERSION: tuple[int, ...] = ()  # of DOLFINx, once it is loaded
 
@@ -98,7 +99,7 @@ def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fe
     return dolfinx.fem.functionspace(mesh, element)
 
 
-def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> dict[str, Any]:
+def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> Table:
     """Quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
     if mesh.basix_cell().name in ("quadrilateral", "hexahedron", "interval"):
         return {"quadrature_rule": "GLL", "quadrature_degree": 2 * order - 1}
@@ -216,7 +217,7 @@ def matrix(form: Any, coupled: np.ndarray) -> PETSc.Mat:
     return made
 
 
-def local_matrix(form: Any) -> Any:
+def local_matrix(form: object) -> Any:
     """A compiled bilinear form over the cells this rank owns, as a SciPy matrix over its local unknowns."""
     rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
     # Columns beyond the local unknowns wait for what other ranks would add.

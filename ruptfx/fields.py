@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+Array = Any
+"""Values at all points of an interface, a number for all of them, or a traced expression."""
+
 
 @dataclass(frozen=True)
 class Field:
@@ -55,14 +58,14 @@ class Moment:
         `output.rupture_threshold`.
     """
 
-    time: Any
-    since: Any
-    speed: Any
-    speed_then: Any
-    normal_stress: Any
-    power: Any
-    duration: Any
-    threshold: Any
+    time: Array
+    since: Array
+    speed: Array
+    speed_then: Array
+    normal_stress: Array
+    power: Array
+    duration: Array
+    threshold: Array
 
 
 @dataclass(frozen=True)
@@ -77,19 +80,19 @@ class Monitor(Field):
     """
 
     start: float = 0.0
-    update: Callable[[Any, Moment], Any] = lambda old, _: old
+    update: Callable[[Array, Moment], Array] = lambda old, _: old
 
 
-def _peak(old: Any, at: Moment) -> Any:
+def _peak(old: Array, at: Moment) -> Array:
     # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
     return np.maximum(old, np.where(at.normal_stress > 0, at.speed, 0.0))
 
 
-def _work(old: Any, at: Moment) -> Any:
+def _work(old: Array, at: Moment) -> Array:
     return old + at.power * at.duration
 
 
-def _first_passing(old: Any, at: Moment) -> Any:
+def _first_passing(old: Array, at: Moment) -> Array:
     """Linear between two tractions."""
     beyond, rise = at.speed - at.threshold, at.speed - at.speed_then
     part = np.where(at.speed_then < at.threshold, beyond / np.where(rise > 0, rise, 1.0), 0.0)

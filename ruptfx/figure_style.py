@@ -46,7 +46,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw with the common style, whatever the user's own settings are."""
 
     @wraps(draw)
-    def inside(*args: Any, **options: Any) -> Figure:
+    def inside(*args: object, **options: object) -> Figure:
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
             matplotlib.rcParams.update(STYLE)

@@ -11,7 +11,6 @@ import sys
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from ruptfx import RuptfxError
 
@@ -89,7 +88,7 @@ def run_on(ranks: int, arguments: list[str]) -> int:
         # have written anything. They are asked through a file instead, whatever the MPI library.
         process = subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment, start_new_session=True)
 
-        def stop(number: int, _: Any) -> None:
+        def stop(number: int, _: object) -> None:
             asked = Path(environment[STOP])
             if asked.exists():  # the second time: at once
                 process.send_signal(number)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import Discriminator, Field, Tag
 
+from ruptfx import Table
 from ruptfx.schema import Alternative, Part, Unit, has_mark
 
 
@@ -32,7 +33,7 @@ class _Reach:
     """Marks fields that say how far a patch reaches to both sides of its center."""
 
 
-def _tag(value: Any) -> str:
+def _tag(value: object) -> str:
     return "<place>" if isinstance(value, dict | Place) else "<number>"
 
 
@@ -62,7 +63,7 @@ def located(part: AnyPart, locate: Callable[[str, Place], float], key: str) -> A
     key : str
         Dotted key of the part.
     """
-    changes: dict[str, Any] = {}
+    changes: Table = {}
     for name in type(part).model_fields:
         value, where = getattr(part, name), f"{key}.{name}"
         if isinstance(value, Place):

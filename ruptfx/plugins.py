@@ -22,6 +22,7 @@ from typing import Any, Self
 import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
+from ruptfx import Table
 from ruptfx.schema import Alternative, CaseError, Part, home, installed, kind_in, load_error, own_kinds, plugged
 
 FOLDER = "plugins"
@@ -204,7 +205,7 @@ class CaseFile(Part):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_plugins(cls, values: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+    def _with_plugins(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         if (file := _loading.get()) is not None:
             raise CaseError(
                 f"makes a case when {file.name} is loaded as a plug-in; put what is not to run then under: "
@@ -247,7 +248,7 @@ class CaseFile(Part):
         with active(found):
             return found
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Table:
         """The resolved case as plain tables, ready for TOML."""
         table = self.model_dump(mode="json", exclude_none=True)
         table.pop("plugins", None)
@@ -265,7 +266,7 @@ class CaseFile(Part):
             table["plugins"] = sorted([plugin.path.name, plugin.digest] for plugin in self.plugin_files())
         return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()[:16]
 
-    def copied(self, directory: Path) -> dict[str, Any]:
+    def copied(self, directory: Path) -> Table:
         """The tables, with copies of the plug-ins: in `plugins` of the directory, to which their names are relative."""
         table, files = self.table(), self.plugin_files()
         for plugin in files:
@@ -278,7 +279,7 @@ class CaseFile(Part):
         (directory / "case.toml").write_text(tomli_w.dumps(self.copied(directory)), encoding="utf-8")
 
 
-def _parts(value: Any) -> Iterator[Part]:
+def _parts(value: object) -> Iterator[Part]:
     """A part and all parts in it."""
     if isinstance(value, Part):
         yield value

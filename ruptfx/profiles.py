@@ -281,7 +281,7 @@ class Table(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_file(cls, values: Any, info: ValidationInfo) -> Any:
+    def _from_file(cls, values: object, info: ValidationInfo) -> Any:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
             return values
         if values.get("positions") or values.get("values"):
@@ -336,16 +336,16 @@ KINDS: dict[str, type[Part]] = {
 }
 
 
-def varying(number: Any, unit: str) -> Any:
+def varying(number: object, unit: str) -> Any:
     """Field type: a number of the given type, or a table with the ``kind`` of a profile."""
     of_key = Unit(unit)
 
-    def tag(value: Any) -> str:
+    def tag(value: object) -> str:
         if isinstance(value, Mapping):
             return f"<{value.get('kind')}>"
         return f"<{getattr(value, 'kind')}>" if isinstance(value, tuple(KINDS.values())) else "<number>"  # noqa: B009
 
-    def read(value: Any) -> Any:
+    def read(value: object) -> Any:
         """Texts in a table that have the unit of the key, as numbers."""
         if not isinstance(value, Mapping) or value.get("kind") not in KINDS:
             return value
@@ -367,6 +367,6 @@ def varying(number: Any, unit: str) -> Any:
     ]
 
 
-def evaluate(value: Any, position: np.ndarray) -> np.ndarray:
+def evaluate(value: object, position: np.ndarray) -> np.ndarray:
     """A number or a profile at the points, shape (n,)."""
     return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()

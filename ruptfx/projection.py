@@ -20,11 +20,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
+from ruptfx.fields import Array
 from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
 from ruptfx.tracing import Expression, constant, derivative, record, symbol, to_numpy
@@ -35,7 +35,7 @@ BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
 
 
-def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]:
+def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
     """A part with every number replaced by a symbol, and the numbers: parts that differ in numbers share their code.
 
     Returns
@@ -45,8 +45,8 @@ def parameters_as_symbols(part: Part, prefix: str) -> tuple[dict[str, Any], Any]
     part : Part
         Of the same type, with symbols for fields.
     """
-    values: dict[str, Any] = {}
-    changes: dict[str, Any] = {}
+    values: Table = {}
+    changes: Table = {}
     for name in type(part).model_fields:
         value = getattr(part, name)
         if isinstance(value, Part):
@@ -87,7 +87,7 @@ class TracedLaw:
         self.law, self.at_end = law, at_end
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
-        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Any, Any
+        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Array, Array
         stress, dt = symbol("normal_stress"), symbol("since")
         if at_end:
             ahead = symbol("extrapolation") * np.minimum(rate - before, before)
@@ -105,7 +105,7 @@ class TracedLaw:
             self.start = {f"h_{name}": old[name] for name in old}
             summed, felt = advance(known, middle, mean_stress, dt), advance(known, now, stress, dt)
             for name in old:
-                forgotten: Any = 1 - derivative(felt[name], known[name])
+                forgotten: Array = 1 - derivative(felt[name], known[name])
                 part = np.minimum(np.maximum(forgotten, 0.0), 1.0)
                 new[name] = summed[name] + (felt[name] - summed[name]) * part
         else:
@@ -113,7 +113,7 @@ class TracedLaw:
             self.start = {f"h_{name}": (by_means if name in sums else begun)[name] for name in old}
             ended = advance(known, now, stress, 0.5 * dt)
             new |= {name: ended[name] for name in old if name not in sums}
-        strength: Any = strength_of(now, stress, new) + symbol("radiation") * now
+        strength: Array = strength_of(now, stress, new) + symbol("radiation") * now
         self.outputs = {
             "strength": strength,
             "slope": derivative(strength, rate),
@@ -123,19 +123,19 @@ class TracedLaw:
         }
         self._more = {"stress_slope": derivative(strength, stress), "before_slope": derivative(strength, before)}
 
-    def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., dict[str, Any]], Callable[..., Expression]]:
+    def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
         """`advance` and `strength`, whose errors say where."""
 
-        def as_state(found: Any) -> dict[str, Expression]:
+        def as_state(found: Array) -> dict[str, Expression]:
             if not isinstance(found, Mapping) or set(found) != set(self.state_names):
                 shown = f"state {', '.join(found) or 'nothing'}" if isinstance(found, Mapping) else repr(found)
                 raise RuptfxError(f"returns {shown}; state_fields declares {', '.join(self.state_names) or 'nothing'}")
             return {name: _traced(found[name]) for name in self.state_names}
 
-        def advance(state: dict[str, Any], *rest: Any) -> dict[str, Any]:
+        def advance(state: Table, *rest: Array) -> Table:
             return record(law.advance, _Given(state), *rest, as_=as_state)
 
-        def strength(slip_rate: Any, normal_stress: Any, state: dict[str, Any]) -> Expression:
+        def strength(slip_rate: Array, normal_stress: Array, state: Table) -> Expression:
             return record(law.strength, slip_rate, normal_stress, _Given(state), as_=_traced)
 
         return advance, strength
@@ -145,7 +145,7 @@ class TracedLaw:
         return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
 
     @cached_property
-    def _functions(self) -> tuple[Any, Any]:
+    def _functions(self) -> tuple[Array, Array]:
         """From the state at the traction before to what is known of the step, and from there to the outputs."""
         given = [*GIVEN, *self.parameters]
         return (
@@ -155,7 +155,7 @@ class TracedLaw:
 
     def __call__(
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
-        points: Any = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
+        points: Array = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
         speed_then: np.ndarray | float = 0.0, extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
         """Evaluate at some points.
@@ -180,7 +180,7 @@ class TracedLaw:
             Traction per slip rate [Pa s/m] on top of the strength.
         """
 
-        def pick(value: Any) -> Any:
+        def pick(value: Array) -> Array:
             return value[points] if isinstance(value, np.ndarray) and value.ndim else value
 
         stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
@@ -202,14 +202,14 @@ GIVEN = (
 )  # fmt: skip
 
 
-def _traced(value: Any) -> Expression:
+def _traced(value: Array) -> Expression:
     return value if isinstance(value, Expression) else constant(value)
 
 
-class _Given(dict[str, Any]):
+class _Given(Table):
     """State handed to a law: arrays that it changed would be those of the step before."""
 
-    def _refuse(self, *args: Any, **options: Any) -> Any:
+    def _refuse(self, *args: Array, **options: Array) -> Array:
         raise RuptfxError("the state that is given must not change: return a new one, {**state, 'name': value}")
 
     __setitem__ = __delitem__ = __ior__ = update = pop = setdefault = clear = popitem = _refuse
@@ -358,7 +358,7 @@ def project(
     size = np.linalg.norm(shifted, axis=1)
     direction = _unit(shifted, size)
     along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
-    known: dict[str, Any] = {
+    known: Table = {
         "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
         "speed_then": np.zeros(len(size)) if then is None else then, "radiation": radiation,
     }  # fmt: skip
@@ -423,7 +423,7 @@ def _solve(
     carried: np.ndarray,
     dt: float,
     guess: np.ndarray | None,
-    known: dict[str, Any],
+    known: Table,
 ) -> tuple[np.ndarray, np.ndarray]:
     """V of every point, not a number where there is none, and the direction of the traction.
 

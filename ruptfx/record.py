@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 
 if TYPE_CHECKING:
     import xarray  # else on first use: a run writes long before it reads
@@ -82,7 +82,7 @@ class Record:
         return path
 
     @cached_property
-    def case(self) -> dict[str, Any]:
+    def case(self) -> Table:
         path = self._existing("case.toml")
         try:
             return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -95,7 +95,7 @@ class Record:
         return (self.path / "summary.json").is_file()
 
     @property
-    def summary(self) -> dict[str, Any] | None:
+    def summary(self) -> Table | None:
         if not self.complete:
             return None
         path = self.path / "summary.json"

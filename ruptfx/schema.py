@@ -41,7 +41,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.quantities import parse
 
 
@@ -140,7 +140,7 @@ else:
     class _Reworded(type(BaseModel)):  # pydantic has no public name for it
         """Makes ``Coulomb(mu_d=-1.0)`` in Python raise the same `CaseError` as a case file does."""
 
-        def __call__(cls, *args: Any, **values: Any) -> Any:
+        def __call__(cls, *args: object, **values: object) -> Any:
             try:
                 return super().__call__(*args, **values)
             except ValidationError as error:
@@ -171,7 +171,7 @@ class Part(BaseModel, metaclass=_Reworded):
 
     @model_validator(mode="before")
     @classmethod
-    def _known_keys(cls, values: Any) -> Any:
+    def _known_keys(cls, values: object) -> Any:
         if isinstance(values, Mapping):
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
@@ -188,7 +188,7 @@ class Part(BaseModel, metaclass=_Reworded):
         position : ndarray, shape (n,)
             Along the interface [m].
         """
-        changes: dict[str, Any] = {}
+        changes: Table = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if callable(value):
@@ -202,7 +202,7 @@ class Part(BaseModel, metaclass=_Reworded):
                 changes[name] = value.at(position)
         return self.substituted(changes) if changes else self
 
-    def substituted(self, changes: dict[str, Any]) -> Self:
+    def substituted(self, changes: Table) -> Self:
         """The same part with fields that are no longer those of a case, unchecked: arrays at points, expressions."""
         return super().model_copy(update=changes)
 
@@ -232,7 +232,7 @@ class Alternative(Part):
         return first_line(cls)
 
     @model_serializer(mode="wrap")
-    def _with_kind(self, handler: Any) -> dict[str, Any]:
+    def _with_kind(self, handler: Any) -> Table:
         return {"kind": self.kind(), **handler(self)}
 
 
@@ -374,7 +374,7 @@ _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would r
 def alternative(package: str) -> Any:
     """Field type: any alternative of that folder, given as an object or as a table with ``kind``."""
 
-    def choose(value: Any, info: ValidationInfo) -> Any:
+    def choose(value: object, info: ValidationInfo) -> Any:
         if isinstance(value, str):
             value = {"kind": value}
         if not isinstance(value, Mapping):
@@ -395,7 +395,7 @@ def alternative(package: str) -> Any:
     ]
 
 
-def json_schema(root: type[Part], packages: list[str]) -> dict[str, Any]:
+def json_schema(root: type[Part], packages: list[str]) -> Table:
     """JSON schema of a case, each folder of alternatives being one ``oneOf`` under ``$defs``."""
     schema = root.model_json_schema()
     definitions = schema.setdefault("$defs", {})
@@ -410,7 +410,7 @@ def json_schema(root: type[Part], packages: list[str]) -> dict[str, Any]:
             choices.append(entry)
         definitions[package.rpartition(".")[2]] = {"oneOf": choices}
 
-    def link(node: Any) -> Any:
+    def link(node: object) -> Any:
         if isinstance(node, dict):
             found = {"$ref": f"#/$defs/{node[_FOLDER]}"} if _FOLDER in node else {}
             return found | {key: link(value) for key, value in node.items() if key != _FOLDER}
@@ -429,7 +429,7 @@ class Unit(str):
 
     __slots__ = ()
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -444,7 +444,7 @@ class Unit(str):
                 schema[choices] = [*schema[choices], text]
         return schema
 
-    def read(self, value: Any) -> Any:
+    def read(self, value: object) -> Any:
         """Text with a unit as a number, alone or in a list; everything else as it is.
 
         Raises
@@ -473,7 +473,7 @@ def _marks(field: FieldInfo) -> list[Any]:
     return [*field.metadata, *inner]
 
 
-def _resolve(path: Any, info: ValidationInfo) -> Any:
+def _resolve(path: object, info: ValidationInfo) -> Any:
     directory = (info.context or {}).get("directory")
     return str(Path(directory, path)) if directory is not None and isinstance(path, str) else path
 

@@ -17,16 +17,17 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
+from ruptfx.fields import Array
 from ruptfx.schema import Alternative
 
-Derivatives = tuple[Any, ...]
+Derivatives = tuple[Array, ...]
 
 
 def _refuse(what: str, instead: str) -> Callable[..., NoReturn]:
     """A special method of a value that is not known yet."""
 
-    def method(self: Any, *args: Any, **options: Any) -> NoReturn:
+    def method(self: Array, *args: Array, **options: Array) -> NoReturn:
         raise RuptfxError(f"{what}: {instead}")
 
     return method
@@ -44,10 +45,10 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
 
     __slots__ = ("args", "is_condition", "op")
     op: str
-    args: tuple[Any, ...]
+    args: tuple[Array, ...]
     is_condition: bool
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Array, **options: Array) -> Array:
         name = f"numpy.{ufunc.__name__}"
         if method != "__call__":
             raise RuptfxError(f"{name}.{method} cannot be traced: use pointwise functions")
@@ -57,7 +58,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
             raise RuptfxError(f"{name} with {', '.join(options)}= cannot be traced: use numpy.where")
         return apply(ufunc.__name__, *inputs)
 
-    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+    def __array_function__(self, function: Array, types: Array, args: Array, options: Array) -> Array:
         if function not in _FUNCTIONS:
             raise RuptfxError(f"numpy.{function.__name__} cannot be traced: use pointwise functions and numpy.where")
         return _FUNCTIONS[function](*args, **options)
@@ -91,7 +92,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 @cache
-def _node(op: str, *args: Any) -> Expression:
+def _node(op: str, *args: Array) -> Expression:
     node = Expression.__new__(Expression)
     node.op, node.args = op, args
     chosen = op in ("multiply", "where") and all(arg.is_condition for arg in args[-2:])
@@ -104,7 +105,7 @@ def symbol(name: str) -> Expression:
     return _node("symbol", name)
 
 
-def constant(value: Any) -> Expression:
+def constant(value: Array) -> Expression:
     """A number in the formula.
 
     Raises
@@ -119,11 +120,11 @@ def constant(value: Any) -> Expression:
         raise RuptfxError(f"{shown} is no number; use numbers, parameters and what the method is given") from None
 
 
-def _is(node: Any, value: float) -> bool:
+def _is(node: Array, value: float) -> bool:
     return node.op == "constant" and node.args[0] == value
 
 
-def apply(op: str, *inputs: Any) -> Expression:
+def apply(op: str, *inputs: Array) -> Expression:
     """A new node, simplified where an argument is 0 or 1 (derivatives are full of them).
 
     Raises
@@ -170,7 +171,7 @@ _ALIASES = {
 }  # fmt: skip
 
 # Operations that are others in disguise.
-_SPELLED: dict[str, Callable[..., Any]] = {
+_SPELLED: dict[str, Callable[..., Array]] = {
     "positive": lambda x: x,
     "square": lambda x: x * x,
     "reciprocal": lambda x: 1 / x,
@@ -250,13 +251,15 @@ _RULES: dict[str, Callable[..., Derivatives]] = {
 }
 
 
-def _where(condition: Any, *values: Any) -> Expression:
+def _where(condition: Array, *values: Array) -> Expression:
     if len(values) != 2:
         raise RuptfxError("numpy.where with a condition alone picks points: give both values, numpy.where(c, x, y)")
     return apply("where", condition, *values)
 
 
-def _clip(x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: Any = None, **given: Any) -> Expression:
+def _clip(
+    x: Array, low: Array = None, high: Array = None, *, min: Array = None, max: Array = None, **given: Array
+) -> Expression:
     """The signature of `numpy.clip`, whose bounds have two names each."""
     low, high = given.pop("a_min", low if min is None else min), given.pop("a_max", high if max is None else max)
     if given:
@@ -265,7 +268,7 @@ def _clip(x: Any, low: Any = None, high: Any = None, *, min: Any = None, max: An
     return x if high is None else apply("minimum", x, high)
 
 
-def _select(conditions: Iterable[Any], values: Iterable[Any], default: Any = 0.0) -> Expression:
+def _select(conditions: Iterable[Array], values: Iterable[Array], default: Array = 0.0) -> Expression:
     result = default if isinstance(default, Expression) else constant(default)
     for condition, value in reversed(list(zip(conditions, values, strict=True))):
         result = apply("where", condition, value, result)
@@ -285,7 +288,9 @@ _FUNCTIONS: dict[Any, Callable[..., Expression]] = {
 """NumPy's functions that are no ufuncs."""
 
 
-def record(function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Any] = lambda found: found) -> Any:
+def record(
+    function: Callable[..., Array], *inputs: Array, as_: Callable[[Array], Array] = lambda found: found
+) -> Array:
     """Call a method with symbols instead of numbers.
 
     Parameters
@@ -308,7 +313,7 @@ def record(function: Callable[..., Any], *inputs: Any, as_: Callable[[Any], Any]
         raise RuptfxError(located(error, function)) from error
 
 
-def located(error: Exception, function: Callable[..., Any]) -> str:
+def located(error: Exception, function: Callable[..., Array]) -> str:
     """An error with file, line and method of the innermost law or contact method on the way to it."""
     trace = error.__traceback__
     code = getattr(function, "__func__", function).__code__
@@ -352,7 +357,7 @@ def derivative(expression: Expression, variable: Expression) -> Expression:
     return slopes[expression]
 
 
-def depends(expression: Any, variables: Iterable[Expression]) -> bool:
+def depends(expression: Array, variables: Iterable[Expression]) -> bool:
     """Whether any of the symbols occurs in a traced expression (or number)."""
     return isinstance(expression, Expression) and not set(_ordered([expression])).isdisjoint(variables)
 
@@ -409,6 +414,6 @@ def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[.
             lines.append(f"    {names[node]} = np.{node.op}({', '.join(names[arg] for arg in node.args)})")
     returned = "".join(f"{names[node]}, " for node in outputs.values())
     source = "\n".join([f"def function({', '.join(inputs)}):", *lines, f"    return ({returned})"])
-    scope: dict[str, Any] = {"np": np}
+    scope: Table = {"np": np}
     exec(source, scope)
     return scope["function"]

@@ -36,19 +36,20 @@ Fraction = Annotated[float, Field(gt=0, le=1), Unit("1")]
 
 if TYPE_CHECKING:
     # A number or a profile in a case, an array at the points, an expression while a law is traced.
-    VaryingStress = Any
-    VaryingPressure = Any
-    VaryingCoefficient = Any
-    VaryingExponent = Any
-    VaryingRatio = Any
-    VaryingLength = Any
-    VaryingGap = Any
-    VaryingHeight = Any
-    VaryingSpeed = Any
-    VaryingVelocity = Any
-    VaryingTime = Any
-    VaryingDelay = Any
-    VaryingInstant = Any
+    Varying = Any
+    VaryingStress = Varying
+    VaryingPressure = Varying
+    VaryingCoefficient = Varying
+    VaryingExponent = Varying
+    VaryingRatio = Varying
+    VaryingLength = Varying
+    VaryingGap = Varying
+    VaryingHeight = Varying
+    VaryingSpeed = Varying
+    VaryingVelocity = Varying
+    VaryingTime = Varying
+    VaryingDelay = Varying
+    VaryingInstant = Varying
 else:
     VaryingStress = varying(float, "Pa")
     VaryingPressure = varying(NonNegative, "Pa")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
 from ruptfx.analysis.resolution import peak_is_resolved
@@ -45,13 +45,14 @@ def rupture_origin(record: Record) -> tuple[float, float]:
 def modes_of(record: Record) -> Modes:
     """Classify the sliding along the first interface of a run."""
     data = record.interface
-    known: dict[str, Any] = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
-    known["c_p"] = np.max(data.attrs.get("c_p_of_bodies", known["c_p"]))
+    known: Table = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
+    if "c_p_of_bodies" in data.attrs:
+        known["c_p"] = np.max(data.attrs["c_p_of_bodies"])
     known["loaded_end"] = rupture_origin(record)[0]
     return classify(data["slip_rate"].values, data["time"].values, data["position"].values, **known)
 
 
-def summarise(record: Record) -> dict[str, Any]:
+def summarise(record: Record) -> Table:
     """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
     data = record.interface if record.interfaces else {}
     try:
@@ -68,7 +69,7 @@ def summarise(record: Record) -> dict[str, Any]:
     return {name: _plain(value) for name, value in values.items()}
 
 
-def _of_sliding(record: Record) -> dict[str, Any]:
+def _of_sliding(record: Record) -> Table:
     """What the classification says, under the names of the summary."""
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed
@@ -105,12 +106,12 @@ def _of_sliding(record: Record) -> dict[str, Any]:
     }
 
 
-def _largest(values: Any) -> float:
+def _largest(values: object) -> float:
     numbers = np.abs(np.asarray(values))
     return float(np.nanmax(numbers)) if np.isfinite(numbers).any() else float(np.nan)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """JSON knows neither NumPy numbers nor NaN."""
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None

@@ -18,7 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.schema import kinds, nearest
 from ruptfx.terminal import console
 
@@ -71,7 +71,7 @@ class Outcome:
 
     checks: list[Check]
     draw: Callable[[], Any] | None = None
-    rows: list[dict[str, Any]] | None = None
+    rows: list[Table] | None = None
 
 
 def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench") -> bool:
@@ -157,14 +157,14 @@ def _run(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:
     return outcome, seconds
 
 
-def _report(name: str, outcome: Outcome, seconds: float, out: Path, quiet: bool) -> tuple[bool, list[dict[str, Any]]]:
+def _report(name: str, outcome: Outcome, seconds: float, out: Path, quiet: bool) -> tuple[bool, list[Table]]:
     """Print a benchmark (unless quiet); whether it passed, and its rows."""
     if not quiet:
         _print(name, outcome.checks, seconds, out)
     return all(check.passed for check in outcome.checks), outcome.rows or _rows(outcome.checks)
 
 
-def _rows(checks: list[Check]) -> list[dict[str, Any]]:
+def _rows(checks: list[Check]) -> list[Table]:
     rows = [{**asdict(check), "passed": check.passed} for check in checks]
     for row in rows:  # JSON knows no NaN
         row.update({key: None for key, v in row.items() if isinstance(v, float) and not math.isfinite(v)})
@@ -188,7 +188,7 @@ def _markdown(names: list[str], out: Path) -> bool:
             continue
         rows: dict[Any, Check] = {}
         for number, row in enumerate(saved["checks"]):
-            values: dict[str, Any] = {key: math.nan if value is None else value for key, value in row.items()}
+            values: Table = {key: math.nan if value is None else value for key, value in row.items()}
             check = Check(**{key: value for key, value in values.items() if key != "passed"})
             # Of several runs in one benchmark, the worst closure of energy.
             key = "closure" if check.quantity == "energy closure" else number

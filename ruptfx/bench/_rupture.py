@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.analysis.front import crossing
 from ruptfx.bench import Check
 from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.state import State
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
 
 Array = np.ndarray
 
@@ -21,7 +24,7 @@ ROCK = {"kind": "isotropic_elastic", "density": 2670.0, "young_modulus": 8009239
 """c_p 6000, c_s 3464 m/s: nu = (c_p^2 - 2 c_s^2) / (2 (c_p^2 - c_s^2)) = 0.25 to four digits."""
 
 
-def elastic(c_p: float, c_s: float, density: float) -> dict[str, Any]:
+def elastic(c_p: float, c_s: float, density: float) -> Table:
     """Material table of given wave speeds in plane strain."""
     nu = (c_p**2 - 2 * c_s**2) / (2 * (c_p**2 - c_s**2))
     young = 2 * (1 + nu) * density * c_s**2
@@ -97,7 +100,7 @@ class Rupture:
 
 
 def rupture(
-    table: dict[str, Any], stride: int = 1, energies: int = 10, comm: Any = None
+    table: Table, stride: int = 1, energies: int = 10, comm: MPI.Comm | None = None
 ) -> Rupture:
     """Run a case in memory on one rank.
 

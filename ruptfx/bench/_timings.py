@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.bench import Check
 from ruptfx.bench._rupture import Rupture, elastic, rupture
 
@@ -33,7 +32,7 @@ print(json.dumps([t - began for t in (imported, built, time.perf_counter())]))
 """
 
 
-def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> dict[str, Any]:
+def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> Table:
     """In-plane slip weakening in uniform stress, order 5, nodes that far apart [m]; whole or antisymmetric half of
     a body that high [m]."""
     edges = ["upper.left", "upper.right", "upper.top"]

@@ -11,12 +11,12 @@ import time
 from collections import defaultdict
 from pathlib import Path
 from statistics import median
-from typing import Any, Literal
+from typing import Literal
 
 import tomli_w
 
 import ruptfx
-from ruptfx import RuptfxError, fem, launch
+from ruptfx import RuptfxError, Table, fem, launch
 from ruptfx.bench import Check
 from ruptfx.bench._timings import fault_case
 from ruptfx.stopwatch import phases
@@ -27,14 +27,14 @@ LOOP = ("steps", "energies", "gathering", "writing")
 SOURCE = "aim, undisturbed machine"
 
 
-def whole_runs(fine: bool) -> tuple[list[dict[str, Any]], list[Check]]:
+def whole_runs(fine: bool) -> tuple[list[Table], list[Check]]:
     """Processor time of rank 0 by phase in whole commands, and how they compare with their steps.
 
     Rows hold problem, ranks, phase, seconds, share (of the processor time); the phase `wall` is the time by the clock.
     Medians of three runs, one when not fine; ranks that wait are busy, so that waiting counts.
     """
     samples = 3 if fine else 1
-    rows: list[dict[str, Any]] = []
+    rows: list[Table] = []
     found: dict[tuple[str, int], dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as folder:
         cases = {"impact demo": IMPACT}

@@ -10,13 +10,19 @@ resolve: with half of it the slip still agrees, the peak grows by 12 % from 40 t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, rupture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 LENGTH, HEIGHT = 16e-3, 5e-3
 PATCH = 0.32e-3  # m
@@ -26,11 +32,11 @@ MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 2e-7}
 SLOWER = -1  # slip is plus minus minus: with positive shear the lower, slower body slides to the left
 
 
-def body(young_modulus: float) -> dict[str, Any]:
+def body(young_modulus: float) -> Table:
     return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0}
 
 
-def case(spacing: float, law: dict[str, Any], duration: float = 5.5e-6) -> dict[str, Any]:
+def case(spacing: float, law: Table, duration: float = 5.5e-6) -> Table:
     edges = [f"upper.{side}" for side in ("left", "right", "top")] + [f"lower.{s}" for s in ("left", "right", "bottom")]
     return {
         "plane": "strain", "order": 4, "duration": duration, "positions": "x",
@@ -65,7 +71,7 @@ def pulse(result: Rupture, side: int) -> tuple[float, float, float]:
     return speed, peaks[0], peaks[1]
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     spacings = (2e-5, 1e-5) if fine else (4e-5, 2e-5)
     runs = {name: [rupture(case(h, law)) for h in spacings] for name, law in (("memory", MEMORY), ("Coulomb", COULOMB))}
@@ -91,7 +97,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(runs, spacings))
 
 
-def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Any:
+def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")

@@ -9,7 +9,7 @@ with 0.01), hardly on the nucleation.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, elastic, rupture
 from ruptfx.materials.isotropic_elastic import rayleigh_speed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 C_S, C_P, DENSITY = 1000.0, np.sqrt(3) * 1000.0, 2000.0
 C_R = rayleigh_speed(C_P, C_S)
@@ -90,7 +95,7 @@ def transition(length: np.ndarray, when: np.ndarray) -> float:
     return float(overtaken.max()) if len(overtaken) else np.nan
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, curves, places = [], [], []
     for ratio, per_zone in ((1.2, 6.0), (1.2, 8.0), (2.0, 5.0)):
@@ -111,7 +116,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(curves))
 
 
-def _draw(curves: list) -> Any:
+def _draw(curves: list) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")

@@ -8,7 +8,7 @@ at one instant: the speed times the time in which a point weakens is less while 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +16,15 @@ from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench.burridge_andrews import C_P, C_R, C_S, crack, front
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
 RATIO = 6.0
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     result, critical = crack(RATIO, 6.0, 12.0 if fine else 8.0, 9.5, start=1.25)
     length, when, speed = front(result, critical)
@@ -40,7 +45,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(length, speed, zone, static, inside))
 
 
-def _draw(length: np.ndarray, speed: np.ndarray, zone: np.ndarray, static: float, inside: np.ndarray) -> Any:
+def _draw(length: np.ndarray, speed: np.ndarray, zone: np.ndarray, static: float, inside: np.ndarray) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

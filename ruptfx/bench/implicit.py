@@ -12,34 +12,39 @@ import copy
 import time
 import tomllib
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
+from ruptfx import Table, parallel
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
 
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
+    from ruptfx.state import State
+    from ruptfx.steppers import Motion
+
 SOURCE = "aim, one core"
 TIMED = 5
 
 
-def demo(name: str, element_size: float, stepper: dict[str, Any]) -> Case:
+def demo(name: str, element_size: float, stepper: Table) -> Case:
     """A demo on another mesh with another stepper."""
     table = tomllib.loads(files("ruptfx").joinpath(f"demos/{name}.toml").read_text())
     table["mesh"] |= {"element_size": element_size}
     return Case.model_validate(table | {"stepper": stepper, "output": {"figures": False}})
 
 
-def measured(case: Case, comm: Any, skipped: int) -> dict[str, float]:
+def measured(case: Case, comm: MPI.Comm, skipped: int) -> dict[str, float]:
     """Processor time [s] of the first step, of a step when some were skipped, and of one of the whole system; the
     largest difference of displacement and slip between the two over their largest value."""
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
 
-    def took(motion: Any, state: Any) -> float:
+    def took(motion: Motion, state: State) -> float:
         began = time.process_time()
         motion.step(state)
         return parallel.largest(model.comm, time.process_time() - began)
@@ -65,7 +70,7 @@ def measured(case: Case, comm: Any, skipped: int) -> dict[str, float]:
     }  # fmt: skip
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     cases = {
         "impact": (demo("impact", 1e-3 if fine else 4e-3, {"kind": "generalized_alpha"}), 12, 0.3),
         "stick-slip": (demo("stick_slip", 0.23e-3 if fine else 1.25e-3, {

@@ -12,15 +12,20 @@ so that the path of integration passes over the branch points and the Rayleigh p
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
 from ruptfx.case import Case
 from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 C_P, C_S, RHO = 3200.0, 1847.5, 2000.0
 FREQUENCY, DELAY = 10.0, 0.15
@@ -30,7 +35,7 @@ DURATION = 0.95
 SOURCE = "Lamb (1904); de Hoop (1960)"
 
 
-def case(size: float, kind: str = "strip") -> dict[str, Any]:
+def case(size: float, kind: str = "strip") -> Table:
     """Right half of the problem and of the force, so long and deep that echoes come too late; its two plates are
     glued."""
     left = [
@@ -91,7 +96,7 @@ def surface(size: float, kind: str = "strip") -> tuple[np.ndarray, np.ndarray, f
     return np.array(times), np.array(found), abs(lost / energy["boundary_work"])
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, drawn = [], {}
     for kind, half_width in (("strip", HALF_WIDTH), ("point", 0.0)):
@@ -108,7 +113,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(*drawn["point"]))
 
 
-def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Any:
+def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", sharey=True)

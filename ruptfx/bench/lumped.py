@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray
@@ -26,6 +26,11 @@ from ruptfx.lumped.spring_block.chain import Chain, History, Integrator
 from ruptfx.lumped.spring_slider.protocols import SlideHoldSlide
 from ruptfx.lumped.spring_slider.slider import Slider, linear_rates
 from ruptfx.lumped.spring_slider.stability import ModulatedLoad, StabilityDiagram, onset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 ROUGHNESS = "Baygeldi et al. (2026)"
 CHAIN = "Rubinstein et al. (2011)"
@@ -64,13 +69,13 @@ def modulation() -> xarray.Dataset:
     return ModulatedLoad(amplitudes=list(MODULATION), critical=False).run(slider, silent)
 
 
-def pmma(stiffness: Any, mass: float = 0.0, interface_length: float = 0.0) -> Slider:
+def pmma(stiffness: object, mass: float = 0.0, interface_length: float = 0.0) -> Slider:
     """A slider with the constants of PMMA near room temperature."""
     law = RateAndStateAgeing(a=A, b=B, D_c=D_C, f_0=0.36, V_0=1e-6)
     return Slider(law, WEIGHT, stiffness, mass, interface_length)
 
 
-def run(fine: bool = False, comm: Any = None) -> Outcome:
+def run(fine: bool = False, comm: MPI.Comm | None = None) -> Outcome:
     """All checks of the lumped models; the same at any resolution and on any number of ranks."""
     return Outcome([*roughness_checks(), *chain_checks(), *slider_checks()], figure)
 
@@ -207,12 +212,12 @@ def slider_checks() -> list[Check]:
     ]
 
 
-def figure() -> Any:
+def figure() -> Figure:
     """Amplitude against alpha, and mean friction against load amplitude, with the expected numbers."""
     from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled
-    def draw() -> Any:
+    def draw() -> Figure:
         picture, axes = new_figure(1, 2, 2.7)
         left, right = axes[0]
         data, load = ensembles()[0], modulation()

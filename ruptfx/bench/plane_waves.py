@@ -11,19 +11,25 @@ pulled down.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, elastic, rupture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 SIGMA, FRICTION, TAU_I = 6e6, 0.2, 1e6
 FAST, SLOW = elastic(2200.0, 1255.0, 1246.0), elastic(1600.0, 900.0, 1100.0)
 HEIGHT = 40e-3
 
 
-def column(upper: dict, lower: dict, size: float, height: float) -> dict[str, Any]:
+def column(upper: dict, lower: dict, size: float, height: float) -> Table:
     return {
         "mesh": {"kind": "two_plates", "length": 4 * size, "height": height, "element_size": size},
         "materials": {"upper": upper, "lower": lower}, "faults": {"main": {"contact": {"kind": "split_node"}}},
@@ -80,7 +86,7 @@ def gap(size: float) -> tuple[Rupture, dict[str, float], tuple[np.ndarray, np.nd
     return rupture(table, energies=50), exact, (t + height / c_p, width)
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     size = 0.25e-3 if fine else 0.5e-3
     checks, curves = [], []
@@ -111,7 +117,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(curves, result.time, middle, reference))
 
 
-def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[np.ndarray, np.ndarray]) -> Any:
+def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[np.ndarray, np.ndarray]) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

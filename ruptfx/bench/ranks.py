@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -14,10 +14,15 @@ from ruptfx import RuptfxError, launch
 from ruptfx.bench import Check, Outcome, bimaterial, tpv101, tpv103, tpv205
 from ruptfx.case import parse_case
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
 TOLERANCE = 1e-9  # round-off, after some hundreds of steps
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del fine, comm
     problems = {
         "TPV205-2D": {**tpv205.case(400.0, 2.0, 20e3, 10e3)}, "TPV101": {**tpv101.case(200.0), "duration": 2.0},
@@ -38,7 +43,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(list(problems), [check.found for check in checks]))
 
 
-def _draw(names: list[str], differences: list[float]) -> Any:
+def _draw(names: list[str], differences: list[float]) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, ax = plt.subplots(figsize=(4.5, 2.4), layout="constrained")

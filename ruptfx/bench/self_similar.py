@@ -9,13 +9,18 @@ halvings.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, elastic, rupture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 C_S, C_P, DENSITY = 1000.0, np.sqrt(3) * 1000.0, 2000.0
 DROP, SIGMA = 1e6, 10e6
@@ -61,7 +66,7 @@ def misfit(result: Rupture, plane: str, fraction: float) -> tuple[float, np.ndar
     return float(np.max(np.abs(slip[inner] / exact[inner] - 1))), slip, exact
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, curves = [], []
     spacings = (8e-3, 2e-3) if fine else (8e-3, 4e-3)
@@ -83,7 +88,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(curves))
 
 
-def _draw(curves: list) -> Any:
+def _draw(curves: list) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

@@ -10,15 +10,20 @@ respect to the place of the source. The source is not at a node.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
 from ruptfx.case import Case
 from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 C_P, C_S, RHO = 3464.0, 2000.0, 2000.0
 FREQUENCY, DELAY, DURATION = 10.0, 0.15, 0.75
@@ -29,7 +34,7 @@ SOURCES = {"point_force": {"force": [1e6]}, "moment": {"moment": [4e7, 3e7]}}
 SOURCE = "Aki and Richards (2002), images"
 
 
-def case(size: float, kind: str) -> dict[str, Any]:
+def case(size: float, kind: str) -> Table:
     """A quarter space, so large that echoes of its far ends come too late; its two plates are glued."""
     glued = {
         "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 1.0},
@@ -92,7 +97,7 @@ def seismograms(size: float, kind: str) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(times), np.array(found), abs(lost / energy["boundary_work"])
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, drawn = [], {}
     for kind in SOURCES:
@@ -106,7 +111,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(drawn))
 
 
-def _draw(drawn: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Any:
+def _draw(drawn: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", sharex=True)

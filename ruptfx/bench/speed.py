@@ -12,11 +12,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, native
+from ruptfx import RuptfxError, Table, fem, launch, native
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._timings import start_up, time_to_error
 from ruptfx.bench._whole_runs import whole_runs
@@ -26,6 +26,12 @@ from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
 from ruptfx.operators.ufl_form import UflForm, energy, measure
 from ruptfx.terminal import console
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
+    from ruptfx.state import State
+    from ruptfx.steppers import Motion
+    from ruptfx.steppers.leapfrog import LeapfrogMotion
 
 SAMPLES = 9
 SOURCE = "aim, 8-lane processor with two 512-bit pipes"
@@ -50,7 +56,7 @@ void axpy(long n, double a, const double *x, double *y) { for (long i = 0; i < n
 """
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     """Measure the rows of the table one after the other and compare them with the aims.
 
     Rows hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
@@ -61,7 +67,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     """
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
-    rows: list[dict[str, Any]] = []
+    rows: list[Table] = []
     for wanted in FINE_ROWS if fine else ROWS:
         rows.append(measure_row(*wanted))
         _compare_ranks(rows)
@@ -92,7 +98,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks + reached, None, rows + phases)
 
 
-def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> dict[str, Any]:
+def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> Table:
     """One row, measured in processes of its own.
 
     Raises
@@ -112,7 +118,7 @@ def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> 
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def _compare_ranks(rows: list[dict[str, Any]]) -> None:
+def _compare_ranks(rows: list[Table]) -> None:
     """Speed-up of the last row over the row of one rank on the same problem."""
     last = rows[-1]
     last["efficiency"] = last["independent_efficiency"] = None
@@ -125,7 +131,7 @@ def _compare_ranks(rows: list[dict[str, Any]]) -> None:
             last["independent_efficiency"] = last["ranks"] * independent / row[key]
 
 
-def show(rows: list[dict[str, Any]]) -> None:
+def show(rows: list[Table]) -> None:
     """Print the table."""
     from rich.table import Table
 
@@ -234,11 +240,11 @@ def median_time(function: Callable[[], Any], least: float = 0.05, samples: int =
     return float(np.median(times))
 
 
-def work(dim: int, order: int, geometry: str, nodes: int) -> dict[str, Any] | None:
+def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
     """Measure one row on the ranks of this job; the row on rank 0, None elsewhere."""
     comm = fem.MPI.COMM_WORLD
     model, motion, state, step = timed_steps(problem(dim, order, geometry, nodes), comm)
-    row: dict[str, Any] = {
+    row: Table = {
         "dim": dim, "order": order, "geometry": geometry, "nodes": model.total_nodes, "asked": nodes,
         "ranks": comm.size, "node_updates_per_second_per_core": model.total_nodes / step / comm.size,
         "bytes_per_node": held_bytes(model, motion, state) / model.nodes, "ratio_to_ufl_form": None,
@@ -261,7 +267,7 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> dict[str, Any] | No
     return row if comm.rank == 0 else None
 
 
-def timed_steps(case: Case, comm: Any) -> tuple[Model, Any, Any, float]:
+def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Any, Any, float]:
     """Model, motion and state after some steps, and the processor time of one [s], the longest of all ranks."""
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -279,18 +285,18 @@ def timed_steps(case: Case, comm: Any) -> tuple[Model, Any, Any, float]:
     return model, motion, state, fem.MPI.COMM_WORLD.allreduce(float(np.median(times)), op=fem.MPI.MAX)
 
 
-def held_bytes(model: Model, motion: Any, state: Any) -> float:
+def held_bytes(model: Model, motion: Motion, state: State) -> float:
     """What a step reads or writes: vectors, inverse mass, and the operator's own arrays."""
     vectors = (state.displacement, state.velocity, state.force)
     per_node = 8.0 * model.nodes
     return sum(vector.nbytes for vector in vectors) + per_node + getattr(model.operator, "nbytes", 0)
 
 
-def interface_time(motion: Any, state: Any) -> float:
+def interface_time(motion: LeapfrogMotion, state: State) -> float:
     """Processor time of the faults in one step [s]."""
 
     def faults() -> None:
-        for name, fault_step in motion._faults:
+        for name, fault_step in motion._kicks[2].faults:
             fault_step(state.faults[name], state.displacement, state.velocity, state.force, state.time)
 
     return median_time(faults)
@@ -307,7 +313,7 @@ def bandwidth() -> float:
     return 3 * x.nbytes / seconds
 
 
-def ufl_step(model: Model, state: Any, dt: float, jit_options: dict[str, Any]) -> float:
+def ufl_step(model: Model, state: State, dt: float, jit_options: Table) -> float:
     """Processor time of the same bulk step with the reference operator [s]."""
     reference = UflForm(model.bulk, jit_options)
     inverse_mass = dt / model.mass

@@ -11,21 +11,26 @@ The rupture is an in-plane one with the ageing law, nodes 100 m apart, at the st
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic, rupture
 from ruptfx.case import Case
 from ruptfx.fields import MONITORS
 from ruptfx.model import Model
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
 DURATION = 8e-6
 STEPS = 160, 320, 2560
 HOMALITE = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
-CONTACTS: dict[str, dict[str, Any]] = {
+CONTACTS: dict[str, Table] = {
     "split_node": {"kind": "split_node"}, "compliant": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9},
 }  # fmt: skip
 NORMAL, CREEPING_SHEAR = 6e6, 1.8e6  # Pa; laws that creep carry any shear stress at some slip rate
@@ -37,7 +42,7 @@ _POWER_LAW = {
     "kind": "rate_and_state_power_law", "mu_s": 0.6, "mu_d": 0.4, "V_0": 100.0, "V_1": 29.0, "p": 1.2, "m": 5.0,
     "L_0": 10e-6, "theta_0_initial": 2e-4,
 }  # fmt: skip
-LAWS: dict[str, dict[str, Any]] = {
+LAWS: dict[str, Table] = {
     "coulomb": _COULOMB,
     "linear_slip_weakening": {"kind": "linear_slip_weakening", **_WEAKENING, "D_c": 200e-6},
     "exponential_slip_weakening": {"kind": "exponential_slip_weakening", **_WEAKENING, "D_c": 20e-6},
@@ -63,9 +68,9 @@ NOT_SMOOTH = {("velocity_weakening", "compliant")}
 FIELDS_OF_STEPS = ("mean_slip_rate", "opening", *(monitor.name for monitor in MONITORS))  # not of one time, or zero
 
 
-def plates(law: dict[str, Any], contact: dict[str, Any], steps: int) -> dict[str, Any]:
+def plates(law: Table, contact: Table, steps: int) -> Table:
     """Two plates under a growing shear traction and pressure; the interface is at the limit of sticking."""
-    table: dict[str, Any] = {
+    table: Table = {
         "plane": "stress", "order": 2, "duration": DURATION,
         "mesh": {"kind": "two_plates", "length": 12e-3, "height": 4e-3, "element_size": 2e-3},
         "materials": {"default": HOMALITE},
@@ -84,7 +89,7 @@ def plates(law: dict[str, Any], contact: dict[str, Any], steps: int) -> dict[str
 
 
 def fields(
-    law: dict[str, Any], contact: dict[str, Any], steps: int, stepper: dict[str, Any] | None = None
+    law: Table, contact: Table, steps: int, stepper: Table | None = None
 ) -> dict[str, np.ndarray]:
     """Fields of the interface at the end."""
     table = plates(law, contact, steps)
@@ -97,8 +102,8 @@ def fields(
 
 
 def orders(
-    law: dict[str, Any], contact: dict[str, Any], steps: tuple[int, int, int] = STEPS,
-    stepper: dict[str, Any] | None = None,
+    law: Table, contact: Table, steps: tuple[int, int, int] = STEPS,
+    stepper: Table | None = None,
 ) -> dict[str, float]:  # fmt: skip
     """Observed order of every field: the difference from the shortest step makes 2.02 of second order."""
     coarse, middle, fine = (fields(law, contact, number, stepper) for number in steps)
@@ -139,7 +144,7 @@ def ageing_rupture(factor: float, step: float | None = None) -> Any:
     return rupture(table, energies=2)
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     """Orders of all laws; arrival, slip rate and peak of the rupture at 3 km."""
     del fine, comm
     checks = []
@@ -168,7 +173,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw([usual, short], at, step))
 
 
-def _draw(runs: list[Any], at: int, step: float) -> Any:
+def _draw(runs: list[Any], at: int, step: float) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, ax = plt.subplots(figsize=(5, 3.2), layout="constrained")

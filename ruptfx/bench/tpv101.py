@@ -10,13 +10,19 @@ are compared with those of the finest mesh (a slope of arrivals that all shift a
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, elastic, rupture
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 LENGTH, HEIGHT = 19e3, 6e3  # m, of the quarter that is modelled: x > 0, y > 0
 C_S = 3464.0
@@ -27,11 +33,11 @@ STATE, VALUE = "theta", 1.606238999213454e9
 DURATION = 6.0
 
 
-def case(spacing: float) -> dict[str, Any]:
+def case(spacing: float) -> Table:
     return line(spacing, {**LAW, "a": {**TAPER, "inside": 0.008, "outside": 0.016}}, 75e6, 25e6, DURATION)
 
 
-def line(spacing: float, law: dict[str, Any], shear: float, extra: float, duration: float) -> dict[str, Any]:
+def line(spacing: float, law: Table, shear: float, extra: float, duration: float) -> Table:
     """A rate-and-state benchmark of this family: a half model, symmetric about x = 0 too."""
     return {
         "plane": "strain", "order": 4, "duration": duration,
@@ -85,7 +91,7 @@ def facts(result: Rupture) -> dict[str, float]:
     return {"rupture time at 12 km": time, "front speed, 5 to 12 km": float(speed), **peaks}
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, runs = converge(case, STATE, VALUE, SOURCE, fine)
     law = RateAndStateAgeing(a=0.008, **{key: v for key, v in LAW.items() if key != "kind"})  # type: ignore[arg-type]
@@ -101,7 +107,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: draw(runs))
 
 
-def draw(runs: list[Rupture]) -> Any:
+def draw(runs: list[Rupture]) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

@@ -8,13 +8,17 @@ peak slip rate converges from 50 m on only.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench.tpv101 import TAPER, converge, draw, line
 from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
 
 LAW = {
     "kind": "rate_and_state_flash_heating", "b": 0.014, "D_c": 0.4, "f_0": 0.6, "V_0": 1e-6, "f_w": 0.2,
@@ -24,12 +28,12 @@ STATE, VALUE = "psi", 0.563591842632738
 DURATION = 6.0
 
 
-def case(spacing: float) -> dict[str, Any]:
+def case(spacing: float) -> Table:
     law = {**LAW, "a": {**TAPER, "inside": 0.01, "outside": 0.02}, "V_w": {**TAPER, "inside": 0.1, "outside": 1.0}}
     return line(spacing, law, 40e6, 45e6, DURATION)
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, runs = converge(case, STATE, VALUE, "SCEC/USGS TPV103", fine)
     law = RateAndStateFlashHeating(a=0.01, V_w=0.1, **{k: v for k, v in LAW.items() if k != "kind"})  # type: ignore[arg-type]

@@ -20,12 +20,18 @@ Own convergence as in Day, Dalguer, Lapusta, Liu (2005): nodes 100 m apart again
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import Rupture, elastic, rupture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 HALF = 40e3  # m, half the length of the model
 C_S = 3464.0
@@ -39,13 +45,13 @@ D_C = 0.4  # m
 TIME_LIMIT = 15.0  # s, one core
 
 
-def case(spacing: float, duration: float = 12.0, half: float = HALF, height: float = HALF) -> dict[str, Any]:
+def case(spacing: float, duration: float = 12.0, half: float = HALF, height: float = HALF) -> Table:
     """The problem with nodes that far apart [m], as a half model: equal bodies, antisymmetric motion.
 
     Order 5, so that at 100 m the edges of all patches are edges of elements; a node there carries the mean stress.
     """
 
-    def patch(left: float, right: float, extra: float) -> list[dict[str, Any]]:
+    def patch(left: float, right: float, extra: float) -> list[Table]:
         center, width = 0.5 * (left + right), 0.5 * (right - left)
         box = {"kind": "boxcar", "inside": 0.5 * extra, "outside": 0.0, "center": center}
         boxes = ({**box, "half_width": width * (1 + away)} for away in (-1e-6, 1e-6))
@@ -71,7 +77,7 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
     }  # fmt: skip
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     """Stations, speed at 100 m, and convergence."""
     main = rupture(case(100.0), comm=comm)
     x = main.position
@@ -104,7 +110,7 @@ def _sampled_peak(rate: np.ndarray, every: int) -> tuple[float, float]:
     return min(peaks), max(peaks)
 
 
-def _convergence(fine: bool) -> dict[str, Any]:
+def _convergence(fine: bool) -> Table:
     """Fronts, peak rates and slips of coarse runs against a fine one, on a smaller model up to 4.6 s."""
     half, duration = 18e3, 4.6
     spacings = [100.0, 50.0, 25.0, 12.5] if fine else [100.0, 50.0, 25.0]
@@ -138,7 +144,7 @@ def _convergence(fine: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _draw(main: Rupture, arrival: np.ndarray, convergence: dict[str, Any]) -> Any:
+def _draw(main: Rupture, arrival: np.ndarray, convergence: Table) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, (front, rates, errors) = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")

@@ -7,13 +7,18 @@ Di Bartolomeo, Massi, Meziane, Baillet, Culla (2010), speeds from their constant
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx.analysis import fracture
 from ruptfx.bench import Check, Outcome
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 HOMALITE = IsotropicElastic(young_modulus=5.3e9, poisson_ratio=0.35, density=1246.0)
 TOP = IsotropicElastic(young_modulus=5.3e9, poisson_ratio=0.25, density=1246.0)
@@ -22,7 +27,7 @@ PMMA = IsotropicElastic(young_modulus=5.65e9, poisson_ratio=0.33, density=1180.0
 FRACTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del fine, comm
     checks = []
     for name, material, plane, expected in (
@@ -52,7 +57,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, _draw)
 
 
-def _draw() -> Any:
+def _draw() -> Figure:
     from matplotlib import pyplot as plt
 
     c_p, c_s, c_R = PMMA.wave_speeds("strain")

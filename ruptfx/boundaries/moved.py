@@ -53,7 +53,7 @@ class Moved(EdgeBoundary):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_file(cls, values: Any, info: ValidationInfo) -> Any:
+    def _from_file(cls, values: object, info: ValidationInfo) -> Any:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
             return values
         if values.get("times") or values.get("values"):

@@ -37,7 +37,7 @@ def require(holds: Any, what: str, **where: Any) -> None:
         raise Broken(f"{what}{f' at {shown}' if shown else ''}")
 
 
-def close(found: Any, expected: Any, tolerance: float, what: str, **where: Any) -> None:
+def close(found: object, expected: object, tolerance: float, what: str, **where: object) -> None:
     """Raise where two values differ by more than a tolerance relative to the expected one."""
     found, expected = np.broadcast_arrays(np.asarray(found, float), np.asarray(expected, float))
     near = np.abs(found - expected) <= tolerance * np.abs(expected)

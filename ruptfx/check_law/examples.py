@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from ruptfx import Table
 from ruptfx.schema import CaseError, Part, alternatives, unit_of
 
 Array = np.ndarray
@@ -20,7 +21,7 @@ DECADES = {
 }  # fmt: skip
 
 
-def number(seed: int, name: str, unit: str, schema: dict[str, Any]) -> float:
+def number(seed: int, name: str, unit: str, schema: Table) -> float:
     """A number within the bounds of a field, the same for the same seed and name."""
     random = np.random.default_rng([seed, zlib.crc32(name.encode())])
     value = float(10 ** random.uniform(*DECADES.get(unit, (-1.0, 0.0))))
@@ -32,27 +33,27 @@ def number(seed: int, name: str, unit: str, schema: dict[str, Any]) -> float:
 
 
 @cache
-def properties(cls: type[Part]) -> dict[str, dict[str, Any]]:
+def properties(cls: type[Part]) -> dict[str, Table]:
     """JSON schema of every field."""
     return cls.model_json_schema()["properties"]
 
 
-def choices(schema: dict[str, Any]) -> list[dict[str, Any]]:
+def choices(schema: Table) -> list[Table]:
     return schema.get("anyOf") or schema.get("oneOf") or [schema]
 
 
-def folder(schema: dict[str, Any]) -> str | None:
+def folder(schema: Table) -> str | None:
     """Folder of alternatives that a field chooses from."""
     return next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
 
 
-def flat(schema: dict[str, Any]) -> list[dict[str, Any]]:
+def flat(schema: Table) -> list[Table]:
     """Alternatives of alternatives, in one list."""
     inner = choices(schema)
     return [schema] if inner == [schema] else [item for entry in inner for item in flat(entry)]
 
 
-def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: bool = False) -> dict[str, Any]:
+def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: bool = False) -> Table:
     """A table of a case with a value for every field.
 
     Parameters
@@ -65,7 +66,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
     profiles : bool
         Give every field that may vary along an interface as a profile.
     """
-    result: dict[str, Any] = {}
+    result: Table = {}
     for name, schema in properties(cls).items():
         if name not in cls.model_fields:  # another way to give one that is
             continue

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from ruptfx.fields import Array as Array
 from ruptfx.schema import Alternative, CaseError, alternative, alternatives
 
-Array = Any
 Way = Literal["explicit", "implicit"]
 
 

@@ -9,18 +9,18 @@ solvers need and the C code of the explicit path, so a new law is fast and consi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
+from ruptfx.fields import Array as Array
 from ruptfx.fields import reserved_names
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.schema import Alternative, alternative
 
-LawState = dict[str, Any]
-Array = Any  # ndarray of shape (n,), a float, or a traced expression
+LawState = Table
 
 RESERVED = reserved_names() | {"weight", "gap", "time", "position", "x", "y", "z"}
 """What a fault and its files call their own: a state variable of that name would overwrite it."""
@@ -40,7 +40,7 @@ class FrictionLaw(Alternative):
     """Where the formula comes from."""
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+    def __pydantic_init_subclass__(cls, **options: object) -> None:
         super().__pydantic_init_subclass__(**options)
         for name in sorted(RESERVED.intersection(cls.state_fields)):
             raise RuptfxError(

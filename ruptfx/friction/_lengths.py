@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-Array = Any  # ndarray of shape (n,) or a float
+from ruptfx.fields import Array
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class CaseOptions:
             database.setValue(self.prefix + name, None if value is True else value)
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         database = fem.PETSc.Options()
         unread = [name for name in self.given if not fem.option_was_read(self.prefix + name)]
         self.unread = f"stepper.petsc_options.{unread[0]} = {self.given[unread[0]]!r}" if unread else ""
@@ -195,7 +195,7 @@ def choose(ksp: Any, model: Model, matrix: Any) -> bool:
     return False
 
 
-def _name(reasons: Any, code: int) -> str:
+def _name(reasons: object, code: int) -> str:
     return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ruptfx import RuptfxError, __version__
+from ruptfx import RuptfxError, Table, __version__
 from ruptfx.directories import is_finished, prepare, reserved, write_json
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import Alternative, find
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[float, str], None]
-Summary = dict[str, Any]
+Summary = Table
 
 
 def silent(fraction: float, message: str) -> None:
@@ -60,7 +60,7 @@ class LumpedModel(CaseFile, Alternative):
         return {**scalars, **dataset.attrs}
 
 
-def variable(dims: Any, values: Any, units: str, long_name: str) -> tuple[Any, Any, dict[str, str]]:
+def variable(dims: object, values: object, units: str, long_name: str) -> tuple[Any, Any, dict[str, str]]:
     """A variable of a dataset: dimensions, values, and the units and name that files and figures show."""
     return dims, values, {"units": units, "long_name": long_name}
 
@@ -155,12 +155,12 @@ def _draw(cls: type[LumpedModel], dataset: xarray.Dataset, out: Path, formats: S
     return paths
 
 
-def _compression(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
+def _compression(dataset: xarray.Dataset) -> dict[Any, Table]:
     large = [name for name, values in dataset.variables.items() if values.size > 10_000 and values.dtype.kind in "fiu"]
     return {name: {"zlib": True, "complevel": 4} for name in large}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """JSON types only; numbers that are none become null."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Material(Alternative):
     """Of the material and the light, f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
     drawn where it and `output.plate_thickness` are given."""
 
-    def energy_density(self, strain: Any, plane: Plane) -> Any:
+    def energy_density(self, strain: Expr, plane: Plane) -> Expr:
         """Strain energy per volume [J/m3] as a UFL expression.
 
         Parameters
@@ -99,6 +99,7 @@ class Material(Alternative):
 
 
 if TYPE_CHECKING:
+    from ruptfx.fem import Expr
     AnyMaterial = Material
 else:
     AnyMaterial = alternative("ruptfx.materials")

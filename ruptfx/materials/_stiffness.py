@@ -101,7 +101,7 @@ def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
     return low
 
 
-def _refuse_places(expression: Any) -> None:
+def _refuse_places(expression: object) -> None:
     """What varies from place to place has a value at the origin, but that is not the one of an edge."""
     from ufl.corealg.traversal import traverse_unique_terminals
     from ufl.geometry import GeometricQuantity

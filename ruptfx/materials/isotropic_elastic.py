@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import GetJsonSchemaHandler, ValidationError, model_validator
@@ -15,6 +15,9 @@ from pydantic_core import CoreSchema
 from ruptfx.materials import Material, Plane, WaveSpeeds
 from ruptfx.schema import CaseError, Part
 from ruptfx.units import Density, Modulus, PoissonRatio, Speed
+
+if TYPE_CHECKING:
+    from ruptfx.fem import Expr
 
 
 class ByShearModulus(Part):
@@ -70,7 +73,7 @@ class IsotropicElastic(Material):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_other_constants(cls, values: Any) -> Any:
+    def _from_other_constants(cls, values: object) -> Any:
         if not isinstance(values, Mapping):
             return values
         for other in (ByShearModulus, ByWaveSpeeds):
@@ -115,7 +118,7 @@ class IsotropicElastic(Material):
     def lame(self, plane: Plane) -> tuple[float, float]:
         return self.lame_lambda(plane), self.shear_modulus
 
-    def energy_density(self, strain: Any, plane: Plane) -> Any:
+    def energy_density(self, strain: Expr, plane: Plane) -> Expr:
         """lambda tr(e)^2 / 2 + G e:e; in antiplane G |grad w|^2 / 2."""
         import ufl
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from ruptfx.materials import Material, Plane
 from ruptfx.units import Angle, ContractionRatio, Modulus
+
+if TYPE_CHECKING:
+    from ruptfx.fem import Expr
 
 
 class OrthotropicElastic(Material):
@@ -76,7 +79,7 @@ class OrthotropicElastic(Material):
         stiffness = np.linalg.inv(self._compliance())
         return stiffness if plane == "solid" else stiffness[inside]
 
-    def energy_density(self, strain: Any, plane: Plane) -> Any:
+    def energy_density(self, strain: Expr, plane: Plane) -> Expr:
         """e' C e / 2 with the strain along the axes of the material, shear counted twice."""
         import ufl
 

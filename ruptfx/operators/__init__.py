@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ruptfx.materials import Material, Plane
 from ruptfx.plugins import Plugin, active
 from ruptfx.schema import CaseError, from_outside, kinds, nearest, own_module
+
+if TYPE_CHECKING:
+    from ruptfx import fem
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Bulk:
         Local cells that count; None for all.
     """
 
-    space: Any
+    space: fem.dolfinx.fem.FunctionSpace
     plane: Plane
     materials: list[Material]
     cell_material: np.ndarray

@@ -55,7 +55,9 @@ def _slices(count: int) -> list[slice]:
     return [slice(first, first + 4096) for first in range(0, count, 4096)]
 
 
-def _geometry(space: Any, cells: np.ndarray, kind: int, permutation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _geometry(
+    space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, permutation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Sign of the moduli and geometry of some cells, shapes (batches, lanes) and (batches, lanes, numbers)."""
     mesh = space.mesh
     x = _corners(mesh, cells)
@@ -72,24 +74,25 @@ def _geometry(space: Any, cells: np.ndarray, kind: int, permutation: np.ndarray)
     return upright, scaled.reshape(*cells.shape, -1)
 
 
-def is_tensor(mesh: Any) -> bool:
+def is_tensor(mesh: fem.dolfinx.mesh.Mesh) -> bool:
     """Quadrilaterals and hexahedra."""
     return mesh.basix_cell().name in ("quadrilateral", "hexahedron")
 
 
-def _nodes(mesh: Any, cells: np.ndarray) -> np.ndarray:
+def _nodes(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     return mesh.geometry.x[:, : mesh.geometry.dim][fem.geometry_dofmap(mesh)[cells]]
 
 
-def _corners(mesh: Any, cells: np.ndarray) -> np.ndarray:
+def _corners(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     return _nodes(mesh, cells)[..., : mesh.geometry.dim + 1 if not is_tensor(mesh) else 2**mesh.geometry.dim, :]
 
 
-def geometry_element(mesh: Any) -> Any:
-    return mesh.ufl_domain().ufl_coordinate_element()
+def geometry_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
+    domain: Any = mesh.ufl_domain()
+    return domain.ufl_coordinate_element()
 
 
-def _coordinate_element(mesh: Any) -> Any:
+def _coordinate_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
     """The map from the reference cell, as Basix has it."""
     described, basix = geometry_element(mesh), fem.basix
     return basix.create_element(
@@ -120,7 +123,7 @@ def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
     return jacobian, np.concatenate([jacobian, np.stack(mixed, axis=-2)], axis=-2)
 
 
-def _classify(mesh: Any, cells: np.ndarray) -> np.ndarray:
+def _classify(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     """Geometry of batches of cells, by their most demanding one, shape (batches,)."""
     if not is_tensor(mesh) and geometry_element(mesh).degree > 1:
         return np.full(len(cells), POINTWISE, dtype=np.uint8)
@@ -139,7 +142,7 @@ def _classify(mesh: Any, cells: np.ndarray) -> np.ndarray:
     return kind.max(axis=1).astype(np.uint8)
 
 
-def _is_curved(mesh: Any, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
+def _is_curved(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Whether nodes of a cell are not where its corners alone put them."""
     if geometry_element(mesh).degree == 1:
         return np.zeros(cells.shape, dtype=bool)
@@ -156,9 +159,11 @@ def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
     return np.linalg.inv(jacobian).swapaxes(-1, -2) * volume[..., None, None]
 
 
-def _pointwise(mesh: Any, x: np.ndarray, space: Any, permutation: np.ndarray) -> np.ndarray:
+def _pointwise(
+    mesh: fem.dolfinx.mesh.Mesh, x: np.ndarray, space: fem.dolfinx.fem.FunctionSpace, permutation: np.ndarray
+) -> np.ndarray:
     """Scaled inverse Jacobian at every node of cells with curved edges."""
-    points = space.element.basix_element.points[permutation]
+    points = np.asarray(space.element.basix_element.points)[permutation]
     slopes = np.asarray(_coordinate_element(mesh).tabulate(1, points))[1:, :, :, 0]
     jacobian = np.einsum("dqk,blka->blqda", slopes, x)
     return _scaled_inverse(jacobian).reshape(*x.shape[:2], -1)

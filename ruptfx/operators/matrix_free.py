@@ -241,7 +241,7 @@ def _shared_nodes(index_map: Any) -> np.ndarray:
     return flag.array > 0
 
 
-def _fetch(space: Any) -> int:
+def _fetch(space: fem.dolfinx.fem.FunctionSpace) -> int:
     """Cache lines of new nodes per node of a batch: order^dim new nodes per element, 8 elements, 8 doubles a line."""
     order, dim = space.element.basix_element.degree, space.mesh.topology.dim
     return -(-space.dofmap.index_map_bs * order**dim // (order + 1) ** dim)
@@ -258,7 +258,7 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
 
 
-def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
+def _reference_cell(space: fem.dolfinx.fem.FunctionSpace) -> tuple[np.ndarray, str]:
     """Tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim
@@ -272,7 +272,7 @@ def _reference_cell(space: Any) -> tuple[np.ndarray, str]:
         return np.arange(dim + 1), text + _tables({"double MINUS_WEIGHT[]": np.full(dim + 1, -volume)})
     points, weights, derivative = gauss_lobatto_legendre(order)
     # Lexicographic, the first coordinate slowest; rounded because points of a line differ by round-off.
-    permutation = np.lexsort(np.round(element.points, 10).T[::-1])
+    permutation = np.lexsort(np.round(np.asarray(element.points), 10).T[::-1])
     product = weights
     for _ in range(dim - 1):
         product = np.multiply.outer(product, weights)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.operators import Bulk
 
 
@@ -52,7 +50,7 @@ class UflForm:
         How the form is compiled; empty for DOLFINx's own flags.
     """
 
-    def __init__(self, bulk: Bulk, jit_options: dict[str, Any] = fem.JIT_OPTIONS) -> None:
+    def __init__(self, bulk: Bulk, jit_options: Table = fem.JIT_OPTIONS) -> None:
         space = bulk.space
         self._displacement = fem.dolfinx.fem.Function(space)
         test = fem.ufl.TestFunction(space)

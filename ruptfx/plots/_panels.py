@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +19,7 @@ def panels(
     picture: Callable[[int, Raster], Array],
     label: str,
     line: str,
-    **look: Any,
+    **look: object,
 ) -> Figure:
     """One panel per time, in two columns if there are several, with one common scale."""
     bulk = record.bulk

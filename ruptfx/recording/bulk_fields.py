@@ -124,7 +124,7 @@ class BulkFields:
         self.close()
         self.reopen(self._out)
 
-    def create(self, out: Path, points: Any, cells: Any, body: Any) -> None:
+    def create(self, out: Path, points: object, cells: object, body: object) -> None:
         """Open the file; rank 0 only."""
         self._out = out
         self._file = file = h5py.File(out / "bulk.h5", "w")

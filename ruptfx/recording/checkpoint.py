@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, __version__, fem, parallel
+from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Checkpoints:
         self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
         self._last = time.monotonic()
 
-    def _write(self, state: State, arrays: dict[str, Any], faults: dict[str, Any], energy: Any) -> None:
+    def _write(self, state: State, arrays: Table, faults: Table, energy: Any) -> None:
         folder = self._recorder.out / FOLDER
         temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
         shutil.rmtree(temporary, ignore_errors=True)
@@ -116,7 +116,7 @@ class Checkpoint:
         Known to all ranks.
     """
 
-    def __init__(self, path: Path, manifest: dict[str, Any]) -> None:
+    def __init__(self, path: Path, manifest: Table) -> None:
         self.path, self.manifest = path, manifest
 
     @classmethod
@@ -130,7 +130,7 @@ class Checkpoint:
             None undamaged, or of another case or version.
         """
 
-        def find() -> tuple[Path, dict[str, Any]] | None:
+        def find() -> tuple[Path, Table] | None:
             refused = []
             for path in reversed(all_of(out)):
                 try:
@@ -182,12 +182,12 @@ def all_of(out: Path) -> list[Path]:
     return sorted(path for path in (out / FOLDER).glob("step_*") if path.is_dir())
 
 
-def write_manifest(path: Path, manifest: dict[str, Any]) -> None:
+def write_manifest(path: Path, manifest: Table) -> None:
     """Write what a checkpoint is, sealed."""
     (path / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
 
 
-def read_manifest(path: Path) -> dict[str, Any]:
+def read_manifest(path: Path) -> Table:
     """What a checkpoint says it is.
 
     Raises
@@ -205,7 +205,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
     return manifest
 
 
-def _verified(path: Path, case_hash: str) -> dict[str, Any]:
+def _verified(path: Path, case_hash: str) -> Table:
     """The manifest, after every check."""
     manifest = read_manifest(path)
     if manifest["case_hash"] != case_hash:
@@ -229,7 +229,7 @@ def _checksum(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _seal(manifest: dict[str, Any]) -> str:
+def _seal(manifest: Table) -> str:
     return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
 
 

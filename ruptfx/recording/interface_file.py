@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 import h5netcdf
 import h5py
 import numpy as np
 
+from ruptfx import Table
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, FIELDS, MONITORS
 
@@ -29,7 +29,7 @@ class InterfaceFile:
         Global attributes of the file.
     """
 
-    def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: dict[str, Any]) -> None:
+    def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: Table) -> None:
         self.path = path
         self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
         self._flushed = time.monotonic()

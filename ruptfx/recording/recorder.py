@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, __version__, fem, parallel
+from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields
@@ -126,7 +126,7 @@ class Recorder:
         names = [*(file.path.name for file in self._files.values()), "bulk.h5", "bulk.xdmf", "energy.csv"]
         return [self.out / name for name in names if (self.out / name).exists()]
 
-    def _attributes(self, fault: Fault, place: np.ndarray) -> dict[str, Any]:
+    def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
         case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
         # The end of the interface where an edge is driven; the left one when there is none.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
@@ -223,7 +223,7 @@ class Recorder:
         self._energy.flush()
 
     @phase("writing")
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if self.model.comm.rank == 0:
             if error is not None:
                 self.log.error("stopped: %s", error)

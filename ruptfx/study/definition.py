@@ -16,11 +16,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
+from ruptfx import Table
 from ruptfx.case import override, parse_case, read_toml, set_key
 from ruptfx.schema import CaseError, CasePath, Name, Part, nearest
 from ruptfx.units import Duration, Fraction
 
-Coordinates = dict[str, Any]
+Coordinates = Table
 MOST_POINTS = 1_000_000
 
 
@@ -107,7 +108,7 @@ class Axis(Part):
         scale = np.log if self.spacing == "log" else np.asarray
         return float(abs(scale(high) - scale(low)) / (scale(ends[1]) - scale(ends[0])))
 
-    def coordinate(self, value: Any) -> Any:
+    def coordinate(self, value: object) -> Any:
         """What the table shows for a value: the number, its label, or the text of a list."""
         if self.labels is not None and value in (self.values or []):
             return self.labels[(self.values or []).index(value)]
@@ -121,7 +122,7 @@ class Refine(Part):
     """Width to which a boundary between two modes is located, as a part of the axis."""
     by: str = "mode"
     """The quantity whose change makes a boundary."""
-    fine: dict[str, Any] = {}
+    fine: Table = {}
     """Keys of the case for the second, finer mesh on which boundary points run again."""
 
 
@@ -150,7 +151,7 @@ class Point:
     """
 
     coordinates: Coordinates
-    values: dict[str, Any] = field(repr=False)
+    values: Table = field(repr=False)
     case: Any = field(repr=False)
     origin: str = "sample"
 
@@ -177,7 +178,7 @@ class Study(Part):
     """Case file, relative to the study file."""
     plugins: list[CasePath] = []
     """Python files that define further kinds, relative to the study file, besides those of the case."""
-    set: dict[str, Any] = {}
+    set: Table = {}
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
     """What varies, one table each."""
@@ -222,7 +223,7 @@ class Study(Part):
     def axis(self, column: str) -> Axis:
         return next(axis for axis in self.axes if axis.column == column)
 
-    def base(self, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def base(self, overrides: Mapping[str, Any] | None = None) -> Table:
         """Tables of the case with `set` and further dotted keys; not yet checked."""
         path = Path(self.case)
         try:
@@ -237,7 +238,7 @@ class Study(Part):
             table["plugins"] = [*given, *self.plugins]
         return table
 
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> Table:
         """What makes two studies one: the case apart from its axes, and the keys of the axes."""
         table = self.base()
         table.pop("title", None)
@@ -247,7 +248,7 @@ class Study(Part):
         text = json.dumps(case, sort_keys=True, default=str)
         return {"axes": keys, "case": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
-    def combinations(self) -> Iterator[dict[str, Any]]:
+    def combinations(self) -> Iterator[Table]:
         """Value of every axis, point by point."""
         crossed = [axis for axis in self.axes if axis not in self.sampled]
         grid = [dict(zip((a.column for a in crossed), row, strict=True))
@@ -283,7 +284,7 @@ class Study(Part):
         values: Mapping[str, Any],
         origin: str = "sample",
         overrides: Mapping[str, Any] | None = None,
-        table: dict[str, Any] | None = None,
+        table: Table | None = None,
     ) -> Point:
         """The point with these values of the axes and, where given, further keys of the case."""
         table = copy.deepcopy(table or self.base())
@@ -321,7 +322,7 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     table = read_toml(path)
     if "axes" not in table and ("duration" in table or "kind" in table):
         raise CaseError(f"{path}: a case, not a study; run it with: ruptfx run {shlex.quote(str(path))}")
-    changes: dict[str, Any] = {}
+    changes: Table = {}
     for item in overrides:
         override(changes, item)
     try:
@@ -332,7 +333,7 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     return study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}}) if changes else study
 
 
-def _astray(key: str, table: Any) -> str:
+def _astray(key: str, table: object) -> str:
     """Where a dotted key leaves the tables of the case for one that is not there, and the nearest that is."""
     seen: list[str] = []
     for name in key.split(".")[:-1]:
@@ -346,9 +347,9 @@ def _astray(key: str, table: Any) -> str:
     return ""
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "", whole: bool = True) -> dict[str, Any]:
+def _flat(table: Mapping[str, Any], prefix: str = "", whole: bool = True) -> Table:
     """Dotted keys of nested tables and of lists of tables; tables with a `kind` stay whole if asked to."""
-    flat: dict[str, Any] = {}
+    flat: Table = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and not (whole and "kind" in value):
             flat |= _flat(value, f"{prefix}{key}.", whole)

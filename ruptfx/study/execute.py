@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ruptfx import RuptfxError, __version__, launch
+from ruptfx import RuptfxError, Table, __version__, launch
 from ruptfx.directories import write_json
 from ruptfx.progress import Progress
 from ruptfx.study import refine, table, workers
@@ -149,7 +149,7 @@ class Runner:
             self.count.finished(result)
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
 
-    def _table(self, point: Point) -> dict[str, Any]:
+    def _table(self, point: Point) -> Table:
         """Of its case; plug-ins are those of the directory, whatever becomes of the originals while the study runs."""
         table = point.case.copied(self.store.path)
         if "plugins" in table:
@@ -225,7 +225,7 @@ def _look(path: str) -> tuple[str, bool]:
 def _stoppable() -> Iterator[None]:
     """SIGTERM stops a study as Ctrl-C does."""
 
-    def stop(*_: Any) -> None:
+    def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     try:

@@ -6,10 +6,11 @@ import io
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from PIL import Image
 
+from ruptfx import Table
 from ruptfx.record import Record
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ PICTURES = {"space_time": "Slip rate in space and time", "wavefield": "Particle 
 """Figures of the page and their captions."""
 
 
-def harvest(run: Path, keep: list[str]) -> dict[str, Any]:
+def harvest(run: Path, keep: list[str]) -> Table:
     """Scalars of a run; pictures go beside it, and the run itself is removed unless it is kept.
 
     Parameters
@@ -41,7 +42,7 @@ def harvest(run: Path, keep: list[str]) -> dict[str, Any]:
     return values
 
 
-def _rupture(values: dict[str, Any]) -> str | None:
+def _rupture(values: Table) -> str | None:
     """How far and how fast in one word: none, arrested, or the speed regime."""
     return values.get("mode") if values.get("mode") in ("none", "arrested") else values.get("speed_regime")
 

@@ -24,7 +24,7 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.figure_style import MUTED, WIDTH, letter, new_figure, note, scale, styled
 from ruptfx.study.definition import Axis, Study
 from ruptfx.study.harvest import PICTURES
@@ -365,7 +365,7 @@ def page(shown: Map) -> str:
     return re.sub("|".join(map(re.escape, blanks)), lambda found: blanks[found[0]], template)
 
 
-def _page_point(shown: Map, row: Row) -> dict[str, Any]:
+def _page_point(shown: Map, row: Row) -> Table:
     x, y = _coordinates(shown, [row])
     directory = shown.directory / "points" / str(row["point"])
     saved = {name: directory / f"{name}.png" for name in PICTURES}
@@ -377,14 +377,14 @@ def _page_point(shown: Map, row: Row) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _json(value: Any) -> Any:
+def _json(value: object) -> Any:
     """JSON knows no infinity: an overflow is shown by its name."""
     return value if not isinstance(value, float) or np.isfinite(value) else str(value)
 
 
-def _number(value: Any) -> float:
+def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)

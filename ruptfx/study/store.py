@@ -12,13 +12,13 @@ import shutil
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.directories import LOCK, reserved, write_json
 from ruptfx.study.definition import Study
 
-Result = dict[str, Any]
+Result = Table
 
 
 class Store:
@@ -70,7 +70,7 @@ class Store:
                 )
         write_json(marker, {"identity": mine, "study": self._study.model_dump(mode="json", exclude_none=True)})
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         self._held.close()
 
     def result(self, point: str) -> Result | None:

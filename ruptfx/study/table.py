@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import xarray
 
+from ruptfx import Table
 from ruptfx.analysis import UNITS
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result
 
-Row = dict[str, Any]
+Row = Table
 TIMINGS = ("wall_time", "node_updates_per_second", "seconds", "run_time")
 """Columns that differ between two runs of the same point."""
 

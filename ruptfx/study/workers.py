@@ -13,9 +13,8 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError, Table, launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
 RECYCLE = 100  # points after which a child is replaced, against slow leaks
@@ -46,7 +45,7 @@ class Child:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
         )  # fmt: skip
 
-    def run(self, job: dict[str, Any], time_limit: float | None) -> Result:
+    def run(self, job: Table, time_limit: float | None) -> Result:
         """Answer to one job.
 
         Parameters
@@ -97,7 +96,7 @@ class Child:
 
 
 def run_point(
-    path: str, point: str, table: dict[str, Any], keep: list[str], ranks: int, time_limit: float | None
+    path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None
 ) -> Result:
     """Run one point and make it finished; a failure is a result like any other.
 
@@ -127,7 +126,7 @@ def run_point(
     return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
 
 
-def _on_child(ranks: int, job: dict[str, Any], time_limit: float | None) -> Result:
+def _on_child(ranks: int, job: Table, time_limit: float | None) -> Result:
     with _guard:
         if _closing.is_set():
             raise ChildError("the study is stopping")

@@ -175,7 +175,7 @@ def test_an_error_ends_all_ranks_with_one_message(ranks: int, tmp_path: Path) ->
 
 BUGGY = """
 import sys
-from ruptfx import cli, fem, fault
+from ruptfx import cli, fem, fault_step as fault
 step, comm = fault.FaultStep.__call__, fem.MPI.COMM_WORLD
 def wrong(self, state, displacement, velocity, force, time):
     if comm.rank == comm.size - 1 and time > 8e-6:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
+from typing import TYPE_CHECKING, Annotated, ClassVar, Union
 
 import numpy as np
 import xarray
@@ -22,7 +22,7 @@ from ruptfx.units import NonNegative, Positive
 _EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, StabilityDiagram, Bifurcation, Fit)
 
 
-def _tag(value: Any) -> str:
+def _tag(value: object) -> str:
     # Tags in angle brackets stay out of the keys that errors name.
     return f"<{value.get('kind')}>" if isinstance(value, Mapping) else f"<{getattr(value, 'name', None)}>"
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import xarray
 from pydantic import Field
 
+from ruptfx import Table
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.slider import Motion, Slider, integrate
 from ruptfx.schema import Part
@@ -43,7 +44,7 @@ def follow(
     return motions
 
 
-def traces(motions: list[Motion], speeds: Iterable[float]) -> dict[str, Any]:
+def traces(motions: list[Motion], speeds: Iterable[float]) -> Table:
     """Variables of a dataset along `time`."""
     time = np.concatenate([m.time for m in motions])
     drive = np.concatenate([np.full(len(m.time), speed) for m, speed in zip(motions, speeds, strict=True)])

@@ -51,7 +51,7 @@ class Slider:
     mass: float = 0.0
     interface_length: float = 0.0
 
-    def with_stiffness(self, stiffness: Any) -> Slider:
+    def with_stiffness(self, stiffness: object) -> Slider:
         return replace(self, stiffness=stiffness)
 
     @property
@@ -59,7 +59,7 @@ class Slider:
         """Number of variables: e, ln theta; with mass also v, with mass and interface elasticity also the stretch."""
         return 2 + (self.mass > 0) + (self.mass > 0 and self.interface_length > 0)
 
-    def scales(self, speed: Any) -> np.ndarray:
+    def scales(self, speed: object) -> np.ndarray:
         """Natural sizes of the variables, shape (size,) or (size, sliders)."""
         length, one = float(self.law.D_c), np.ones_like(np.asarray(speed, float))
         rows = [length * one, one, speed * one, length * one]
@@ -83,13 +83,13 @@ class Slider:
             return self.law.strength(y[2], normal_force, {"theta": np.exp(y[1])})
         return normal_force / self.interface_length * y[3]
 
-    def slip_rate(self, y: np.ndarray, normal_force: Any) -> Any:
+    def slip_rate(self, y: np.ndarray, normal_force: object) -> Any:
         """Irreversible sliding rate V [m/s]."""
         if self.size == 3:
             return y[2]
         return self.law.slip_rate(self.force(y, normal_force), normal_force, {"theta": np.exp(y[1])})
 
-    def rates(self, y: np.ndarray, drive: Any, normal_force: Any) -> np.ndarray:
+    def rates(self, y: np.ndarray, drive: object, normal_force: object) -> np.ndarray:
         """Time derivatives, shape of `y`, at a speed of the drive [m/s] and a normal force [N]."""
         theta, speed = np.exp(y[1]), self.slip_rate(y, normal_force)
         ageing = self.law.age_rate(theta, speed) / theta
