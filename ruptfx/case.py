@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ruptfx import Table
-from ruptfx.boundaries import AnyBoundary
+from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.contact import AnyContact
 from ruptfx.friction import AnyFriction
 from ruptfx.initial_stress import InitialStress
@@ -99,6 +99,18 @@ class Damping(Part):
     """Viscosity next to the interfaces, against the noise behind sharp fronts."""
 
 
+class Stage(Part):
+    """A stage of loading: what it does not give is that of the case."""
+
+    duration: Duration
+    """Of the stage; those of all stages add up to the duration of the case."""
+    boundaries: list[AnyBoundary] | None = None
+    """What acts instead, at times since the stage began. A boundary that is there before and after goes over its ramp
+    from where it had come to its new amount."""
+    damping: Damping | None = None
+    """Damping instead."""
+
+
 class Case(CaseFile):
     """Everything one run needs.
 
@@ -135,6 +147,8 @@ class Case(CaseFile):
     """How time advances; keys without `kind` are those of `leapfrog`."""
     output: Output = Output()
     """What is saved and how often."""
+    stages: list[Stage] = []
+    """One after the other, with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
     """What ends the run before its duration."""
 
@@ -153,8 +167,9 @@ class Case(CaseFile):
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}[self.plane]
-        for number, boundary in enumerate(self.boundaries):
-            boundary.check(f"boundaries.{number}", self.plane, allowed)
+        for key, boundary in self._all_boundaries():
+            boundary.check(key, self.plane, allowed)
+        self._check_stages()
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -164,6 +179,30 @@ class Case(CaseFile):
                     "bodies have one uniform initial stress; give normal and shear where an interface carries another"
                 )
         return self
+
+    def _all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
+        """With their keys, those of stages as well."""
+        for number, boundary in enumerate(self.boundaries):
+            yield f"boundaries.{number}", boundary
+        for number, stage in enumerate(self.stages):
+            for index, boundary in enumerate(stage.boundaries or []):
+                yield f"stages.{number}.boundaries.{index}", boundary
+
+    def _check_stages(self) -> None:
+        if not self.stages:
+            return
+        together = sum(stage.duration for stage in self.stages)
+        if abs(together - self.duration) > 1e-9 * self.duration:
+            raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
+        if self.stepper.kind() != "leapfrog":
+            raise ValueError(f"stepper.kind = '{self.stepper.kind()}': stages are for explicit steps; use 'leapfrog'")
+        ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
+        for number, stage in enumerate(self.stages):
+            if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:
+                raise ValueError(
+                    f"stages.{number}.boundaries: what ties edges (periodic) holds from the beginning to the end; give "
+                    "the same in [[boundaries]] and in every stage"
+                )
 
     @property
     def initial_tensor(self) -> np.ndarray | None:
@@ -175,12 +214,12 @@ class Case(CaseFile):
     @property
     def impact_speed(self) -> float:
         """Largest driven velocity [m/s], 0 without driven edges."""
-        return max((boundary.largest_speed for boundary in self.boundaries), default=0.0)
+        return max((boundary.largest_speed for _, boundary in self._all_boundaries()), default=0.0)
 
     @property
     def driven_edges(self) -> list[str]:
         """Edges whose motion is prescribed."""
-        return [boundary.driven_edge for boundary in self.boundaries if boundary.driven_edge is not None]
+        return [each.driven_edge for _, each in self._all_boundaries() if each.driven_edge is not None]
 
 
 def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import parallel
-from ruptfx.boundaries import Boundary, Support
+from ruptfx.boundaries import Action, Boundary, Support
 from ruptfx.edges import Edge
 from ruptfx.inside import Inside
 from ruptfx.schema import CaseError
@@ -24,6 +24,8 @@ class Loads:
     ----------
     model : Model
     boundaries : sequence of Boundary
+    key : str
+        Of the case, for messages.
 
     Attributes
     ----------
@@ -40,9 +42,10 @@ class Loads:
         On all ranks: a boundary that does not fit the bodies.
     """
 
-    def __init__(self, model: Model, boundaries: Sequence[Boundary]) -> None:
+    def __init__(self, model: Model, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
         self.model = model
-        actions = [boundary.act(self, f"boundaries.{number}") for number, boundary in enumerate(boundaries)]
+        self._acts = [(each, self.act(each, f"{key}.{number}")) for number, each in enumerate(boundaries)]
+        actions = [action for _, found in self._acts for action in found]
         self.motions = [action.motion for action in actions if action.motion is not None]
         self.forces = [action.force for action in actions if action.force is not None]
         self.supports: list[Support] = [action.support for action in actions if action.support is not None]
@@ -57,6 +60,14 @@ class Loads:
             x = ", ".join(f"{value:.6g}" for value in model.coordinates[layout.kept[np.argmax(one_only)]])
             error = CaseError(f"boundaries: one of two nodes that are tied is driven, at ({x}) m; drive both or none")
         parallel.raise_on_all(model.comm, error)
+
+    def act(self, boundary: Boundary, key: str) -> list[Action]:
+        """What a boundary does."""
+        return [boundary.act(self, key)]
+
+    def actions_of(self, boundary: Boundary) -> list[Action]:
+        """What the boundary does that differs from the given one by its amounts only."""
+        return next((found for other, found in self._acts if other.in_place_of(boundary)), [])
 
     def edge(self, name: str, key: str) -> Edge:
         """An edge of the bodies; `key` of the case is for messages.

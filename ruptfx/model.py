@@ -97,7 +97,7 @@ class Model:
             found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.loads = Loads(self, case.boundaries)
-        self.viscosity = self._viscosity()
+        self.viscosity = self.viscous_layer()
 
     def _tied_edges(self) -> dict[str, tuple[str, str]]:
         """Edges that boundaries tie, by key of the case."""
@@ -111,8 +111,8 @@ class Model:
             )
         return tied
 
-    def _viscosity(self) -> Viscosity | None:
-        """Kelvin-Voigt damping next to the interfaces."""
+    def viscous_layer(self) -> Viscosity | None:
+        """Kelvin-Voigt damping next to the interfaces, as the case has it."""
         given = self.case.damping.kelvin_voigt
         if given is None:
             return None

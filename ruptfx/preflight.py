@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import fem, stages
 from ruptfx.analysis import fracture
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
@@ -62,7 +62,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
     if len(model.materials) > 1 and case.plane in ("stress", "strain"):
         yield from _pairing(model)
-    motion = case.stepper.bind(model)
+    motion = stages.bind(model)
     stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))

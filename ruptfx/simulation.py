@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, lumped, parallel
+from ruptfx import RuptfxError, fem, launch, lumped, parallel, stages
 from ruptfx.case import Case
 from ruptfx.directories import write_json
 from ruptfx.lumped import LumpedModel
@@ -120,7 +120,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
     """The time loop, in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):
-        motion = case.stepper.bind(model)
+        motion = stages.bind(model)
         state = model.initial_state()
         if checkpoint:
             checkpoint.restore(model, state)

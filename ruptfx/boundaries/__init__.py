@@ -108,6 +108,8 @@ class Boundary(Alternative):
     """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
     source: ClassVar[str] = ""
     """Where what it does comes from."""
+    amounts: ClassVar[tuple[str, ...]] = ()
+    """Fields that say how much and how soon, with a `ramp` among them; a stage of loading may change them smoothly."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         """Refuse what does not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
@@ -132,6 +134,13 @@ class Boundary(Alternative):
     def largest_speed(self) -> float:
         """Of the motion that is prescribed [m/s]."""
         return 0.0
+
+    def in_place_of(self, other: Boundary) -> bool:
+        """Whether they differ by their amounts only: in the next stage one goes on from where the other had come."""
+        if type(self) is not type(other) or not self.amounts:
+            return False
+        kept = set(type(self).model_fields) - set(self.amounts)
+        return all(getattr(self, name) == getattr(other, name) for name in kept)
 
     def act(self, loads: Loads, key: str) -> Action:
         """What it adds to the bodies of `loads.model`, whose mass and interfaces are there; collective.

@@ -18,6 +18,8 @@ class Driven(EdgeBoundary):
 
     example: ClassVar[str] = '{ kind = "driven", edge = "upper.left", component = "x", velocity = 2.0, ramp = 4e-6 }'
 
+    amounts: ClassVar[tuple[str, ...]] = ("velocity", "ramp")
+
     component: Component
     """Direction of the given motion."""
     velocity: Velocity

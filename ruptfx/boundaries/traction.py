@@ -23,6 +23,8 @@ class Traction(EdgeBoundary):
 
     example: ClassVar[str] = '{ kind = "traction", edge = "upper.top", traction = [1e6, 2e6], ramp = 3e-6 }'
 
+    amounts: ClassVar[tuple[str, ...]] = ("traction", "ramp", "history")
+
     traction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("Pa")]
     """One component for each direction in which the plane moves; of stress tensors' sign: tension is outward."""
     ramp: Time = 0.0

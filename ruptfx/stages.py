@@ -1,0 +1,152 @@
+"""Loading in stages: press, hold, shear. The same bodies and interfaces, other boundaries and damping.
+
+Time, state, records and checkpoints run through. The boundaries of a stage see the time since it began. One that was
+there in the stage before, with another amount, goes on from where that had come: over its ramp it goes from the old
+velocity or traction to the new one.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.boundaries import Action, Boundary, Force
+from ruptfx.boundaries import Motion as Prescribed
+from ruptfx.boundaries._history import ramp
+from ruptfx.loading import Loads
+from ruptfx.model import Model
+from ruptfx.spectrum import stable_time_step
+from ruptfx.state import State
+from ruptfx.steppers import Motion
+from ruptfx.steppers.leapfrog import Leapfrog
+
+Floats = NDArray[np.float64]
+
+
+def bind(model: Model) -> Motion:
+    """The stepper of a case, through all its stages if it has some; collective.
+
+    Raises
+    ------
+    CaseError
+        A time step that a stage does not allow.
+    """
+    return Staged(model) if model.case.stages else model.case.stepper.bind(model)
+
+
+class Staged:
+    """Leapfrog through the stages of a case, all with the step that the strictest of them allows.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    starts : list of float
+        When the stages begin [s].
+    """
+
+    collective = False
+
+    def __init__(self, model: Model) -> None:
+        self.starts = np.cumsum([0.0] + [stage.duration for stage in model.case.stages[:-1]]).tolist()
+        self._models: list[Model] = []
+        for number, start in enumerate(self.starts):
+            self._models.append(_in_stage(model, number, start, self._models[-1].loads if number else None))
+        stepper = model.case.stepper
+        assert isinstance(stepper, Leapfrog)
+        strictest = min(self._models, key=stable_time_step)
+        self.dt = stepper.bind(strictest).dt
+        self._stepper = stepper.model_copy(update={"time_step": self.dt})
+        self._motion: Motion | None = None
+        self._number = -1
+
+    def step(self, state: State) -> None:
+        self._of(state).step(state)
+
+    def energies(self, state: State) -> dict[str, float]:
+        return self._of(state).energies(state)
+
+    def _of(self, state: State) -> Motion:
+        """The stage of the next step. Its arrays are made when it begins: the bulk kernel holds those of one."""
+        number = int(np.searchsorted(self.starts, state.time + 1e-6 * self.dt, side="right")) - 1
+        if self._motion is None or number > self._number:
+            self._motion, self._number = self._stepper.bind(self._models[number]), number
+        return self._motion
+
+
+def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> Model:
+    """The same bodies and interfaces with the boundaries and the damping of a stage."""
+    stage, case = model.case.stages[number], model.case
+    view = copy.copy(model)
+    changes = {"damping": stage.damping, "boundaries": stage.boundaries}
+    view.case = case.model_copy(update={key: value for key, value in changes.items() if value is not None})
+    given = case.boundaries if stage.boundaries is None else stage.boundaries
+    key = "boundaries" if stage.boundaries is None else f"stages.{number}.boundaries"
+    view.loads = StageLoads(view, given, key, start, before)
+    view.viscosity = view.viscous_layer()
+    return view
+
+
+class StageLoads(Loads):
+    """Boundaries that begin at some time, from where those of the stage before had come.
+
+    Parameters
+    ----------
+    model : Model
+    boundaries : sequence of Boundary
+    key : str
+        Of the case, for messages.
+    start : float
+        [s]
+    before : Loads, optional
+        Of the stage before.
+    """
+
+    def __init__(
+        self, model: Model, boundaries: Sequence[Boundary], key: str, start: float, before: Loads | None
+    ) -> None:
+        self._start, self._before = start, before
+        super().__init__(model, boundaries, key)
+
+    def act(self, boundary: Boundary, key: str) -> list[Action]:
+        """What a boundary does, later, and what is left of the one in its place before."""
+        found, start = boundary.act(self, key), self._start
+        before = [] if self._before is None else self._before.actions_of(boundary)
+        speed = sum(old.motion.velocity(start) for old in before if old.motion is not None)
+        rise = getattr(boundary, "ramp", 0.0)
+        motion = None if found.motion is None else _later(found.motion, start, speed, rise)
+        force = None if found.force is None else replace(found.force, factor=_shifted(found.force.factor, start))
+        rests = [
+            Action(force=Force(old.force.dofs, old.force.factor(start) * old.force.values, _falling(start, rise)))
+            for old in before if old.force is not None
+        ]  # fmt: skip
+        return [replace(found, motion=motion, force=force), *rests]
+
+
+def _shifted(course: Callable[[float], float | Floats], start: float) -> Callable[[float], float | Floats]:
+    return lambda time: course(time - start)
+
+
+def _falling(start: float, rise: float) -> Callable[[float], float]:
+    return lambda time: 1 - ramp(time - start, rise)
+
+
+def _later(motion: Prescribed, start: float, speed: float, rise: float) -> Prescribed:
+    """A motion from some time on, besides a speed [m/s] that vanishes over its ramp."""
+
+    def rest(time: float) -> float:
+        """What the vanishing speed adds to the displacement [m]."""
+        return speed * (time - 0.5 * time**2 / rise if time < rise else 0.5 * rise)
+
+    return Prescribed(
+        motion.dofs,
+        lambda time: motion.displacement(time - start) + rest(time - start),
+        lambda time: motion.velocity(time - start) + speed * (1 - ramp(time - start, rise)),
+        lambda time: motion.acceleration(time - start) - (speed / rise if 0 <= time - start < rise else 0.0),
+    )

@@ -1,0 +1,126 @@
+"""Loading in stages: what goes on, what changes smoothly, what is refused."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compare import largest_difference
+from small_cases import SPLIT, advance, case, plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError, stages
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.simulation import simulate
+from ruptfx.stages import Staged
+
+pytestmark = pytest.mark.fem
+
+COMMON = {
+    "order": 2, "faults.main.contact": SPLIT, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.3},
+    "stepper": {"kind": "leapfrog", "time_step": 5e-8},
+}  # fmt: skip
+
+
+def loads(velocity: float, traction: float, ramp: float) -> list[dict[str, Any]]:
+    return [
+        {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": velocity, "ramp": ramp},
+        {"kind": "traction", "edge": "upper.top", "traction": [0.0, traction], "ramp": ramp},
+    ]
+
+
+def test_stages_that_change_nothing() -> None:
+    """Ramped loads of the first stage, held in the second: as without stages, from one step to the next."""
+    alone = parse_case(plates({**COMMON, "duration": 8e-6, "boundaries": loads(4.0, -1e6, 2e-6)}))
+    cut = parse_case(plates({**COMMON, "duration": 8e-6, "stages": [
+        {"duration": 3e-6, "boundaries": loads(4.0, -1e6, 2e-6)},
+        {"duration": 5e-6, "boundaries": loads(4.0, -1e6, 0.0)},
+    ]}))  # fmt: skip
+    found = []
+    for given in (alone, cut):
+        model = Model(given)
+        motion = stages.bind(model)
+        state = advance(motion, model.initial_state(), given.duration)
+        energy = motion.energies(state)
+        work = energy.pop("boundary_work")
+        assert abs(work - sum(energy.values())) < 1e-10 * work
+        found.append((state.velocity, state.faults["main"]["slip"]))
+    assert found[0][1].max() > 1e-6
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(one).max())
+
+
+def test_from_the_old_amount_to_the_new_one() -> None:
+    """Press in 1 us, hold 2 us, then drive in 4 us from rest to 2 m/s while the pressure falls to a quarter; then
+    back, without pressure."""
+    given = parse_case(plates({**COMMON, "duration": 12e-6, "stages": [
+        {"duration": 3e-6, "boundaries": loads(0.0, -4e6, 1e-6)},
+        {"duration": 5e-6, "boundaries": loads(2.0, -1e6, 4e-6)},
+        {"duration": 4e-6, "boundaries": loads(-2.0, 0.0, 2e-6)},
+    ]}))  # fmt: skip
+    model = Model(given)
+    staged = stages.bind(model)
+    assert isinstance(staged, Staged) and np.allclose(staged.starts, [0, 3e-6, 8e-6])
+    press, shear, back = (stage.loads for stage in staged._models)
+
+    def pressure(load: Any, time: float) -> float:
+        # The force on the top, 12 mm long [N/m], over its length.
+        return load.force(time)[1::2].sum() / 12e-3
+
+    times = np.array([0.5e-6, 1e-6, 3e-6])
+    np.testing.assert_allclose([pressure(press, t) for t in times], [-2e6, -4e6, -4e6], rtol=1e-12)
+    # A quarter, a half and all of the ramp of 4 us after 3 us.
+    times = np.array([4e-6, 5e-6, 7e-6, 8e-6])
+    np.testing.assert_allclose([pressure(shear, t) for t in times], [-3.25e6, -2.5e6, -1e6, -1e6], rtol=1e-12)
+    motion = shear.motions[0]
+    np.testing.assert_allclose([motion.velocity(t) for t in times], [0.5, 1.0, 2.0, 2.0], rtol=1e-12)
+    # Back: 2 - 4 (t - 8 us) / 2 us; the traction vanishes with its last rest, that of the second stage.
+    np.testing.assert_allclose([pressure(back, t) for t in (9e-6, 10e-6)], [-0.5e6, 0], rtol=1e-12, atol=1e-6)
+    motion = back.motions[0]
+    np.testing.assert_allclose([motion.velocity(t) for t in (8e-6, 9e-6, 10e-6)], [2, 0, -2], atol=1e-12)
+    # Acceleration and displacement belong to the velocity.
+    t, h = np.linspace(8.1e-6, 11.9e-6, 6), 1e-10  # none of them where the ramp ends
+    slope = [(motion.displacement(x + h) - motion.displacement(x - h)) / (2 * h) for x in t]
+    np.testing.assert_allclose(slope, [motion.velocity(x) for x in t], atol=1e-5)
+    slope = [(motion.velocity(x + h) - motion.velocity(x - h)) / (2 * h) for x in t]
+    np.testing.assert_allclose(slope, [motion.acceleration(x) for x in t], atol=1.0)
+
+
+def test_goes_on_within_a_stage_with_the_same_bits(tmp_path: Path) -> None:
+    given = case({**COMMON, "duration": 6e-6, "output.checkpoint_steps": 45, "stages": [
+        {"duration": 2e-6, "boundaries": loads(0.0, -1e6, 1e-6), "damping": {"mass": 1e5}},
+        {"duration": 4e-6, "boundaries": loads(4.0, -1e6, 1e-6), "damping": {"kelvin_voigt": {}}},
+    ]})  # fmt: skip
+    simulate(given, tmp_path / "whole", progress=False)
+    shutil.copytree(tmp_path / "whole", tmp_path / "resumed")
+    (tmp_path / "resumed" / "summary.json").unlink()
+    simulate(given, tmp_path / "resumed", progress=False, resume=True)
+    found = largest_difference(tmp_path / "whole", tmp_path / "resumed")
+    # A resumed step looks for impacts where it need not: round-off of the energy.
+    assert found.pop("energy.csv") < 1e-15 and max(found.values()) == 0
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"duration": 7e-6}, r"duration = 7e-06 s: the stages last 5e-06 s together; give that"),
+        ({"stepper": {"kind": "quasi_static"}}, r"stepper.kind = 'quasi_static': stages are for explicit steps"),
+        ({"stages": [{"duration": 5e-6, "boundaries": [{"kind": "periodic", "first": "upper.left",
+                                                        "second": "upper.right"}]}]},
+         r"stages.0.boundaries: what ties edges"),
+        ({"stages": [{"duration": 5e-6, "boundaries": [{"kind": "driven", "edge": "upper.left", "component": "z",
+                                                        "velocity": 1.0}]}]},
+         r"stages.0.boundaries.0.component = 'z'"),
+        ({"stages": [{"duration": 5e-6, "boundaries": [{"kind": "absorbing", "edge": "upper.botom"}]}]},
+         r"stages.0.boundaries.0.edge = 'upper.botom': no such edge"),
+    ],
+)  # fmt: skip
+def test_stages_that_cannot_be(changes: dict[str, Any], message: str) -> None:
+    table = {"duration": 5e-6, "stages": [{"duration": 5e-6}], **changes}
+    with pytest.raises(RuptfxError, match=message):
+        stages.bind(Model(parse_case(plates(table))))
