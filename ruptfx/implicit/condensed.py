@@ -229,7 +229,7 @@ class _Changes:
             whole[np.diag_indices(n)] += 1.0
             self._factors = lu_factor(whole, overwrite_a=True, check_finite=False)
             y = lu_solve(self._factors, right, check_finite=False)
-        return -f - (matrix @ y).reshape(shape)
+        return np.asarray(-f - (matrix @ y).reshape(shape))
 
     def _inverse(self, slope: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """What preconditions: the factors of an earlier iteration, without them every point by itself."""

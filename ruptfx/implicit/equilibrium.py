@@ -165,7 +165,7 @@ class Equilibrium:
         """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
         diagonal = self.tangent.diagonal + (rates.mass * self.model.mass if rates else 0.0)
         nodal = diagonal.reshape(self.model.nodes, -1).max(axis=1)
-        return np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight
+        return np.asarray(np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight)
 
     def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
         """What to say; collective."""

@@ -33,7 +33,8 @@ class Forces:
 
     def damping_force(self, velocity: np.ndarray) -> np.ndarray:
         """C v + eta K_v v [N]: dashpots, mass damping and the Kelvin-Voigt layer."""
-        force, viscosity = self.dashpot * velocity, self.model.viscosity
+        force: np.ndarray = self.dashpot * velocity
+        viscosity = self.model.viscosity
         if viscosity is not None:
             layer = np.zeros_like(force)
             viscosity.operator.add_internal_force(velocity, layer)
@@ -43,7 +44,7 @@ class Forces:
 
     def internal(self, state: State) -> np.ndarray:
         """K u + J' W (T - T_0) [N] of a state, from the tractions it holds."""
-        force = -self.model.internal_force(state.displacement)
+        force: np.ndarray = -self.model.internal_force(state.displacement)
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             change = [fault.components(fields, "shear_traction") - fault.driving_shear(state.time)]
@@ -54,7 +55,8 @@ class Forces:
 
     def carried(self, state: State) -> np.ndarray:
         """Internal and damping forces less the load of a state [N]."""
-        return self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
+        carried: np.ndarray = self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
+        return carried
 
     def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
         """Add to the energies of a state, before `commit`, the work of loads and driven edges and what damping takes,

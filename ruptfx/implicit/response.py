@@ -99,7 +99,7 @@ class FaultResponse:
         assert done.tangent is not None
         slopes, tangents, relief = done.tangent, self.fault.tangents, trial.impedance[0]
         stiffness = relief / dt
-        along = stiffness[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
+        along: np.ndarray = stiffness[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
         if not self.fault.interface.has_normal:
             return along
         result = np.zeros((len(relief), 1 + tangents, 1 + tangents))

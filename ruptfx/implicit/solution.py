@@ -32,10 +32,10 @@ class Rates:
     velocity: np.ndarray
 
     def acceleration_of(self, u: np.ndarray) -> np.ndarray:
-        return self.mass * (u - self.displacement)
+        return np.asarray(self.mass * (u - self.displacement))
 
     def velocity_of(self, u: np.ndarray) -> np.ndarray:
-        return self.velocity + self.damping * (u - self.displacement)
+        return np.asarray(self.velocity + self.damping * (u - self.displacement))
 
 
 @dataclass

@@ -137,12 +137,12 @@ class NewtonSolver:
             self._ghosted.x.scatter_forward()
             step.evaluate(self._ghosted.x.array)
 
-    def _function(self, _: Any, x: Any, out: Any) -> None:
+    def _function(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
         """SNES asks for R(u)."""
         self._visit(self._step, x.array_r)
         out.array[:] = self._step.residual[: self._owned]
 
-    def _differentiate(self, _: Any, x: Any, __: Any, ___: Any) -> None:
+    def _differentiate(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, *matrices: fem.PETSc.Mat) -> None:
         """SNES asks for dR/du."""
         step = self._step
         self._visit(step, x.array_r)
@@ -151,7 +151,7 @@ class NewtonSolver:
         if symmetric is not None and self._multigrid and "ksp_type" not in self._options.given:
             self._ksp.setType("cg" if symmetric else "gmres")
 
-    def _converged(self, snes: Any, iteration: int, norms: tuple[float, float, float]) -> int | None:
+    def _converged(self, snes: fem.PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
         """The norm of the residual against that of the forces: what balances may be zero at the start."""
         norm = norms[2]
         self.history.append(norm)
@@ -179,7 +179,7 @@ def is_factorised(model: Model) -> bool:
     return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
 
 
-def choose(ksp: Any, model: Model, matrix: Any) -> bool:
+def choose(ksp: fem.PETSc.KSP, model: Model, matrix: fem.PETSc.Mat) -> bool:
     """Set the defaults for a matrix; whether they are a factorisation."""
     pc = ksp.getPC()
     if is_factorised(model):
@@ -199,7 +199,7 @@ def _name(reasons: object, code: int) -> str:
     return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
 
 
-def rigid_motions(model: Model, matrix: Any) -> Any:
+def rigid_motions(model: Model, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
     """Translations and rotations of the owned unknowns, as the near null space of a stiffness."""
     x, c = model.coordinates[: model.owned_nodes], model.components
     modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
@@ -207,7 +207,7 @@ def rigid_motions(model: Model, matrix: Any) -> Any:
         turn = np.zeros((len(x), c))
         turn[:, i], turn[:, j] = -x[:, j], x[:, i]
         modes.append(turn)
-    vectors: list[Any] = []
+    vectors: list[fem.PETSc.Vec] = []
     for mode in modes:
         vector = matrix.createVecRight()
         vector.array[:] = mode.ravel()

@@ -49,6 +49,11 @@ class Step:
             fault.name: easing * equilibrium.body_stiffness(fault.interface, rates)
             for fault in equilibrium.model.faults
         }
+        self._stiff_area = {
+            fault.name: fault.interface.owned[:, None] * fault.interface.weight[:, None]
+            * np.diagonal(equilibrium.answers[fault.name].stuck(self._body[fault.name]), axis1=1, axis2=2)
+            for fault in equilibrium.model.faults
+        }  # fmt: skip
         self.displacement = self.residual = self.internal = np.zeros(0)
         self.responses: dict[str, Response] = {}
         self.scale = self.round_off = 0.0
@@ -131,9 +136,15 @@ class Step:
             self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
         squares = [model.layout.owned_dot(part, part) for part in parts]
         stiff = equilibrium.tangent.diagonal * u
-        *summed, stiffest = parallel.total(model.comm, [*squares, carried, model.layout.owned_dot(stiff, stiff)])
+        # Tractions are stiffness times what is left of jump and slip.
+        jumped = sum(
+            float(np.sum((self._stiff_area[fault.name] * fault.interface.jump(u)) ** 2)) for fault in model.faults
+        )
+        *summed, stiffest, jumped = parallel.total(
+            model.comm, [*squares, carried, model.layout.owned_dot(stiff, stiff), jumped]
+        )
         self.scale = float(np.sqrt(max(summed)))
-        rounding = 20 * np.finfo(float).eps * float(np.sqrt(stiffest))
+        rounding = float(np.finfo(float).eps * (20 * np.sqrt(stiffest) + 2 * np.sqrt(jumped)))
         # That of the start is there in any case, also where no force is left, as in a body that follows its driven
         # edge. That of what was added since counts as far as there are forces: a body that nothing holds flies far.
         self._least = rounding if self._least is None else self._least
