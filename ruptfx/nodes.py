@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ruptfx import RuptfxError, fem, parallel
+from ruptfx import RuptfxError, fem, parallel, slabs
 from ruptfx.bodies import Bodies
 
 
@@ -130,8 +130,13 @@ class Nodes:
         function.scatter_forward()
         return function.array.reshape(self.count, -1)[:, 0].astype(np.int64)
 
-    def gather(self, field: np.ndarray) -> np.ndarray:
-        """A nodal field of the whole problem on rank 0, in the order of `numbering`; empty elsewhere.
+    @cached_property
+    def slabs(self) -> slabs.Slabs:
+        """The order of `numbering`, as rows of owned nodes; collective."""
+        return slabs.Slabs(self.comm, self.numbering[: self.owned], self.total)
+
+    def collect(self, field: np.ndarray) -> np.ndarray:
+        """This rank's slab of a nodal field in the order of `numbering`; collective.
 
         Parameters
         ----------
@@ -139,20 +144,13 @@ class Nodes:
 
         Returns
         -------
-        ndarray, shape (total, columns) or (0, columns)
+        ndarray, shape (places, columns)
         """
-        rows = field.reshape(self.count, -1)[: self.owned]
-        gathered = parallel.gather_rows(self.comm, rows)
-        places = parallel.gather_rows(self.comm, self.numbering[: self.owned])
-        if gathered is None or places is None:
-            return np.zeros((0, rows.shape[1]))
-        ordered = np.empty_like(gathered)
-        ordered[places] = gathered
-        return ordered
+        return self.slabs.collect(field.reshape(self.count, -1)[: self.owned])
 
-    def scatter(self, rows: np.ndarray) -> np.ndarray:
-        """The inverse of `gather`, from rows known to this rank; shape (count * columns,)."""
-        return np.ascontiguousarray(rows[self.numbering]).ravel()
+    def spread(self, slab: np.ndarray) -> np.ndarray:
+        """The inverse of `collect`, ghosts included; shape (count * columns,)."""
+        return slabs.Slabs(self.comm, self.numbering, self.total).spread(slab).ravel()
 
     @cached_property
     def shared(self) -> np.ndarray:

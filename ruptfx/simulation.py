@@ -145,7 +145,8 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
             regular, due = motion.collective or state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
                 continue
-            _raise_together(comm, error or (_not_a_number(model, state) if regular or due else None))
+            broken = error or recorder.failure()
+            _raise_together(comm, broken or (_not_a_number(model, state) if regular or due else None))
             if due:
                 recorder.record(state)
                 bar.update(
@@ -191,7 +192,7 @@ def _not_a_number(model: Model, state: State) -> RuptfxError | None:
     )
 
 
-def _raise_together(comm: fem.MPI.Comm, error: RuptfxError | None) -> None:
+def _raise_together(comm: fem.MPI.Comm, error: Exception | None) -> None:
     """Raise on all ranks if any of them failed."""
     if comm.size > 1:
         parallel.raise_on_all(comm, error)

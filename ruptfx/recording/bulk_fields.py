@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import fem, parallel, slabs
 from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
+from ruptfx.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
@@ -60,6 +61,15 @@ _ATTRIBUTE = Template("""\
       </Attribute>""")
 
 
+class Topology(NamedTuple):
+    """The mesh as files have it, this rank's slabs: points [m], cells by number of their points, body of each point."""
+
+    points: np.ndarray
+    cells: np.ndarray
+    number_of_cells: int
+    body: np.ndarray
+
+
 class BulkFields:
     """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies; made on all ranks.
 
@@ -74,19 +84,19 @@ class BulkFields:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.initial_stress, self.initial_stress_from = self._initial_stress()
-        self._file: h5py.File | None = None
         self._stress_forms: list[Any] | None = None
 
-    def topology(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
-        """Points, cells and body of every point on rank 0, in an order that does not depend on the partition."""
-        model = self.model
-        cells = self._linear_cells()
-        points = model.layout.gather(model.coordinates.ravel())
-        body = model.layout.gather(np.repeat(model.layout.body, model.components))
-        linear = parallel.gather_rows(model.comm, model.layout.numbering[cells])
-        if linear is None:
-            return None, None, None
-        return points, linear[np.lexsort(np.sort(linear, axis=1).T)], body[:, 0].astype(np.int32)
+    def topology(self) -> Topology:
+        """Points, cells and body of every point, in an order that does not depend on the partition; collective."""
+        model, layout = self.model, self.model.layout
+        cells = layout.numbering[self._linear_cells()].astype(float)
+        total = int(parallel.total(model.comm, len(cells)))
+        place = parallel.places(model.comm, np.sort(cells, axis=1))
+        return Topology(
+            points=layout.collect(model.coordinates.ravel()),
+            cells=slabs.Slabs(model.comm, place, total).collect(cells).astype(np.int64), number_of_cells=total,
+            body=layout.collect(np.repeat(layout.body, model.components))[:, 0].astype(np.int32),
+        )  # fmt: skip
 
     def _linear_cells(self) -> np.ndarray:
         """Owned elements cut into linear cells at their nodes, shape (linear cells, corners)."""
@@ -114,60 +124,59 @@ class BulkFields:
             linear[clockwise] = linear[clockwise][:, ::-1]
         return linear
 
-    def reopen(self, out: Path) -> None:
-        """Go on with the file of a resumed run; rank 0 only."""
-        self._out = out
-        self._file = h5py.File(out / "bulk.h5", "a")
-
-    def settle(self) -> None:
-        """Close and open again: only a closed HDF5 file may be copied."""
-        self.close()
-        self.reopen(self._out)
-
-    def create(self, out: Path, points: object, cells: object, body: object) -> None:
-        """Open the file; rank 0 only."""
-        self._out = out
-        self._file = file = h5py.File(out / "bulk.h5", "w")
-        for name, values, unit in (("points", points, "m"), ("cells", cells, "1"), ("body", body, "1")):
-            file.create_dataset(name, data=values).attrs["units"] = unit
-        file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
-        file.attrs["bodies"] = self.model.bodies.names
-        file.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
-        file.attrs["initial_stress"] = self.initial_stress_from
+    def create(self, out: Path, topology: Topology) -> None:
+        """Open the file; every rank writes its part."""
+        model = self.model
+        nodes, (_, self._dim) = model.total_nodes, topology.points.shape
+        self._out, self._cells = out, (topology.number_of_cells, topology.cells.shape[1])
+        self._file = file = SharedFile(model.comm, out / "bulk.h5")
+        file.write("points", topology.points, nodes, units="m")
+        file.write("cells", topology.cells, topology.number_of_cells, units="1")
+        file.write("body", topology.body, nodes, units="1")
+        if file.whole is not None:
+            file.whole.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
+            file.whole.attrs["bodies"] = model.bodies.names
+            file.whole.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
+            file.whole.attrs["initial_stress"] = self.initial_stress_from
         file.flush()
 
+    def restore(self, saved: Path) -> None:
+        """Append the snapshots of another file, of any number of ranks; every rank reads its part."""
+        with h5py.File(saved, locking=False) as file:
+            for row, time in enumerate(file["time"][:]):
+                here = self.model.layout.slabs.here
+                self.append(float(time), {name: file[name][row, here] for name in _UNITS})
+
+    def settle(self) -> list[Path]:
+        """What this rank has written, which may then be copied."""
+        self._file.settle()
+        descriptor = self._out / "bulk.xdmf"
+        return [*self._file.paths, *[descriptor] * (self._file.whole is not None and descriptor.exists())]
+
     def gather(self, state: State) -> dict[str, np.ndarray]:
-        """All fields at all points on rank 0; collective."""
+        """All fields at the points of this rank's slab; collective."""
         model, c = self.model, self.model.components
         _, displacement = state.at_velocity()
         stress = self._stress(displacement)
         columns = np.column_stack([state.velocity.reshape(-1, c), displacement.reshape(-1, c), stress])
-        rows = model.layout.gather(columns.ravel())
-        if len(rows) == 0:
-            return {}
-        velocity, displacement, stress = np.split(rows, [c, 2 * c], axis=1)
+        velocity, displacement, stress = np.split(model.layout.collect(columns.ravel()), [c, 2 * c], axis=1)
         return {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
 
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
-        """Write one snapshot; rank 0 only."""
-        assert self._file is not None
-        count = len(self._file["time"])
+        """Write this rank's part of one snapshot."""
         for name, values in fields.items():
-            if name not in self._file:
-                shape = values.shape
-                data = self._file.create_dataset(name, (0, *shape), float, maxshape=(None, *shape), chunks=(1, *shape))
-                text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else _TEXTS[name]
-                data.attrs.update(units=_UNITS[name], long_name=text)
-            self._file[name].resize(count + 1, axis=0)
-            self._file[name][count] = values
-        self._file["time"].resize(count + 1, axis=0)
-        self._file["time"][count] = time
+            text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else _TEXTS[name]
+            self._file.append(name, values, self.model.total_nodes, units=_UNITS[name], long_name=text)
         self._file.flush()
-        self._write_descriptor()
+        if self._file.whole is not None:
+            times = self._file.whole["time"]
+            times.resize(len(times) + 1, axis=0)
+            times[-1] = time
+            self._file.whole.flush()
+            self._write_descriptor(times[:], {name: values.shape[1:] for name, values in fields.items()})
 
     def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
+        self._file.close()
 
     def _stress(self, displacement: np.ndarray) -> np.ndarray:
         """Total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
@@ -230,26 +239,23 @@ class BulkFields:
         normal, (total, pressure, *shear) = sums[:dim], sums[dim:]
         return carried(normal / np.linalg.norm(normal), pressure / total, np.array(shear) / total, model.components)
 
-    def _write_descriptor(self) -> None:
+    def _write_descriptor(self, times: np.ndarray, columns: dict[str, tuple[int, ...]]) -> None:
         """The XDMF text, whole at any time: written aside and renamed."""
-        file = self._file
-        assert file is not None
-        (points, dim), (cells, corners) = file["points"].shape, file["cells"].shape
+        points, dim, (cells, corners) = self.model.total_nodes, self._dim, self._cells
         shape = {(2, 3): "Triangle", (2, 4): "Quadrilateral", (3, 4): "Tetrahedron", (3, 8): "Hexahedron"}[dim, corners]
         grids = []
-        for index, time in enumerate(file["time"][:]):
+        for index, time in enumerate(times):
             attributes = []
-            for field in _UNITS:
-                data = file[field]
-                parts = [""] if data.ndim == 2 else [f"_{axis}" for axis in _labels(field, data.shape[2])]
+            for field, column in columns.items():
+                whole = (len(times), points, *column)
+                parts = [f"_{axis}" for axis in _labels(field, column[0])] if column else [""]
                 for part, label in enumerate(parts):
-                    vector = data.ndim == 3
-                    start = f"{index} 0 {part}" if vector else f"{index} 0"
-                    count = f"1 {points} 1" if vector else f"1 {points}"
+                    start = f"{index} 0 {part}" if column else f"{index} 0"
+                    count = f"1 {points} 1" if column else f"1 {points}"
                     attributes.append(_ATTRIBUTE.substitute(
-                        name=f"{field}{label}", points=points, rank=data.ndim, start=start,
-                        stride=" ".join("1" * data.ndim),
-                        count=count, total=" ".join(map(str, data.shape)), field=field,
+                        name=f"{field}{label}", points=points, rank=len(whole), start=start,
+                        stride=" ".join("1" * len(whole)),
+                        count=count, total=" ".join(map(str, whole)), field=field,
                     ))  # fmt: skip
             grids.append(_GRID.substitute(
                 time=repr(float(time)), shape=shape, cells=cells, corners=corners, points=points, dim=dim,

@@ -3,7 +3,7 @@
 A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a copy of every history file as it was
 then: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
 temporary name, synced, renamed; the last two are kept. Node and point arrays are in an order that does not depend on
-the partition.
+the partition; every rank writes and reads its slab of the former.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import os
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__, fem, parallel
+from ruptfx.recording.shared_file import SharedFile
 from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
@@ -67,43 +68,49 @@ class Checkpoints:
         RuptfxError
             On all ranks, when the disk is full; the previous checkpoints are untouched.
         """
-        model = self._model
+        model, recorder = self._model, self._recorder
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
         with phase("gathering"):
-            arrays = {name: model.layout.gather(values) for name, values in nodal.items()}
-            faults = {fault.name: self._recorder.gather_fault(fault, state) for fault in model.faults}
+            slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
+            faults = {fault.name: recorder.gather_fault(fault, state) for fault in model.faults}
             energy = model.comm.gather(state.energy, root=0)
-        self._recorder.write_on_root(lambda: self._write(state, arrays, faults, energy))
+        first, checksums = model.comm.rank == 0, dict[str, str]()
+        folder = recorder.out / FOLDER
+        temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
+        recorder.meet(lambda: _make_anew(temporary) if first else None)
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults)))
+        of_ranks = model.comm.gather(checksums, root=0)
+        if of_ranks is not None:
+            files = {name: checksum for each in of_ranks for name, checksum in each.items()}
+            manifest = self._manifest(state, energy, dict(sorted(files.items())))
+        recorder.meet(lambda: _complete(temporary, final, manifest) if first else None)
         self._last = time.monotonic()
 
-    def _write(self, state: State, arrays: Table, faults: Table, energy: Any) -> None:
-        folder = self._recorder.out / FOLDER
-        temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-        with h5py.File(temporary / "state.h5", "w") as file:
-            for name, values in arrays.items():
-                file[f"nodes/{name}"] = values
-            for fault, fields in faults.items():
-                for name, values in fields.items():
-                    file[f"faults/{fault}/{name}"] = values
+    def _write_files(
+        self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]]
+    ) -> dict[str, str]:
+        """This rank's part of the state, and a copy of its history files; their checksums by name."""
+        with SharedFile(self._model.comm, folder / "state.h5") as file:
+            for name, slab in slabs.items():
+                file.write(f"nodes/{name}", slab, self._model.total_nodes)
+            if file.whole is not None:
+                for fault, fields in faults.items():
+                    file.whole.create_group(f"faults/{fault}").update(fields)
+        written = list(file.paths)
         for path in self._recorder.settle():
-            shutil.copyfile(path, temporary / path.name)
-        manifest = {
-            "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
-            "time": state.time, "numbers": state.numbers, "fields": list(state.fields),
-            "next": self._recorder.next, "last": self._recorder.last, "records": self._recorder.records,
-            "largest_work": self._recorder.largest_work,
-            "files": {path.name: _checksum(path) for path in sorted(temporary.iterdir())},
-        }  # fmt: skip
-        write_manifest(temporary, manifest)
-        for path in temporary.iterdir():
+            written.append(folder / path.name)
+            shutil.copyfile(path, written[-1])
+        for path in written:
             _sync(path)
-        shutil.rmtree(final, ignore_errors=True)
-        temporary.replace(final)
-        _sync(folder)
-        for old in all_of(self._recorder.out)[:-KEPT]:
-            shutil.rmtree(old)
+        return {path.name: _checksum(path) for path in written}
+
+    def _manifest(self, state: State, energy: list[dict[str, float]] | None, files: dict[str, str]) -> Table:
+        recorder = self._recorder
+        return {
+            "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
+            "time": state.time, "numbers": state.numbers, "fields": list(state.fields), "next": recorder.next,
+            "last": recorder.last, "records": recorder.records, "largest_work": recorder.largest_work, "files": files,
+        }  # fmt: skip
 
 
 class Checkpoint:
@@ -145,27 +152,36 @@ class Checkpoint:
         return None if found is None else cls(*found)
 
     def restore_files(self, out: Path) -> None:
-        """Put the history files back as they were; rank 0 only."""
+        """Put the history files of interfaces and energies back as they were; rank 0 only. Those of the bodies are read
+        by every rank, which may be others than wrote them."""
         for name in self.manifest["files"]:
-            if name != "state.h5":
+            if name.partition(".")[0] not in ("state", "bulk"):
                 shutil.copyfile(self.path / name, out / name)
 
     def restore(self, model: Model, state: State) -> None:
-        """Fill the state; collective."""
+        """Fill the state; collective.
 
-        def read() -> dict[str, np.ndarray]:
-            found: dict[str, np.ndarray] = {}
-            with h5py.File(self.path / "state.h5") as file:
-                file.visititems(lambda name, item: found.update({name: item[()]}) if hasattr(item, "shape") else None)
-            return found
-
-        arrays = parallel.on_root(model.comm, read)
+        Raises
+        ------
+        CheckpointError
+            On all ranks: it cannot be read.
+        """
+        error, slabs, faults = None, dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
+        try:
+            with h5py.File(self.path / "state.h5", locking=False) as file:
+                slabs = {name: rows[model.layout.slabs.here] for name, rows in file["nodes"].items()}
+                for fault in model.faults:
+                    saved = file[f"faults/{fault.name}"]
+                    faults[fault.name] = {name: saved[name][()] for name in state.faults[fault.name]}
+        except (OSError, KeyError) as caught:
+            error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
+        parallel.raise_on_all(model.comm, error)
         for name in ("displacement", "velocity"):
-            getattr(state, name)[:] = model.layout.scatter(arrays[f"nodes/{name}"])
-        state.fields = {name: model.layout.scatter(arrays[f"nodes/{name}"]) for name in self.manifest["fields"]}
+            getattr(state, name)[:] = model.layout.spread(slabs[name])
+        state.fields = {name: model.layout.spread(slabs[name]) for name in self.manifest["fields"]}
         for fault in model.faults:
             for name, values in state.faults[fault.name].items():
-                values[:] = arrays[f"faults/{fault.name}/{name}"][fault.interface.number]
+                values[:] = faults[fault.name][name][fault.interface.number]
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:
@@ -175,6 +191,22 @@ class Checkpoint:
                 state.energy[name] = sum(part[name] for part in saved) if rank == 0 else 0.0
         state.step, state.time = self.manifest["step"], self.manifest["time"]
         state.numbers = dict(self.manifest["numbers"])
+
+
+def _make_anew(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+
+
+def _complete(temporary: Path, final: Path, manifest: Table) -> None:
+    """Seal a checkpoint and give it its name; older ones but the last go."""
+    write_manifest(temporary, manifest)
+    _sync(temporary / "manifest.json")
+    shutil.rmtree(final, ignore_errors=True)
+    temporary.replace(final)
+    _sync(final.parent)
+    for old in all_of(final.parent.parent)[:-KEPT]:
+        shutil.rmtree(old)
 
 
 def all_of(out: Path) -> list[Path]:

@@ -1,7 +1,8 @@
 """What a run leaves behind: interface histories, bulk snapshots, the energy table, the log, the final marker.
 
-All files are written by rank 0 in an order that does not depend on the partition. A run directory is complete when
-`summary.json` is there: it is written last, to a temporary name, and renamed. Only figures follow.
+Rows of all files are in an order that does not depend on the partition. Rank 0 writes what is along interfaces, every
+rank its part of the bodies, on threads of their own. A run directory is complete when `summary.json` is there: it is
+written last, to a temporary name, and renamed. Only figures follow.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import logging
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol
 
 import h5py
 import numpy as np
@@ -19,8 +21,9 @@ import numpy as np
 from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
-from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.interface_file import InterfaceFile
+from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
@@ -70,6 +73,7 @@ class Recorder:
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self._files: dict[str, InterfaceFile] = {}
+        self._writer = Writer()
 
     def _schedule(self, interval: float) -> np.ndarray:
         """Evenly spaced times of records [s], the first and the last among them, early by what rounding may cost."""
@@ -88,11 +92,22 @@ class Recorder:
                 for f in self.model.faults
             ]
             topology = self._bulk.topology()
-        self.write_on_root(lambda: self._open(places, topology))
+        if self.model.comm.rank == 0:
+            self._write(lambda: self._open(places))
+        self.meet()
+        self._write(lambda: self._open_bulk(topology))
+        self.meet()
         return self
 
-    def _open(self, places: list[np.ndarray], topology: Any) -> None:
+    def _open_bulk(self, topology: Topology) -> None:
+        self._bulk.create(self.out, topology)
         if self._resume:
+            self._bulk.restore(self._resume.path / "bulk.h5")
+
+    def _open(self, places: list[np.ndarray]) -> None:
+        if self._resume:
+            for part in self.out.glob("bulk.*.h5"):  # of ranks that there may not be any more
+                part.unlink()
             self._resume.restore_files(self.out)
         else:
             self.model.case.save(self.out)
@@ -112,19 +127,16 @@ class Recorder:
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
-        if self._resume:
-            self._bulk.reopen(self.out)
-        else:
-            self._bulk.create(self.out, *topology)
 
     def settle(self) -> list[Path]:
-        """Write all that waits in memory; the history files, which may then be copied. Rank 0 only."""
-        for file in self._files.values():
-            file.settle()
-        self._bulk.settle()
-        self._energy.flush()
-        names = [*(file.path.name for file in self._files.values()), "bulk.h5", "bulk.xdmf", "energy.csv"]
-        return [self.out / name for name in names if (self.out / name).exists()]
+        """Write all that waits in memory; the history files of this rank, which may then be copied."""
+        files = self._bulk.settle()
+        if self.model.comm.rank == 0:
+            for file in self._files.values():
+                file.settle()
+            self._energy.flush()
+            files += [*(file.path for file in self._files.values()), self.out / "energy.csv"]
+        return files
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
         case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
@@ -143,19 +155,27 @@ class Recorder:
         }  # fmt: skip
 
     @phase("writing")
-    def write_on_root(self, write: Callable[[], None]) -> None:
-        """Write on rank 0; a full or vanished disk stops all ranks with a message."""
+    def _write(self, action: Callable[[], None]) -> None:
+        """Let this rank's thread write."""
+        self._writer.submit(action)
 
-        def guarded() -> None:
-            try:
-                write()
-            except (OSError, RuntimeError) as error:  # HDF5 reports either
-                raise DiskError(
-                    f"{self.out}: cannot be written ({getattr(error, 'strerror', None) or error}); free some space and "
-                    f"go on with --resume, or run again; {self.records} records were made"
-                ) from None
+    def failure(self) -> Exception | None:
+        """Why this rank cannot write, to be raised by all together."""
+        error = self._writer.error
+        if not isinstance(error, OSError | RuntimeError):  # HDF5 reports either
+            return error
+        return DiskError(
+            f"{self.out}: cannot be written ({getattr(error, 'strerror', None) or error}); free some space and go on "
+            f"with --resume, or run again; {self.records} records were made"
+        )
 
-        parallel.on_root(self.model.comm, guarded)
+    @phase("writing")
+    def meet(self, write: Callable[[], None] = lambda: None) -> None:
+        """Write this, too, and wait until all ranks have written all; a full or vanished disk stops all of them with a
+        message; collective."""
+        self._writer.submit(write)
+        self._writer.drain()
+        parallel.raise_on_all(self.model.comm, self.failure())
 
     def due(self, state: State) -> bool:
         """Whether something is to be saved at this step."""
@@ -190,14 +210,20 @@ class Recorder:
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
             with phase("energies"):
                 energy = self._motion.energies(state)
-            self.last = state.fault_time
-            self.write_on_root(lambda: self._append(self.last, fields, state.at_velocity()[0], energy))
+            self.last = now = state.fault_time
             self.records += 1
+            if self.model.comm.rank == 0:
+                rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
+                self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
+                row = self._balance(state, energy)
+                self._write(lambda: self._append(now, fields, row))
         if self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
                 snapshot = self._bulk.gather(state)
-            self.write_on_root(lambda: self._bulk.append(state.at_velocity()[0], snapshot))
+            time = state.time - 0.5 * state.lag
+            self._writer.drain()  # one snapshot in memory is enough
+            self._write(lambda: self._bulk.append(time, snapshot))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Every field of a fault in order along the interface, on rank 0."""
@@ -208,38 +234,58 @@ class Recorder:
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 
-    def _append(
-        self, time: float, faults: dict[str, dict[str, np.ndarray]], balanced: float, energy: dict[str, float]
-    ) -> None:
-        """Fields of the interfaces at one time [s], the energy budget at another."""
-        rates = [np.abs(v).max() for fields in faults.values() for k, v in fields.items() if k.startswith("slip_rate")]
-        self.peak_slip_rate = float(max(rates, default=0.0))
-        for name, fields in faults.items():
-            self._files[name].append(time, fields)
+    def _balance(self, state: State, energy: dict[str, float]) -> list[float]:
+        """A row of the energy table: its time [s], the energies [J] and their closure."""
         lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
         self.largest_work = max(self.largest_work, abs(energy["boundary_work"]))
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
-        self._table.writerow([repr(v) for v in (balanced, *(energy[name] for name in ENERGIES), closure)])
+        return [state.time - 0.5 * state.lag, *(energy[name] for name in ENERGIES), closure]
+
+    def _append(self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float]) -> None:
+        """Fields of the interfaces at one time [s], a row of the energy table at another."""
+        for name, fields in faults.items():
+            self._files[name].append(time, fields)
+        self._table.writerow([repr(value) for value in energies])
         self._energy.flush()
 
     @phase("writing")
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is None:
+                self.meet(self._complete)
+        except BaseException as failed:
+            error = failed
+            raise
+        finally:
+            self._writer.close()
+            self._close(error)
+
+    def _complete(self) -> None:
+        for file in self._files.values():
+            file.complete()
+
+    def _close(self, error: BaseException | None) -> None:
+        """Close all files; what could not be written stays open, for HDF5 would fall over it."""
+        files: list[Closing] = [*self._files.values(), self._bulk]
         if self.model.comm.rank == 0:
+            files.append(self._energy)
             if error is not None:
                 self.log.error("stopped: %s", error)
-            else:
-                for history in self._files.values():
-                    history.complete()
-            files: list[Any] = [*self._files.values(), self._bulk, self._energy]
-            if isinstance(error, DiskError):
-                files = []  # HDF5 would fall over what it cannot write
-            for file in files:
-                with suppress(OSError, RuntimeError) if error is not None else nullcontext():
-                    file.close()
-            self.log.info("%d records", self.records)
-            for handler in self.log.handlers:
-                handler.close()
-            self.log.handlers = []
+        for file in files if not isinstance(error, DiskError) else []:
+            with suppress(OSError, RuntimeError) if error is not None else nullcontext():
+                file.close()
+        self.log.info("%d records", self.records)
+        for handler in self.log.handlers:
+            handler.close()
+        self.log.handlers = []
+
+
+class Closing(Protocol):
+    """What can be closed."""
+
+    def close(self) -> None: ...
 
 
 def versions() -> dict[str, str]:

@@ -51,7 +51,7 @@ def takes(given: Case) -> bool:
 
 def by_number(model: Model, field: np.ndarray) -> np.ndarray:
     """A nodal field in an order that does not depend on the ranks, on every rank."""
-    return model.comm.bcast(model.layout.gather(field), root=0)
+    return parallel.share_rows(model.comm, model.layout.collect(field))
 
 
 @every_boundary

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 from small_cases import impact, slip_weakening
 
-from ruptfx import parallel
+from ruptfx import fem, parallel, slabs
 from ruptfx.case import parse_case
 from ruptfx.model import Model
+from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.recorder import DiskError
+from ruptfx.simulation import simulate
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 DAMPED = {"damping": {"mass": 1e4, "kelvin_voigt": {"fraction": 0.1}}}
+COMM = fem.MPI.COMM_WORLD
 SUPPORTED = {"boundaries": [{"kind": "spring", "edge": "lower.bottom", "normal": 1e13, "tangential": 1e12}]}
 
 
@@ -45,3 +53,57 @@ def test_watched_steps_sum_their_energies(table: dict[str, Any], operator: str, 
     state.watched = False
     motion.step(state)
     assert motion.energies(state) == model.energies(state)  # of this step, not of the last one watched
+
+
+def keys_of_this_rank() -> np.ndarray:
+    """Rows that differ in the last column by a few values only; ranks have different numbers of them, one none."""
+    everything = np.random.default_rng(0).permutation(900)
+    mine = everything[np.minimum(everything % 7, COMM.size) == COMM.rank] if COMM.size > 1 else everything
+    return np.column_stack([mine % 30, mine // 30 % 10, mine // 300]).astype(float)
+
+
+def test_slabs_hold_the_rows_in_order_and_give_them_back() -> None:
+    keys = keys_of_this_rank()
+    place = parallel.places(COMM, keys)
+    total = int(parallel.total(COMM, len(keys)))
+    order = slabs.Slabs(COMM, place, total)
+    slab = order.collect(keys)
+    np.testing.assert_array_equal(parallel.share_rows(COMM, slab)[place], keys)
+    np.testing.assert_array_equal(order.spread(slab), keys)
+    # Slabs are as large as each other, to one row: no rank holds the whole.
+    assert abs(len(slab) - total / COMM.size) < 1
+    # Several ranks may ask for one place.
+    wanted = np.arange(COMM.rank, total, 3)
+    np.testing.assert_array_equal(
+        slabs.Slabs(COMM, wanted, total).spread(slab), parallel.share_rows(COMM, slab)[wanted]
+    )
+
+
+def test_only_what_is_along_interfaces_is_gathered(shared_tmp_path: Path, monkeypatch: Any) -> None:
+    largest = [0]
+
+    def watched(gather: Callable[..., Any]) -> Callable[..., Any]:
+        def gathered(comm: Any, rows: np.ndarray) -> Any:
+            largest[0] = max(largest[0], int(parallel.total(comm, len(rows))))
+            return gather(comm, rows)
+
+        return gathered
+
+    # Neither node numbers nor snapshots nor checkpoints; `share_rows` is for samples of the former, too.
+    given = parse_case(slip_weakening({"duration": 2e-6, "output.bulk_interval": 1e-6, "output.checkpoint_steps": 20}))
+    for name in ("gather_rows", "share_rows"):
+        monkeypatch.setattr(parallel, name, watched(getattr(parallel, name)))
+    with simulate(given, shared_tmp_path / "gathered", COMM, progress=False) as record:
+        assert record.bulk.sizes["time"] == 2
+        assert 0 < largest[0] <= 2 * record.interface.sizes["position"] < 0.1 * record.bulk.sizes["point"]
+
+
+def test_a_disk_that_is_full_on_one_rank_stops_all(shared_tmp_path: Path, monkeypatch: Any) -> None:
+    def full(*_: Any) -> None:
+        if COMM.rank == COMM.size - 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(BulkFields, "append", full)
+    given = parse_case(slip_weakening({"duration": 4e-6, "output.bulk_interval": 1e-6}))
+    with pytest.raises(DiskError, match=r"cannot be written \(No space left on device\); free some space and go on"):
+        simulate(given, shared_tmp_path / "full", COMM, progress=False)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import h5py
 import numpy as np
 import pytest
 
@@ -10,6 +15,8 @@ pytest.importorskip("dolfinx")
 from small_cases import case
 
 from ruptfx import simulate
+from ruptfx.recording.shared_file import SharedFile
+from ruptfx.recording.writer import Writer
 
 pytestmark = pytest.mark.fem
 
@@ -65,3 +72,45 @@ def test_time_by_phase_is_all_there_is():
     assert 0.02 <= after["outer"] < 0.03 and 0.04 <= after["inner"] < 0.05
     assert sum(after.values()) == pytest.approx(time.process_time(), abs=0.01)
     assert {name for name in after if after[name] - before.get(name, 0.0) > 0.015} == {"outer", "inner"}
+
+
+def test_the_writer_does_all_in_order_and_nobody_waits_for_it() -> None:
+    disk, done = threading.Event(), []
+    writer = Writer()
+    writer.submit(disk.wait)
+    for number in range(20):
+        writer.submit(lambda number=number: done.append(number))
+    assert done == []  # the disk is slow, and here we are
+    disk.set()
+    writer.drain()
+    assert done == list(range(20))
+    writer.close()
+
+
+def test_the_writer_stops_at_the_first_error() -> None:
+    done, writer = [], Writer()
+    for action in (lambda: done.append(1), lambda: 1 / 0, lambda: done.append(2)):
+        writer.submit(action)
+    writer.close()
+    assert done == [1] and isinstance(writer.error, ZeroDivisionError)
+
+
+def test_parts_of_all_ranks_are_one_file(tmp_path: Path) -> None:
+    """Seven rows on three ranks: 2, 2 and 3. What a rank has not written yet is missing, not zero."""
+    files = [SharedFile(SimpleNamespace(rank=rank, size=3), tmp_path / "bulk.h5") for rank in range(3)]
+    rows, cuts = np.arange(14.0).reshape(7, 2), [0, 2, 4, 7]
+    for rank, file in enumerate(files):
+        here = slice(cuts[rank], cuts[rank + 1])
+        file.write("points", rows[here], 7, units="m")
+        for moment in range(2 if rank < 2 else 1):
+            file.append("velocity", rows[here] + 100 * moment, 7, units="m/s")
+        file.flush()
+    with h5py.File(tmp_path / "bulk.h5") as whole:  # while they are written
+        np.testing.assert_array_equal(whole["points"], rows)
+        np.testing.assert_array_equal(whole["velocity"][0], rows)
+        np.testing.assert_array_equal(whole["velocity"][1, :4], rows[:4] + 100)
+        assert whole["velocity"].shape == (2, 7, 2) and np.isnan(whole["velocity"][1, 4:]).all()
+        assert whole["velocity"].attrs["units"] == "m/s"
+    for file in files:
+        file.close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bulk.0.h5", "bulk.1.h5", "bulk.2.h5", "bulk.h5"]

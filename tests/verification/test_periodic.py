@@ -33,7 +33,7 @@ def glued(changes: dict[str, Any]) -> dict[str, Any]:
 def everywhere(model: Model, field: np.ndarray) -> np.ndarray:
     """Coordinates, body and a nodal field of all ranks in the order of `Nodes.numbering`, on every rank."""
     rows = np.column_stack([model.coordinates, model.layout.body, field.reshape(model.nodes, -1)])
-    return COMM.bcast(model.layout.gather(rows.ravel()), root=0)
+    return parallel.share_rows(COMM, model.layout.collect(rows.ravel()))
 
 
 def test_a_pulse_goes_through_as_in_a_long_plate() -> None:
@@ -128,7 +128,7 @@ def test_the_same_on_any_number_of_ranks() -> None:
         motion, state = model.case.stepper.bind(model), model.initial_state()
         for _ in range(75):
             motion.step(state)
-        fields.append(model.comm.bcast(model.layout.gather(state.velocity), root=0))
+        fields.append(parallel.share_rows(model.comm, model.layout.collect(state.velocity)))
     np.testing.assert_allclose(fields[0], fields[1], atol=1e-10 * np.abs(fields[1]).max())
 
 

@@ -1,0 +1,105 @@
+"""An HDF5 file of which every rank writes its slab of the rows, and that shows them as if they were its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from ruptfx import slabs
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
+
+Rows = npt.NDArray[np.float64] | npt.NDArray[np.int32] | npt.NDArray[np.int64]
+
+
+class SharedFile:
+    """`name.h5`, and where there are several ranks the parts `name.0.h5`, `name.1.h5` ... of its virtual data sets.
+
+    Ranks write without each other; what a part does not have yet is missing (NaN) in the whole.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    path : Path
+        The file; it and its parts are made anew.
+
+    Attributes
+    ----------
+    whole : h5py.File or None
+        The file, on rank 0 only.
+    paths : list of Path
+        What this rank writes.
+    """
+
+    def __init__(self, comm: Comm, path: Path) -> None:
+        self._alone, self._size = comm.size == 1, comm.size
+        self._names = [f"{path.stem}.{rank}{path.suffix}" for rank in range(comm.size)]
+        part = path if self._alone else path.with_name(self._names[comm.rank])
+        self.paths = [part] if self._alone or comm.rank else [path, part]
+        self._open("w")
+
+    def _open(self, mode: str) -> None:
+        files = [h5py.File(path, mode) for path in self.paths]
+        self._part = files[-1]
+        self.whole = files[0] if self._alone or len(files) == 2 else None
+
+    def write(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
+        """A data set of `total` rows, of which this rank has a slab."""
+        self._part.create_dataset(name, data=slab)
+        self._show(name, slab, total, False, attributes)
+
+    def append(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
+        """One more moment of such a data set."""
+        if name not in self._part:
+            shape = slab.shape
+            self._part.create_dataset(name, (0, *shape), slab.dtype, maxshape=(None, *shape), chunks=(1, *shape))
+            self._show(name, slab, total, True, attributes)
+        data = self._part[name]
+        data.resize(len(data) + 1, axis=0)
+        data[-1] = slab
+
+    def _show(self, name: str, slab: Rows, total: int, grows: bool, attributes: dict[str, str]) -> None:
+        """Make the data set of the whole."""
+        if self.whole is None:
+            return
+        if not self._alone:
+            first, most, every = ((1,), (None,), (slice(0, h5py.h5s.UNLIMITED),)) if grows else ((), (), ())
+            columns, bounds = slab.shape[1:], slabs.bounds(total, self._size)
+            layout = h5py.VirtualLayout((*first, total, *columns), slab.dtype, (*most, total, *columns))
+            for part, begin, end in zip(self._names, bounds[:-1], bounds[1:], strict=True):
+                rows = (int(end - begin), *columns)
+                source = h5py.VirtualSource(part, name, (*first, *rows), slab.dtype, (*most, *rows))
+                layout[(*every, slice(int(begin), int(end)))] = source[(*every, slice(None))]
+            missing = np.nan if slab.dtype.kind == "f" else None
+            self.whole.create_virtual_dataset(name, layout, fillvalue=missing)
+        self.whole[name].attrs.update(attributes)
+
+    def flush(self) -> None:
+        """Write what waits in memory."""
+        self._part.flush()
+        if self.whole is not None:
+            self.whole.flush()
+
+    def settle(self) -> None:
+        """Close and open again: only a closed HDF5 file may be copied."""
+        self.close()
+        self._open("a")
+
+    def close(self) -> None:
+        self._part.close()
+        if self.whole is not None:
+            self.whole.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
