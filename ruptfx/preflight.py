@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -13,12 +15,14 @@ from ruptfx import fem, stages
 from ruptfx.analysis import fracture
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
+from ruptfx.fields import DERIVED, ENERGIES, FIELDS
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
 from ruptfx.places import patches
+from ruptfx.plausibility import Doubt, doubts, slow_records
 from ruptfx.profiles import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
@@ -76,7 +80,12 @@ def preflight(case: Case) -> Iterator[Row]:
             yield from _without_effect(model, fault)
             if steps is not None:
                 yield from _shortest_time(model, fault, motion.dt)
+    yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps)
+
+
+def _doubtful(doubt: Doubt) -> Row:
+    return Row(doubt.quantity, doubt.value, doubt.unit, doubt.note, "ok" if doubt.likely_meant else "warning")
 
 
 def generalized_rayleigh_speed(model: Model) -> float | None:
@@ -327,6 +336,7 @@ def _breakdown_rows(
     zone = law.process_zone(modulus)
     yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
     yield _points_row(f"{label}: points in it", zone, spacing, 5)
+    yield from (_doubtful(doubt) for doubt in slow_records(model, label, zone))
     if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
         yield Row(
             f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
@@ -368,10 +378,38 @@ def _cost(model: Model, motion: object, steps: int | None) -> Iterator[Row]:
     for _ in range(5):
         motion.step(state)  # type: ignore[attr-defined]
     each = (time.perf_counter() - begin) / 5
-    vectors = 8 * 8 * model.nodes * model.components
-    yield Row("memory of the vectors", vectors / 1e6, "MB", "per rank, without the mesh")
+    yield _memory()
+    yield Row("files", _bytes_of_files(model, steps) / 1e6, "MB", "on disk, without figures and checkpoints")
     where = f"on {model.comm.size} rank(s), without output"
     if steps is None:
         yield Row("time of a step", each, "s", where)
     else:
         yield Row("expected run time", each * steps, "s", f"{each:.3g} s per step {where}")
+
+
+def _memory() -> Row:
+    """The largest so far, with the model, the operator and some steps: a run on one rank has about the same."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if used < 0.8 * there:
+        return Row("memory", used / 1e6, "MB", "of one rank; more ranks share the mesh")
+    note = f"nearly all of the {there / 1e6:.0f} MB there are: take a coarser mesh or another machine"
+    return Row("memory", used / 1e6, "MB", note, "warning")
+
+
+def _bytes_of_files(model: Model, steps: int | None) -> float:
+    """Numbers of 8 bytes in interface.h5, bulk.h5 and, as text of 20, in energy.csv."""
+    output, duration = model.case.output, model.case.duration
+    records = duration / (output.interface_interval or duration / 300) + 1
+    if steps is not None:
+        records = min(records + steps / (output.interface_steps or np.inf), steps + 1)
+    numbers = 0.0
+    for fault in model.faults:
+        names = [n for field in (*FIELDS, *DERIVED) if field.recorded for n in field.names(fault.tangents)]
+        numbers += records * fault.interface.total * (len(names) + len(fault.friction.all_state_fields()))
+    snapshots = min(duration / (output.bulk_interval or duration / 6), steps or np.inf)
+    dim, c = model.coordinates.shape[1], model.components
+    stresses = {1: 2, 2: 3, 3: 6}[c]
+    cells = model.total_nodes  # those of snapshots lie between nodes
+    numbers += snapshots * model.total_nodes * (2 * c + stresses + 1) + model.total_nodes * dim + cells * 2**dim
+    return 8 * numbers + 20 * (len(ENERGIES) + 2) * records

@@ -108,7 +108,10 @@ def _commands(block: Block) -> Iterator[tuple[str, str]]:
 
 
 def matches(shown: str, printed: str) -> bool:
-    """Whether the lines shown follow each other in what was printed; `...` stands for anything, also for lines; borders of tables do not count."""
+    """Whether the lines shown follow each other in what was printed.
+
+    `...` stands for anything, also for lines; borders of tables do not count.
+    """
     lines = [re.sub(r"[\s│┃]+", " ", line).strip() for line in printed.splitlines()]
     place = 0
     for wanted in (re.sub(r"\s+", " ", line).strip() for line in shown.splitlines() if line.strip()):

@@ -147,3 +147,58 @@ def test_the_demo_needs_no_warning() -> None:
 
 def test_cases_without_a_word_pass() -> None:
     assert all(row.verdict == "ok" for row in preflight(case()))
+
+
+# -- what is hardly meant --------------------------------------------------------------------------------------------
+
+
+def doubted(changes: dict[str, Any]) -> dict[str, Row]:
+    return {row.quantity: row for row in preflight(parse_case(plates(changes))) if row.verdict == "warning"}
+
+
+@pytest.mark.parametrize(
+    "key, value, quantity, note",
+    [
+        ("materials.default.young_modulus", 5.3, "upper: young_modulus", "less than 1000, that of any solid"),
+        ("materials.default.young_modulus", 5.3e13, "upper: young_modulus", "is its exponent lost?"),
+        ("materials.default.density", 1.2, "lower: density", "less than 10, that of any solid"),
+        # sqrt(5.3 / 2 / 1.35 / 1246) = 0.04 m/s
+        ("materials.default.young_modulus", 5.3, "upper: c_s", "less than 1, that of any solid"),
+        ("faults.main.initial_stress.normal", 6.0, "faults.main.initial_stress", "hardly pressed together"),
+        ("faults.main.initial_stress.normal", 6e8, "faults.main.initial_stress", "strains are not small"),
+    ],
+)
+def test_lost_exponents(key: str, value: float, quantity: str, note: str) -> None:
+    found = doubted({key: value})
+    assert note in found[quantity].note
+    assert quantity not in doubted({})
+
+
+def test_echoes_of_edges_that_reflect() -> None:
+    """From the interface to the edge and back with c_p of plane stress, sqrt(E / rho / (1 - nu^2)) = 2201.7 m/s."""
+    height = plates()["mesh"]["height"]
+    back = 2 * height / 2201.7
+    found = rows(plates({"duration": 1.01 * back}))["upper.top: echo"]
+    assert found.value == pytest.approx(back, rel=1e-4) and "make the body larger" in found.note
+    assert "upper.top: echo" not in rows(plates({"duration": 0.99 * back}))
+    absorbing = [{"kind": "absorbing", "edge": "upper.top"}]
+    quiet = rows(plates({"duration": 1.01 * back, "boundaries": absorbing}))
+    assert "upper.top: echo" not in quiet and "lower.bottom: echo" in quiet
+
+
+def test_records_coarser_than_the_process() -> None:
+    # Process zone 6.504 mm (above), c_R of plane stress 1155.9 m/s: it passes in 5.63 us.
+    for interval, doubt in ((5.5e-6, False), (5.8e-6, True)):
+        found = rows(slip_weakening({"output.interface_interval": interval}))
+        assert (": interval of records" in found) == doubt
+
+
+def test_size_of_files(tmp_path: Path) -> None:
+    """Within 30 % of what a run leaves."""
+    from ruptfx.simulation import simulate
+
+    table = plates({"duration": 4e-6, "output.figures": False})
+    simulate(parse_case(table), tmp_path / "run", progress=False)
+    there = sum((tmp_path / "run" / name).stat().st_size for name in ("interface.h5", "bulk.h5", "energy.csv"))
+    assert rows(table)["files"].value == pytest.approx(there / 1e6, rel=0.3)
+    assert rows(table)["memory"].value > 50

@@ -1,0 +1,111 @@
+"""What is allowed but hardly meant: a lost exponent, echoes, records that miss what happens. `ruptfx check` warns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ruptfx.boundaries.absorbing import Absorbing
+from ruptfx.boundaries.incident_wave import IncidentWave
+from ruptfx.fault import Fault
+from ruptfx.model import Model
+from ruptfx.schema import unit_of
+
+# From soft gels to diamond, from aerogels to osmium, from gels to diamond; the least of a pressed laboratory sample.
+MODULI = (1e3, 1.3e12)  # Pa
+DENSITIES = (10.0, 23e3)  # kg/m3
+SPEEDS = (1.0, 20e3)  # m/s
+LEAST_STRESS = 100.0  # Pa
+LARGEST_STRAIN = 0.05  # of the initial stress over the modulus rho c_p^2
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One thing that is hardly meant."""
+
+    quantity: str
+    value: float
+    unit: str
+    note: str
+    likely_meant: bool = False
+    """Worth a word, but no warning."""
+
+
+def doubts(model: Model) -> Iterator[Doubt]:
+    """All doubts about a case on this rank."""
+    for name, material in zip(model.bodies.names, model.materials, strict=True):
+        for key in type(material).model_fields:
+            value = getattr(material, key)
+            unit = unit_of(type(material), key)
+            bounds = {"Pa": MODULI, "kg/m3": DENSITIES}.get(unit)
+            if bounds is not None and isinstance(value, float) and not bounds[0] <= value <= bounds[1]:
+                note = f"{_outside(value, bounds)} of any solid; is its exponent lost?"
+                yield Doubt(f"{name}: {key}", value, unit, note)
+        speeds = material.wave_speeds(model.case.plane)
+        for key in ("c_p", "c_s"):
+            value = float(getattr(speeds, key))
+            if not SPEEDS[0] <= value <= SPEEDS[1]:
+                note = f"{_outside(value, SPEEDS)} of any solid; look at the moduli and the density"
+                yield Doubt(f"{name}: {key}", value, "m/s", note)
+    for fault in model.faults:
+        if len(fault.interface.plus):
+            yield from _stress(model, fault)
+    if model.case.stepper.inertia and not model.case.stepper.adaptive:
+        yield from _echoes(model)
+
+
+def slow_records(model: Model, label: str, zone: float) -> Iterator[Doubt]:
+    """Records further apart than a process zone needs to pass a point at the Rayleigh or shear wave speed."""
+    if not model.case.stepper.inertia:
+        return
+    interval = model.case.output.interface_interval or model.case.duration / 300
+    speeds = [material.wave_speeds(model.case.plane) for material in model.materials]
+    passing = zone / min(speed.c_R for speed in speeds)
+    if interval > passing and model.case.output.interface_steps is None:
+        yield Doubt(
+            f"{label}: interval of records", interval, "s",
+            f"the process zone passes a point in {passing:.3g} s: slip rates between records are missed; "
+            "reduce output.interface_interval",
+        )  # fmt: skip
+
+
+def _outside(value: float, bounds: tuple[float, float]) -> str:
+    return f"less than {bounds[0]:g}, that" if value < bounds[0] else f"more than {bounds[1]:g}, that"
+
+
+def _stress(model: Model, fault: Fault) -> Iterator[Doubt]:
+    largest = float(np.max(np.abs(fault.normal_stress_0), initial=0.0))
+    label = f"faults.{fault.name}.initial_stress"
+    if 0 < largest < LEAST_STRESS:
+        yield Doubt(label, largest, "Pa", "hardly pressed together; is the exponent lost ('6 MPa')?")
+    stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in model.materials)
+    if largest > LARGEST_STRAIN * stiffness:
+        note = f"{100 * largest / stiffness:.3g} % of the stiffness of a body: strains are not small"
+        yield Doubt(label, largest, "Pa", note)
+
+
+def _echoes(model: Model) -> Iterator[Doubt]:
+    """Edges that reflect and lie away from the interfaces: when what they send back arrives at one."""
+    absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
+    open_edges = {boundary.edge for boundary in absorbing}
+    fastest = max(float(m.wave_speeds(model.case.plane).c_p) for m in model.materials)
+    points = [fault.interface.points for fault in model.faults if len(fault.interface.points)]
+    if not points:
+        return
+    extent = float(np.max(np.ptp(model.coordinates, axis=0)))
+    for name in model.bodies.edges:
+        nodes = model.loads.edge(name, "boundaries").nodes
+        if name in open_edges or not len(nodes):
+            continue
+        x = model.coordinates[nodes]
+        distance = min(float(np.min(np.linalg.norm(x[:, None] - own[None], axis=2))) for own in points)
+        arrival = 2 * distance / fastest
+        if distance > 1e-6 * extent and arrival < model.case.duration:
+            yield Doubt(
+                f"{name}: echo", arrival, "s",
+                f"the run lasts {model.case.duration:.3g} s: waves that this edge reflects are back at the interface "
+                "before its end; make the body larger, or the edge absorbing, unless they belong to the experiment",
+                likely_meant=True,
+            )  # fmt: skip
