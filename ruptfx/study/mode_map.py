@@ -23,6 +23,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from ruptfx import RuptfxError, Table
 from ruptfx.figure_style import MUTED, WIDTH, letter, new_figure, note, scale, styled
@@ -330,10 +331,13 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
         return
     for mark in shown.study.marks:
         x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
-        ax.plot(x, y, "o", ms=10, mfc="none", mec="black", mew=1.0, zorder=5)
-        box = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8}
-        ax.annotate(mark.label, (x, y), (6, 5), textcoords="offset points", fontweight="bold", zorder=6, bbox=box,
-                    parse_math=False)  # fmt: skip
+        ax.plot(x, y, "o", ms=8, mfc="none", mec="black", mew=1.0, zorder=5)
+        # Where four cells meet, so that it hides the symbol of none.
+        halo = [withStroke(linewidth=1.5, foreground="white")]
+        ax.annotate(
+            mark.label, (x, y), (9, 5.5), textcoords="offset points", ha="center", va="center", fontsize=6,
+            fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
+        )
 
 
 def page(shown: Map) -> str:

@@ -63,7 +63,7 @@ def test_figure(name, kind, records):
     if not plots.suits(name, records[kind]):
         return
     figure = plots.FIGURES[name](records[kind])
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     assert pyplot.get_fignums() == []  # belongs to no window, and is gone when nobody holds it
     shown = [ax for ax in figure.axes if ax.get_visible()]
     labels = [axis.get_label_text() for ax in shown for axis in (ax.xaxis, ax.yaxis)]

@@ -274,3 +274,20 @@ def test_names_are_shown_as_they_are(tmp_path):
         assert await tab.value("typeof window.hit") == "undefined"
 
     visit(made(out, HOSTILE), tmp_path / "profile", act)
+
+
+def test_names_of_marks_leave_other_cells_to_be_seen(tmp_path):
+    """On the map of the lecture, 10 by 9 cells twice: a name covers less than a tenth of any cell."""
+    study = read_study(Path(__file__).parents[2] / "demos" / "mode_map.toml")
+    values = {"mode": "crack", "peak_slip_rate": 1.0, "max_slip": 1e-6}  # colour bars make the panels narrow
+    points = [(point, {"status": "done", "values": values}) for point in study.points()]
+    figure = mode_map.draw(mode_map.Map(study, rows(study, points, {}), tmp_path))
+    figure.draw_without_rendering()
+    for ax in figure.axes[:2]:
+        assert sorted(text.get_text() for text in ax.texts) == ["I", "II", "III", "IV"]
+        corners = ax.transData.transform(ax.collections[0].get_coordinates().reshape(-1, 2)).reshape(10, 11, 2)
+        for text in ax.texts:
+            box = (text.get_bbox_patch() or text).get_window_extent()
+            low, high = np.maximum(corners[:-1, :-1], box.p0), np.minimum(corners[1:, 1:], box.p1)
+            covered = np.maximum(high - low, 0).prod(axis=-1) / (corners[1:, 1:] - corners[:-1, :-1]).prod(axis=-1)
+            assert 0 < covered.max() < 0.1
