@@ -51,7 +51,7 @@ class FaultCase(Part):
 
     @field_validator("nucleation", mode="before")
     @classmethod
-    def _as_list(cls, value: object) -> Any:
+    def _as_list(cls, value: object) -> object:
         return [value] if isinstance(value, dict) else value
 
 
@@ -154,7 +154,7 @@ class Case(CaseFile):
 
     @field_validator("stepper", mode="before")
     @classmethod
-    def _leapfrog_unless_said(cls, value: object) -> Any:
+    def _leapfrog_unless_said(cls, value: object) -> object:
         return {"kind": "leapfrog", **value} if isinstance(value, dict) else value
 
     @field_validator("operator")

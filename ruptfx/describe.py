@@ -6,7 +6,6 @@ import inspect
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -83,7 +82,7 @@ class Entry:
     """Why it does not load."""
 
 
-def file_schema() -> dict[str, Any]:
+def file_schema() -> dict[str, object]:
     """JSON schema of a file for `ruptfx run` (a case) or `ruptfx study` (a study)."""
     schema, study = case_schema(), Study.model_json_schema()
     schema["title"] = "ruptfx case or study"

@@ -159,7 +159,7 @@ def create_mesh(
     cells: np.ndarray,
     points: np.ndarray,
     cell: str,
-    partitioner: Callable[..., Any],
+    partitioner: Callable[..., object],
     order: int = 1,
 ) -> dolfinx.mesh.Mesh:
     """Mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
@@ -189,7 +189,7 @@ def from_owners(space: dolfinx.fem.FunctionSpace, nodal: np.ndarray) -> np.ndarr
     return function.x.array.reshape(nodal.shape).copy()
 
 
-def bilinear(form: ufl.Form) -> Any:
+def bilinear(form: ufl.Form) -> dolfinx.fem.Form:
     """A compiled bilinear form."""
     return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)
 

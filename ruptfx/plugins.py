@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Self
+from typing import Self
 
 import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
@@ -182,7 +182,7 @@ def active(plugins: Iterable[Plugin]) -> Iterator[None]:
         plugged.reset(token)
 
 
-def named(table: Mapping[str, Any], directory: Path | None) -> list[Plugin]:
+def named(table: Mapping[str, object], directory: Path | None) -> list[Plugin]:
     """The plug-ins that the tables of a case name, relative to `directory`; what is no list of names is not looked at.
 
     Raises
@@ -224,7 +224,7 @@ class CaseFile(Part):
         """The plug-ins that it names."""
         return self._plugins
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(self, *, update: Mapping[str, object] | None = None, deep: bool = False) -> Self:
         # With the code it was read with, whatever became of the files.
         kept = {"plugins": list(self._plugins)} if update and self._plugins else {}
         return super().model_copy(update={**kept, **update} if update else None, deep=deep)
@@ -283,7 +283,7 @@ def _parts(value: object) -> Iterator[Part]:
     """A part and all parts in it."""
     if isinstance(value, Part):
         yield value
-        inner: Iterable[Any] = (getattr(value, name) for name in type(value).model_fields)
+        inner: Iterable[object] = (getattr(value, name) for name in type(value).model_fields)
     else:
         inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
     for item in inner:

@@ -281,7 +281,7 @@ class Table(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_file(cls, values: object, info: ValidationInfo) -> Any:
+    def _from_file(cls, values: object, info: ValidationInfo) -> object:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
             return values
         if values.get("positions") or values.get("values"):
@@ -345,7 +345,7 @@ def varying(number: object, unit: str) -> Any:
             return f"<{value.get('kind')}>"
         return f"<{getattr(value, 'kind')}>" if isinstance(value, tuple(KINDS.values())) else "<number>"  # noqa: B009
 
-    def read(value: object) -> Any:
+    def read(value: object) -> object:
         """Texts in a table that have the unit of the key, as numbers."""
         if not isinstance(value, Mapping) or value.get("kind") not in KINDS:
             return value

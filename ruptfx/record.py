@@ -11,7 +11,7 @@ import json
 import tomllib
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import h5py
 import numpy as np
@@ -69,7 +69,7 @@ class Record:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._open: list[Any] = []
+        self._open: list[h5py.File | xarray.Dataset] = []
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
         if not (self.path / "case.toml").is_file():

@@ -79,7 +79,7 @@ def shown_key(key: object) -> str:
 MAX_DEPTH = 40
 
 
-def check_tables(table: Mapping[str, Any]) -> None:
+def check_tables(table: Mapping[str, object]) -> None:
     """Refuse what no reader of a case could hold or show: deep nesting, and integers beyond 64 bits, as in TOML.
 
     Raises
@@ -87,7 +87,7 @@ def check_tables(table: Mapping[str, Any]) -> None:
     CaseError
         Names the key.
     """
-    todo: list[tuple[str, int, Any]] = [("", 0, table)]
+    todo: list[tuple[str, int, object]] = [("", 0, table)]
     while todo:
         key, depth, value = todo.pop()
         if depth > MAX_DEPTH:
@@ -171,7 +171,7 @@ class Part(BaseModel, metaclass=_Reworded):
 
     @model_validator(mode="before")
     @classmethod
-    def _known_keys(cls, values: object) -> Any:
+    def _known_keys(cls, values: object) -> object:
         if isinstance(values, Mapping):
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
@@ -206,7 +206,7 @@ class Part(BaseModel, metaclass=_Reworded):
         """The same part with fields that are no longer those of a case, unchecked: arrays at points, expressions."""
         return super().model_copy(update=changes)
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(self, *, update: Mapping[str, object] | None = None, deep: bool = False) -> Self:
         """The same part with other values, checked as if they came from a case.
 
         Raises
@@ -374,7 +374,7 @@ _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would r
 def alternative(package: str) -> Any:
     """Field type: any alternative of that folder, given as an object or as a table with ``kind``."""
 
-    def choose(value: object, info: ValidationInfo) -> Any:
+    def choose(value: object, info: ValidationInfo) -> object:
         if isinstance(value, str):
             value = {"kind": value}
         if not isinstance(value, Mapping):
@@ -444,7 +444,7 @@ class Unit(str):
                 schema[choices] = [*schema[choices], text]
         return schema
 
-    def read(self, value: object) -> Any:
+    def read(self, value: object) -> object:
         """Text with a unit as a number, alone or in a list; everything else as it is.
 
         Raises
@@ -467,13 +467,13 @@ def has_mark(part: type[Part], name: str, mark: type) -> bool:
     return any(isinstance(item, mark) for item in _marks(part.model_fields[name]))
 
 
-def _marks(field: FieldInfo) -> list[Any]:
+def _marks(field: FieldInfo) -> list[object]:
     """Metadata of a field; of an optional one it is inside its union with None."""
     inner = [item for member in get_args(field.annotation) for item in getattr(member, "__metadata__", ())]
     return [*field.metadata, *inner]
 
 
-def _resolve(path: object, info: ValidationInfo) -> Any:
+def _resolve(path: object, info: ValidationInfo) -> object:
     directory = (info.context or {}).get("directory")
     return str(Path(directory, path)) if directory is not None and isinstance(path, str) else path
 

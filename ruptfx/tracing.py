@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -275,7 +275,7 @@ def _select(conditions: Iterable[Array], values: Iterable[Array], default: Array
     return result
 
 
-_FUNCTIONS: dict[Any, Callable[..., Expression]] = {
+_FUNCTIONS: dict[object, Callable[..., Expression]] = {
     np.where: _where,
     np.clip: _clip,
     np.select: _select,

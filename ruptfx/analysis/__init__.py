@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -111,7 +111,7 @@ def _largest(values: object) -> float:
     return float(np.nanmax(numbers)) if np.isfinite(numbers).any() else float(np.nan)
 
 
-def _plain(value: object) -> Any:
+def _plain(value: object) -> object:
     """JSON knows neither NumPy numbers nor NaN."""
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
     return (boundary_work - values.sum(axis=0)) / (scale or 1.0)
 
 
-def budget(energy: Mapping[Any, Any]) -> dict[str, float]:
+def budget(energy: Mapping[object, object]) -> dict[str, float]:
     """Final energies [J] under their names, and `energy_closure`, the largest |closure| of the run.
 
     Parameters

@@ -16,11 +16,17 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from ruptfx import RuptfxError, Table
 from ruptfx.schema import kinds, nearest
 from ruptfx.terminal import console
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+    from ruptfx.fem import MPI
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class Outcome:
     """Checks of a benchmark, a function that draws its figure, and rows to report as JSON instead of the checks."""
 
     checks: list[Check]
-    draw: Callable[[], Any] | None = None
+    draw: Callable[[], Figure] | None = None
     rows: list[Table] | None = None
 
 
@@ -133,7 +139,7 @@ def _list(names: list[str]) -> None:
     _screen().print(table)
 
 
-def _screen() -> Any:
+def _screen() -> Console:
     """Wide enough for the tables also where it is none."""
     screen = console()
     return screen if screen.is_terminal else console(width=130)
@@ -186,7 +192,7 @@ def _markdown(names: list[str], out: Path) -> bool:
             verdicts += passed
             print(f"| {name} | {len(passed)} quantities | | | | | pass | {command} |")
             continue
-        rows: dict[Any, Check] = {}
+        rows: dict[object, Check] = {}
         for number, row in enumerate(saved["checks"]):
             values: Table = {key: math.nan if value is None else value for key, value in row.items()}
             check = Check(**{key: value for key, value in values.items() if key != "passed"})
@@ -204,7 +210,7 @@ def _markdown(names: list[str], out: Path) -> bool:
     return all(verdicts)
 
 
-def _world() -> Any:
+def _world() -> MPI.Comm | None:
     """All ranks; None without the finite element stack, which lumped models do without."""
     if find_spec("dolfinx") is None:
         return None

@@ -52,7 +52,7 @@ K_C = WEIGHT * (B - A) / D_C
 CHAIN_SEEDS = (1, 2, 3)
 
 
-def timed(work: Callable[[], Any]) -> tuple[Any, float]:
+def timed(work: Callable[[], object]) -> tuple[Any, float]:
     """A result and the processor time it took [s], which other work on the machine does not change."""
     start = time.process_time()
     return work(), time.process_time() - start

@@ -228,7 +228,7 @@ def problem(dim: int, order: int, geometry: str, nodes: int) -> Case:
 # -- one row -------------------------------------------------------------------------------------------------------
 
 
-def median_time(function: Callable[[], Any], least: float = 0.05, samples: int = SAMPLES) -> float:
+def median_time(function: Callable[[], object], least: float = 0.05, samples: int = SAMPLES) -> float:
     """Median processor time of a call [s], each sample long enough to be seen by the clock."""
     began = time.process_time()
     function()
@@ -298,7 +298,7 @@ def interface_share(motion: LeapfrogMotion, state: State) -> float:
     """Of the processor time of steps, what the fault takes in them: memory is as the bodies leave it."""
     plain, inside = FaultStep.__call__, []
 
-    def timed(step: FaultStep, *given: Any) -> float:
+    def timed(step: FaultStep, *given: object) -> float:
         began = time.process_time()
         dissipated = plain(step, *given)
         inside.append(time.process_time() - began)

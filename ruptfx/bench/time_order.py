@@ -11,13 +11,13 @@ The rupture is an in-plane one with the ageing law, nodes 100 m apart, at the st
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rupture import elastic, rupture
+from ruptfx.bench._rupture import Rupture, elastic, rupture
 from ruptfx.case import Case
 from ruptfx.fields import MONITORS
 from ruptfx.model import Model
@@ -116,7 +116,7 @@ def orders(
     return {name: float(np.log2(error(coarse, name) / error(middle, name))) for name in moving}
 
 
-def ageing_rupture(factor: float, step: float | None = None) -> Any:
+def ageing_rupture(factor: float, step: float | None = None) -> Rupture:
     """A rupture with the ageing law that overstress starts at once, `factor` times as short as the step [s]."""
     table = {
         "plane": "strain", "order": 4, "duration": 1.2,
@@ -173,7 +173,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     return Outcome(checks, lambda: _draw([usual, short], at, step))
 
 
-def _draw(runs: list[Any], at: int, step: float) -> Figure:
+def _draw(runs: list[Rupture], at: int, step: float) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, ax = plt.subplots(figsize=(5, 3.2), layout="constrained")

@@ -10,7 +10,7 @@ are compared with those of the finest mesh (a slope of arrivals that all shift a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ruptfx.bench._rupture import Rupture, elastic, rupture
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
 
     from ruptfx.fem import MPI
@@ -57,7 +59,9 @@ def line(spacing: float, law: Table, shear: float, extra: float, duration: float
     }  # fmt: skip
 
 
-def converge(make: Any, state: str, value: float, source: str, fine: bool) -> tuple[list[Check], list[Rupture]]:
+def converge(
+    make: Callable[[float], Table], state: str, value: float, source: str, fine: bool
+) -> tuple[list[Check], list[Rupture]]:
     """Initial state; rupture time at 12 km, front speed and peak slip rates on three meshes."""
     spacings = (50.0, 25.0, 12.5) if fine else (100.0, 50.0, 25.0)
     runs = [rupture(make(h), energies=4) for h in spacings]

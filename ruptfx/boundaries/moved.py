@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, model_validator
@@ -53,7 +53,7 @@ class Moved(EdgeBoundary):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_file(cls, values: object, info: ValidationInfo) -> Any:
+    def _from_file(cls, values: object, info: ValidationInfo) -> object:
         if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
             return values
         if values.get("times") or values.get("values"):

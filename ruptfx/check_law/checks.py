@@ -14,7 +14,7 @@ import numpy as np
 import tomli_w
 from pydantic import TypeAdapter
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, Table
 from ruptfx.friction import COMMON, AnyFriction, FrictionLaw
 from ruptfx.projection import TracedLaw, project
 from ruptfx.schema import unit_of
@@ -141,7 +141,7 @@ def traced(law: FrictionLaw, seed: int) -> None:
     # Central differences of step h: error h^2 from the third derivative, 1e-16 / h from rounding; h = 1e-5.
     h, at = 1e-5, state | {"normal_stress": 0.9 * sigma}
     last = rate * np.random.default_rng(seed).uniform(0.3, 1.6, len(rate))  # no kink of the extrapolation within h
-    known: Any = {"speed_before": last, "speed_then": last, "extrapolation": 0.5, "radiation": 1e3}
+    known: Table = {"speed_before": last, "speed_then": last, "extrapolation": 0.5, "radiation": 1e3}
     for at_end in (True, False):
         of_law = TracedLaw(law, at_end)
 
@@ -165,7 +165,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
     if not law.all_state_fields():
         return "no state"
     v, sigma, state = _sliding(law, seed)
-    constant: Any = {"before": v, "speed_before": v, "speed_then": v, "extrapolation": 0.5}
+    constant: Table = {"before": v, "speed_before": v, "speed_then": v, "extrapolation": 0.5}
     for at_end in (True, False):
         for dt in (1e-9, 1e-6, 1e-3):
             expected = law.advance(state, v, sigma, dt)
@@ -177,7 +177,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
         for at_end in (True, False):
             # (V_before + V) / 2 or V + (V - V_before) / 2 with V_before = V / 2
             now = (1.25 if at_end else 0.75) * v
-            half: Any = {"before": 0.5 * v, "speed_before": 0.5 * v, "speed_then": 2 * v, "extrapolation": 0.5}
+            half: Table = {"before": 0.5 * v, "speed_before": 0.5 * v, "speed_then": 2 * v, "extrapolation": 0.5}
             found = TracedLaw(law, at_end)(v, sigma, state | {"normal_stress": 2 * sigma}, 2e3, **half)
             close(found.rate_now, now, 1e-12, "slip rate at the traction")
             expected = law.strength(now, sigma, law.advance(state, now, sigma, 1e3))  # half of the step

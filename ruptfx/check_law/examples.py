@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from functools import cache
-from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -78,12 +77,12 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
             result[name] = {"kind": kind, **table(known[kind], seed, None, profiles)}
         elif any(item.get("type") == "number" for item in options):
             limits = next(item for item in options if item.get("type") == "number")
-            value: Any = number(seed, name, unit_of(cls, name), limits)
+            result[name] = value = number(seed, name, unit_of(cls, name), limits)
             if profiles and any("$ref" in item for item in options):
                 # Some fields grow where others fall, so that their ratios vary too.
                 amplitude = (0.3 if zlib.crc32(name.encode()) % 2 else -0.3) * value
-                value = {"kind": "gaussian", "background": value, "amplitude": amplitude, "center": 0.4, "width": 0.2}
-            result[name] = value
+                profile = {"background": value, "amplitude": amplitude, "center": 0.4, "width": 0.2}
+                result[name] = {"kind": "gaussian", **profile}
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)
         elif "const" in schema:
@@ -95,7 +94,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
     return result
 
 
-def material(kind: str, plain: bool = False) -> Any:
+def material(kind: str, plain: bool = False) -> Part:
     """An example material: with the first numbers that it accepts, some describe no body.
 
     Parameters
@@ -128,7 +127,7 @@ def friction_laws() -> list[tuple[str, str | None]]:
     return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
 
 
-def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Any:
+def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Part:
     """An example law."""
     cls = alternatives("ruptfx.friction")[kind]
     return cls.model_validate(table(cls, seed, held, profiles))

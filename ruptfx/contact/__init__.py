@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ruptfx.fields import Array as Array
 from ruptfx.schema import Alternative, CaseError, alternative, alternatives
@@ -143,7 +143,7 @@ class ContactMethod(Alternative):
         return 0.0, 0.0
 
 
-def require(faults: Iterable[Any], way: Way) -> None:
+def require(faults: Iterable[Fault], way: Way) -> None:
     """Refuse contact methods that steps of this kind cannot use.
 
     Raises
@@ -171,6 +171,7 @@ def require(faults: Iterable[Any], way: Way) -> None:
 
 
 if TYPE_CHECKING:
+    from ruptfx.fault import Fault
     AnyContact = ContactMethod
 else:
     AnyContact = alternative("ruptfx.contact")

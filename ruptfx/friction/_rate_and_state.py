@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ruptfx.friction import Array, FrictionLaw, LawState
@@ -130,5 +128,5 @@ class RateAndState(Creeping):
 
     def is_uniform(self) -> bool:
         """Whether every parameter is one number, as a lumped model needs."""
-        values: list[Any] = [getattr(self, name) for name in type(self).model_fields]
+        values: list[object] = [getattr(self, name) for name in type(self).model_fields]
         return all(value is None or isinstance(value, float | int) for value in values)

@@ -60,7 +60,7 @@ class LumpedModel(CaseFile, Alternative):
         return {**scalars, **dataset.attrs}
 
 
-def variable(dims: object, values: object, units: str, long_name: str) -> tuple[Any, Any, dict[str, str]]:
+def variable(dims: object, values: object, units: str, long_name: str) -> tuple[object, object, dict[str, str]]:
     """A variable of a dataset: dimensions, values, and the units and name that files and figures show."""
     return dims, values, {"units": units, "long_name": long_name}
 
@@ -155,7 +155,7 @@ def _draw(cls: type[LumpedModel], dataset: xarray.Dataset, out: Path, formats: S
     return paths
 
 
-def _compression(dataset: xarray.Dataset) -> dict[Any, Table]:
+def _compression(dataset: xarray.Dataset) -> dict[object, Table]:
     large = [name for name, values in dataset.variables.items() if values.size > 10_000 and values.dtype.kind in "fiu"]
     return {name: {"zlib": True, "complevel": 4} for name in large}
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx import RuptfxError
 
+if TYPE_CHECKING:
+    from ruptfx.materials import Material, Plane
+
 
 @lru_cache
-def tangent_stiffness(material: Any, plane: str) -> np.ndarray:
+def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
     """Second derivative of the strain energy density at zero strain [Pa].
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import GetJsonSchemaHandler, ValidationError, model_validator
@@ -73,7 +73,7 @@ class IsotropicElastic(Material):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_other_constants(cls, values: object) -> Any:
+    def _from_other_constants(cls, values: object) -> object:
         if not isinstance(values, Mapping):
             return values
         for other in (ByShearModulus, ByWaveSpeeds):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ruptfx import fem
@@ -11,7 +9,7 @@ from ruptfx.operators import Bulk
 from ruptfx.operators.ufl_form import energy, measure
 
 
-def stiffness_form(bulk: Bulk) -> Any:
+def stiffness_form(bulk: Bulk) -> fem.dolfinx.fem.Form:
     """The compiled second derivative of the strain energy: K of linear materials."""
     return fem.bilinear(_second_derivative(bulk))
 

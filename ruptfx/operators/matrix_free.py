@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
@@ -231,7 +230,7 @@ def _refuse_unknown(bulk: Bulk) -> None:
         raise RuptfxError(f"matrix_free wants a {cell} with straight edges; {remedy}")
 
 
-def _shared_nodes(index_map: Any) -> np.ndarray:
+def _shared_nodes(index_map: fem.dolfinx.common.IndexMap) -> np.ndarray:
     """True for every local node that another rank knows too; collective."""
     flag = fem.dolfinx.la.vector(index_map, 1)
     flag.array[:] = 0

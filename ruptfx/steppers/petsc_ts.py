@@ -164,33 +164,33 @@ class PetscTsMotion:
         self.model.loads.accelerate(a, time)
         return a
 
-    def _residual(self, _: Any, time: float, u: Any, v: Any, a: Any, out: Any) -> None:
-        u, v, a = (self._spread(vector.array_r) for vector in (u, v, a))
+    def _residual(self, _: object, time: float, *vectors: fem.PETSc.Vec) -> None:
+        u, v, a = (self._spread(vector.array_r) for vector in vectors[:3])
         force = self.model.mass * a + self._balance(time, u, v)
         wanted = np.zeros_like(a)
         self.model.loads.accelerate(wanted, time)
         force[self._driven] = self._unit * (a - wanted)[self._driven]
-        out.array[:] = force[: self._owned]
+        vectors[3].array[:] = force[: self._owned]
 
     def _jacobian(
-        self, _: Any, time: float, u: Any, v: Any, a: Any, c_C: float, c_M: float, __: Any, ___: Any
+        self, _: object, time: float, u: fem.PETSc.Vec, v: object, a: object, c_C: float, c_M: float, *matrices: object
     ) -> None:
         solution = self._answer(time, self._spread(u.array_r))
         if solution is None:
             return  # the residual is not a number either, and SNES gives up
         self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit)
 
-    def _velocity(self, _: Any, __: float, v: Any, out: Any) -> None:
+    def _velocity(self, _: object, __: float, v: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
         out.array[:] = v.array_r
 
-    def _acceleration(self, ts: Any, _: float, u: Any, out: Any) -> None:
+    def _acceleration(self, ts: fem.PETSc.TS, _: float, u: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
         # TS hands out the time of the step, not that of the stage: positions are those of its beginning or of its end.
         displacement = self._spread(u.array_r)
         ends = parallel.anywhere(self.model.comm, not np.array_equal(displacement, self._state.displacement))
         time = self._state.time + (self._ts.getTimeStep() if ends else 0.0)
         out.array[:] = self._accelerated(time, displacement, np.zeros_like(displacement))[: self._owned]
 
-    def _rates(self, ts: Any, time: float, both: Any, out: Any) -> None:
+    def _rates(self, ts: fem.PETSc.TS, time: float, both: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
         u, v = self._spread(both.array_r[: self._owned]), self._spread(both.array_r[self._owned :])
         a = self._accelerated(time, u, v)
         out.array[:] = np.concatenate([v[: self._owned], a[: self._owned]])

@@ -11,15 +11,18 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from ruptfx import Table
-from ruptfx.case import override, parse_case, read_toml, set_key
+from ruptfx.case import Case, override, parse_case, read_toml, set_key
 from ruptfx.schema import CaseError, CasePath, Name, Part, nearest
 from ruptfx.units import Duration, Fraction
+
+if TYPE_CHECKING:
+    from ruptfx.lumped import LumpedModel
 
 Coordinates = Table
 MOST_POINTS = 1_000_000
@@ -152,7 +155,7 @@ class Point:
 
     coordinates: Coordinates
     values: Table = field(repr=False)
-    case: Any = field(repr=False)
+    case: Case | LumpedModel = field(repr=False)
     origin: str = "sample"
 
     @property
@@ -223,7 +226,7 @@ class Study(Part):
     def axis(self, column: str) -> Axis:
         return next(axis for axis in self.axes if axis.column == column)
 
-    def base(self, overrides: Mapping[str, Any] | None = None) -> Table:
+    def base(self, overrides: Mapping[str, object] | None = None) -> Table:
         """Tables of the case with `set` and further dotted keys; not yet checked."""
         path = Path(self.case)
         try:
@@ -347,7 +350,7 @@ def _astray(key: str, table: object) -> str:
     return ""
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "", whole: bool = True) -> Table:
+def _flat(table: Mapping[str, object], prefix: str = "", whole: bool = True) -> Table:
     """Dotted keys of nested tables and of lists of tables; tables with a `kind` stay whole if asked to."""
     flat: Table = {}
     for key, value in table.items():

@@ -185,7 +185,7 @@ def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> 
     with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):
         if address is None:
             slots = max(1, (cores or len(os.sched_getaffinity(0))) // ranks)
-            here: Any = {"processes": False, "dashboard_address": "127.0.0.1:0"}
+            here: Table = {"processes": False, "dashboard_address": "127.0.0.1:0"}
             with LocalCluster(n_workers=1, threads_per_worker=slots, **here) as cluster, Client(cluster) as client:
                 try:
                     yield client

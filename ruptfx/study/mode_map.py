@@ -217,7 +217,7 @@ def draw_modes(maps: Sequence[Map]) -> Figure:
 
 
 def _legend(figure: Figure, look: dict[str, tuple[str, str]]) -> None:
-    outline: Any = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
+    outline: Table = {"ls": "", "mec": MUTED, "mew": 0.4, "ms": 6}
     handles = [Line2D([], [], marker="s", color=colour, label=name, **outline) for name, (colour, _) in look.items()]
     legend = figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), handletextpad=0.1)
     for text in legend.get_texts():
@@ -255,7 +255,7 @@ def _coordinates(shown: Map, rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarra
     return places[0], places[1] if len(places) > 1 else np.zeros(len(rows))
 
 
-def _cells(ax: Axes, shown: Map, rows: Sequence[Row], values: Sequence[Any] | np.ndarray, **style: Any) -> None:
+def _cells(ax: Axes, shown: Map, rows: Sequence[Row], values: Sequence[object] | np.ndarray, **style: Any) -> None:
     """Colour one cell per point of the grid; a cloud of dots for a hypercube and for refined points."""
     x, y = _coordinates(shown, rows)
     grid = np.array([row["origin"] == "sample" for row in rows]) & (not shown.study.sampled)
@@ -294,7 +294,7 @@ def _draw_modes(ax: Axes, shown: Map, rows: Sequence[Row]) -> None:
         ink = "#555555" if name in ("none", "failed", "arrested", "not resolved") else "white"
         for hollow in (False, True):
             chosen = np.array([shown.mode(r) == name and shown.doubtful(r) == hollow for r in kept], dtype=bool)
-            style: Any = {"mfc": colour if hollow else ink, "mec": ink, "mew": 0.8, "ms": 3.6, "ls": "", "zorder": 4}
+            style: Table = {"mfc": colour if hollow else ink, "mec": ink, "mew": 0.8, "ms": 3.6, "ls": "", "zorder": 4}
             ax.plot(x[chosen], y[chosen], marker=marker, **style)
 
 
@@ -381,7 +381,7 @@ def _page_point(shown: Map, row: Row) -> Table:
     }  # fmt: skip
 
 
-def _json(value: object) -> Any:
+def _json(value: object) -> object:
     """JSON knows no infinity: an overflow is shown by its name."""
     return value if not isinstance(value, float) or np.isfinite(value) else str(value)
 

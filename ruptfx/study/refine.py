@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result
@@ -31,7 +30,7 @@ def boundaries(study: Study, known: Known) -> Iterator[Step]:
         if not axis.numeric or axis.labels is not None or (axis.values is not None and len(axis.values) < 2):
             continue
         column = axis.column
-        lines: dict[tuple[Any, ...], list[tuple[Point, Result]]] = {}
+        lines: dict[tuple[str, ...], list[tuple[Point, Result]]] = {}
         for point, result in known:
             rest = tuple(str(value) for name, value in point.coordinates.items() if name != column)
             lines.setdefault(rest, []).append((point, result))
@@ -81,5 +80,5 @@ def summary(study: Study, known: Known, fine: Mapping[str, Result]) -> str:
     return f"{text}; {same} of {len(pairs)} points beside them keep their {study.refine.by} on the finer mesh"
 
 
-def _quantity(result: Result, name: str) -> Any:
+def _quantity(result: Result, name: str) -> object:
     return result.get("values", {}).get(name)

@@ -6,7 +6,6 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
@@ -96,14 +95,14 @@ def _attributes(label: str, unit: str) -> dict[str, str]:
     return {"units": unit, **({"long_name": label} if label else {})}
 
 
-def _array(values: Sequence[Any]) -> np.ndarray:
+def _array(values: Sequence[float | str | None]) -> np.ndarray:
     """Floats with NaN where nothing is known; text if any value is text."""
     if any(isinstance(value, str) for value in values):
         return np.array(["" if value is None else str(value) for value in values], dtype=object)
     return np.array([math.nan if value is None else float(value) for value in values])
 
 
-def _parsed(text: str) -> Any:
+def _parsed(text: str) -> object:
     if text == "":
         return None
     try:
