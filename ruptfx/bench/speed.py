@@ -298,7 +298,7 @@ def interface_share(motion: LeapfrogMotion, state: State) -> float:
     """Of the processor time of steps, what the fault takes in them: memory is as the bodies leave it."""
     plain, inside = FaultStep.__call__, []
 
-    def timed(step: FaultStep, *given: object) -> float:
+    def timed(step: FaultStep, *given: Any) -> float:
         began = time.process_time()
         dissipated = plain(step, *given)
         inside.append(time.process_time() - began)
