@@ -33,6 +33,7 @@ from ruptfx import RuptfxError
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 REACH = 10  # facets of either side: what is farther away is not faced
+OVERHANG = 0.02  # of a facet: the ends of two bodies one above the other are not beside each other because they tilt
 SLIVER = 1e-9  # of a facet: what is shorter is not integrated
 
 
@@ -158,6 +159,8 @@ class Mortar:
         own = np.repeat(np.arange(len(corners)), [len(each) for each in near])
         faced = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
         begin, end = (np.einsum("kc,kc->k", facing[faced, i] - corners[own, 0], along[own]) for i in (0, -1))
+        begin = begin - OVERHANG * size[faced] * (faced == 0)
+        end = end + OVERHANG * size[faced] * (faced == len(size) - 1)
         low, high = np.maximum(begin, 0.0), np.minimum(end, length[own])
         kept = high - low > SLIVER * length[own]
         return own[kept], faced[kept], low[kept], high[kept]

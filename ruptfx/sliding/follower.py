@@ -28,7 +28,7 @@ class Follower:
         self._state: State | None = None
 
     def __call__(self, state: State) -> None:
-        """Find again what points face if one of them has slid far enough."""
+        """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
         face, field = self._face, f"followed_{self._name}"
         followed = state.fields.setdefault(field, np.zeros_like(state.displacement))
         if not len(face.plus):
@@ -38,6 +38,8 @@ class Follower:
             self._state = state
             face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip_then)
         slip = face.jump(state.displacement)[:, 1]
-        if np.abs(slip - slip_then).max() > face.limit:
+        slid = np.abs(slip - slip_then).max() > face.limit
+        moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
+        if slid or moved:
             followed[face.dofs], slip_then[:] = state.displacement[face.dofs], slip
             face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip)

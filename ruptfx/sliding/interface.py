@@ -115,10 +115,13 @@ class SlidingInterface(Interface):
     geometry : Geometry
     limit : float
         Slip after which it is found again what points face [m].
+    near : float
+        Motion after which that is done where points face nothing: the length of a facet [m].
     """
 
     geometry: Geometry
     limit: float
+    near: float
 
     @property
     def nodes(self) -> Integers:
@@ -221,6 +224,7 @@ def _local(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
         points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
         frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
         line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry, limit=follow * spacing,
+        near=plus.order * spacing,
     )  # fmt: skip
 
 

@@ -96,7 +96,9 @@ class SlidingStep:
         if self._revision != face.geometry.revision:
             rows = face.geometry.jump
             self._mobility[:] = rows.multiply(rows) @ self._inverse_mass
-            self._mobility.reshape(-1, 2)[~face.covered] = self._mobility.max()
+            # What faces nothing carries nothing, whatever its impedance.
+            own = self._inverse_mass[: 2 * len(face.plus)].reshape(-1, 2)[~face.covered]
+            self._mobility.reshape(-1, 2)[~face.covered] = np.where(own > 0, own, 1.0)
             self._points.refresh()
             self._revision = face.geometry.revision
         self._jump[:] = face.jump(displacement).ravel()

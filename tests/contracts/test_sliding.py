@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sliding_cases import rough, wave
+from sliding_cases import STIFF, rough, wave
 from small_cases import HOMALITE, SPLIT, advance, case, march, plates, smooth_field
 
 pytest.importorskip("dolfinx")
@@ -156,6 +156,32 @@ def test_free_bodies_that_collide_keep_their_momentum() -> None:
     assert state.faults["main"]["normal_stress"].max() > 1e7
     # The edges are 1.2 and 2.4 mm long: the loads are in balance.
     assert np.abs(momentum.sum(axis=0)).max() < 1e-12 * np.abs(momentum).sum()
+
+
+def test_bodies_that_meet_from_afar() -> None:
+    """Too far apart to face each other at first; equal bodies then share the speed of the upper one, 20 m/s: the
+    pressure is rho c 10 m/s = 25.7 MPa."""
+    body = {"length": 0.4e-3, "height": 0.4e-3, "element_size": 0.1e-3}
+    table = rough({
+        "mesh": {"kind": "rough_plates", "curve_order": 1, "closest": 1.5e-3, "upper": body,
+                 "lower": {**body, "element_size": 0.08e-3}},
+        "materials": {"default": {**STIFF, "poisson_ratio": 0.0}}, "boundaries": [], "duration": 1e-6,
+    })  # fmt: skip
+    given = parse_case(table)
+    model = Model(given)
+    motion, state, face = given.stepper.bind(model), model.initial_state(), model.faults[0].interface
+    advance(motion, state, 2 * motion.dt)  # far apart, at rest
+    assert not np.any(state.velocity)
+    upper = np.unique(model.space.dofmap.list[model.bodies.cell_body == 0])
+    state.displacement.reshape(-1, 2)[upper, 1] = -1.49e-3
+    state.velocity.reshape(-1, 2)[upper, 1] = -20.0
+    assert not face.covered.any()
+    forces: list[float] = []
+    advance(motion, state, 0.8e-6, lambda state: forces.append(face.weight @ state.faults["main"]["normal_stress"]))
+    assert face.covered.all()
+    wave = np.sqrt(5.3e9 * 1246.0) * 10.0  # nu = 0: c_p = sqrt(E / rho)
+    # The distance of 10 um is covered after 0.5 us; then the pressure is that of the wave, but for the ringing.
+    np.testing.assert_allclose(np.mean(forces[-len(forces) // 5 :]) / 0.4e-3, wave, rtol=0.1)
 
 
 def test_sides_that_swap() -> None:

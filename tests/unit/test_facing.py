@@ -94,6 +94,18 @@ def test_an_end_that_slides_off() -> None:
     np.testing.assert_allclose((found.coupling @ minus.points)[found.covered], plus.points[found.covered], atol=1e-13)
 
 
+def test_ends_one_above_the_other() -> None:
+    """Bodies that end at one wall, apart and tilted: what is normal to a facet there passes by the end of the other."""
+    plus = chain(np.linspace(0, 1, 6), 4, lambda x: 2e-3 + 1e-2 * x)
+    minus = chain(np.linspace(0, 1, 9), 2, lambda x: 1e-2 * x)
+    found = Mortar(plus, minus).find(plus.points, minus.points)
+    assert found.covered.all()
+    # As if both went on: the constant gap of 2e-3 along y, seen along the normal (-1e-2, 1) / |..|.
+    normal = np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1)
+    gap = np.sum(normal * (plus.points - found.coupling @ minus.points), axis=1)
+    np.testing.assert_allclose(gap, 2e-3 / np.hypot(1, 1e-2), rtol=1e-10)
+
+
 def test_bodies_apart_face_nothing() -> None:
     plus, minus = chain(np.linspace(0, 1, 6), 2, lambda x: 5 + 0 * x), chain(np.linspace(0, 1, 9), 2)
     found = Mortar(plus, minus).find(plus.points, minus.points)

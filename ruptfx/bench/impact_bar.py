@@ -1,0 +1,84 @@
+"""Two elastic bars that meet: when, at which pressure and for how long, and how they leave.
+
+E = 900 Pa, rho = 1 kg/m3, 10 m long, 10 m/s each, 10 m apart, of different elements; each is the mirror image of the
+other, so that either does what a bar does that meets a rigid wall (Doyen, Ern, Piperno 2011): with c = 30 m/s contact
+from 0.5 s to 0.5 s + 2 L / c = 1.1667 s at the pressure rho c v = 300 Pa, after which the bars leave with 10 m/s. Nodes
+of rigid contact have mass and ring; the Kelvin-Voigt layer takes most of that. Before they meet, the bars are too far
+apart to face each other.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.bench import Check, Outcome
+from ruptfx.case import Case, parse_case
+from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SPEED, GAP, LENGTH, WIDTH = 10.0, 10.0, 10.0, 1.0
+WAVE, PRESSURE = 30.0, 300.0
+BEGIN = 0.5 * GAP / SPEED
+END = BEGIN + 2 * LENGTH / WAVE
+
+
+def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
+    size = 0.25 if fine else 0.5
+    bar = {"length": WIDTH, "height": LENGTH}
+    case = parse_case({
+        "plane": "stress", "order": 4, "duration": 1.6,
+        "mesh": {
+            "kind": "rough_plates", "curve_order": 1, "closest": GAP,
+            "upper": {**bar, "element_size": size}, "lower": {**bar, "element_size": WIDTH / (WIDTH / size + 1)},
+        },
+        "materials": {"default": {
+            "kind": "isotropic_elastic", "young_modulus": 900.0, "poisson_ratio": 0.0, "density": 1.0,
+        }},
+        "faults": {"main": {
+            "sliding": {}, "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.0},
+            "initial_stress": {"normal": 0.0},
+        }},
+        "damping": {"kelvin_voigt": {"fraction": 0.1}},
+    })  # fmt: skip
+    assert isinstance(case, Case)
+    model = Model(case, comm)
+    motion, state, face = case.stepper.bind(model), model.initial_state(), model.faults[0].interface
+    speed = np.where(model.layout.body == 0, -SPEED, SPEED)
+    state.velocity.reshape(-1, 2)[:, 1] = speed
+    times, pressures = [], []
+    while state.time < case.duration:
+        motion.step(state)
+        times.append(state.fault_time)
+        here = face.owned * face.weight
+        pressures.append(float(comm.allreduce(here @ state.faults["main"]["normal_stress"])) / WIDTH)
+    time, pressure = np.array(times), np.array(pressures)
+    held = (time > BEGIN + 0.05) & (time < END - 0.05)
+    closed = time[pressure > 0.1 * PRESSURE]
+    upper = model.layout.body == 0
+    mass = model.mass.reshape(-1, 2)[:, 1] * (np.arange(model.nodes) < model.owned_nodes) * upper
+    leaves = comm.allreduce(mass @ state.velocity.reshape(-1, 2)[:, 1]) / comm.allreduce(mass.sum())
+    source = "Doyen, Ern, Piperno (2011), closed form"
+    checks = [
+        Check("contact begins", BEGIN, float(closed[0]), 0.01, "s", source, relative=True),
+        Check("contact ends", END, float(closed[-1]), 0.005, "s", source, relative=True),
+        Check("mean pressure", PRESSURE, float(pressure[held].mean()), 0.002, "Pa", source, relative=True),
+        Check("root mean square of its noise", 0.0, float(pressure[held].std() / PRESSURE), 0.025, "1", "aim"),
+        Check("speed of leaving", SPEED, float(leaves), 0.015, "m/s", source, relative=True),
+    ]
+    return Outcome(checks, lambda: _draw(time, pressure))
+
+
+def _draw(time: np.ndarray, pressure: np.ndarray) -> Figure:
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(5, 3), layout="constrained")
+    axes.plot(time, pressure, lw=0.8, label="two bars, different elements")
+    axes.step([0, BEGIN, END, 1.6], [0, PRESSURE, 0, 0], where="post", color="k", ls="--", lw=0.8, label="exact")
+    axes.set(xlabel="Time (s)", ylabel="Mean pressure (Pa)")
+    axes.legend(frameon=False)
+    return figure
