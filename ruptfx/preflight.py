@@ -26,10 +26,13 @@ from ruptfx.plausibility import Doubt, doubts, slow_records
 from ruptfx.profiles import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
+from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import leapfrog
 from ruptfx.stopping import StopRules
 
+COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
+STEEP = 0.2
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 
@@ -77,6 +80,7 @@ def preflight(case: Case) -> Iterator[Row]:
     for fault in model.faults:
         if len(fault.interface.plus):
             yield from _fault_rows(model, fault)
+            yield from _sliding_rows(fault)
             yield from _without_effect(model, fault)
             if steps is not None:
                 yield from _shortest_time(model, fault, motion.dt)
@@ -287,6 +291,30 @@ def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
         if face.points.shape[1] == 2:
             note = " to ".join(_coordinates(face, end) for end in patch.ends)
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)
+
+
+def _sliding_rows(fault: Fault) -> Iterator[Row]:
+    """What the surfaces of an interface that slides are like, and how far they reach."""
+    face, label = fault.interface, f"faults.{fault.name}"
+    if not isinstance(face, SlidingInterface):
+        return
+    sides = face.geometry.plus, face.geometry.minus
+    ratio = sides[0].spacing / sides[1].spacing
+    coarse = "; the finer side had better carry the points: swap plus and minus" if ratio > COARSER else ""
+    spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
+    yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
+    chord = sides[0].points[-1] - sides[0].points[0]
+    along = chord / np.linalg.norm(chord)
+    across = np.array([-along[1], along[0]])
+    steps = np.concatenate([np.diff(side.points, axis=0) for side in sides])
+    slope = float(np.max(np.abs(steps @ across) / np.maximum(steps @ along, 1e-300)))
+    steep = "; strains and rotations must stay small: contact of steep flanks is less exact" if slope > STEEP else ""
+    yield Row(f"{label}: largest slope", slope, "", f"of both surfaces{steep}", "warning" if steep else "ok")
+    margins = (sides[0].points[0] - sides[1].points[0]) @ along, (sides[1].points[-1] - sides[0].points[-1]) @ along
+    yield Row(
+        f"{label}: slip until an end leaves", max(0.0, min(margins)), "m",
+        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing",
+    )  # fmt: skip
 
 
 def _range(*ends: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sliding_cases import rough, wave
 from small_cases import COMPLIANT, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
 
 pytest.importorskip("dolfinx")
@@ -33,6 +34,20 @@ def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> No
     found = weakening(initial_stress__shear=1.8e6 + 1.8e6 / (1 + ratio))[": S"]
     assert found.value == pytest.approx(ratio, rel=1e-6)
     assert found.note.startswith(f"{says} (limit 1.81")
+
+
+def test_surfaces_that_slide() -> None:
+    """Waves of 10 um and 0.6 mm have slopes up to 2 pi A / wavelength = 0.1047, a little less between nodes."""
+    found = rows(rough())
+    assert found[": largest slope"].value == pytest.approx(0.1047, rel=0.1)
+    # The lower body goes from -0.3 to 2.1 mm, the upper one from 0 to 1.2 mm.
+    assert found[": slip until an end leaves"].value == pytest.approx(0.3e-3)
+    assert found[": spacing of nodes, plus / minus"].value == pytest.approx(0.1 / (2.4 / 18), rel=1e-2)
+    assert {found[key].verdict for key in (": largest slope", ": spacing of nodes, plus / minus")} == {"ok"}
+    coarse = {"mesh.lower.element_size": 0.06e-3, "mesh.lower.profile": wave(-1, 25e-6)}
+    found = rows(rough(coarse))
+    assert found[": largest slope"].verdict == found[": spacing of nodes, plus / minus"].verdict == "warning"
+    assert "swap plus and minus" in found[": spacing of nodes, plus / minus"].note
 
 
 def test_isotropic_formulas_are_estimates_for_other_bodies() -> None:
