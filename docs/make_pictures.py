@@ -1,6 +1,7 @@
 """Draws the pictures of the site that no demo leaves: `python docs/make_pictures.py` (three minutes of processor time).
 
-`tpv205.png`, `time_order.png` and `self_similar.png` are the figures of `ruptfx bench NAME --fine`.
+`tpv205.png`, `time_order.png` and `self_similar.png` are the figures of `ruptfx bench NAME --fine`; `antiplane.png`,
+`bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of `ruptfx mesh`.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ def impact() -> None:
         case = read_case(DEMOS / "impact.toml", overrides=["mesh.element_size=2e-3"])
         record = simulate(case, out=Path(folder, "run"))
         for name, figure in plots.all_figures(record).items():
-            if name in ("energy_budget", "space_time", "slip_profiles"):
+            if name in ("energy_budget", "space_time"):
                 figure.savefig(PICTURES / f"impact_{name}.png", dpi=130)
 
 
