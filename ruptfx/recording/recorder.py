@@ -22,6 +22,7 @@ from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields, Topology
+from ruptfx.recording.forces import ForcesFile, forces
 from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase
@@ -73,6 +74,7 @@ class Recorder:
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self._files: dict[str, InterfaceFile] = {}
+        self._forces: dict[str, ForcesFile] = {}
         self._writer = Writer()
 
     def _schedule(self, interval: float) -> np.ndarray:
@@ -127,6 +129,9 @@ class Recorder:
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
+            if fault.slides:
+                name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
+                self._forces[fault.name] = ForcesFile(self.out / name)
 
     def settle(self) -> list[Path]:
         """Write all that waits in memory; the history files of this rank, which may then be copied."""
@@ -136,6 +141,7 @@ class Recorder:
                 file.settle()
             self._energy.flush()
             files += [*(file.path for file in self._files.values()), self.out / "energy.csv"]
+            files += [file.path for file in self._forces.values()]
         return files
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
@@ -208,6 +214,7 @@ class Recorder:
             self._passed("interface", state)
             with phase("gathering"):
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
+                sums = {f.name: forces(self.model.comm, f, state.faults[f.name]) for f in self.model.faults if f.slides}
             with phase("energies"):
                 energy = self._motion.energies(state)
             self.last = now = state.fault_time
@@ -216,7 +223,7 @@ class Recorder:
                 rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
                 self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
                 row = self._balance(state, energy)
-                self._write(lambda: self._append(now, fields, row))
+                self._write(lambda: self._append(now, fields, row, sums))
         if self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
@@ -229,7 +236,7 @@ class Recorder:
         """Every field of a fault in order along the interface, on rank 0."""
         fields = dict(state.faults[fault.name])
         face = fault.interface
-        _, jump = face.split(face.jump(state.displacement) - state.lag * face.jump(state.velocity))
+        _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
@@ -241,8 +248,12 @@ class Recorder:
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
         return [state.time - 0.5 * state.lag, *(energy[name] for name in ENERGIES), closure]
 
-    def _append(self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float]) -> None:
-        """Fields of the interfaces at one time [s], a row of the energy table at another."""
+    def _append(
+        self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float], sums: dict[str, list[float]]
+    ) -> None:
+        """Fields and forces of the interfaces at one time [s], a row of the energy table at another."""
+        for name, values in sums.items():
+            self._forces[name].append(time, values)
         for name, fields in faults.items():
             self._files[name].append(time, fields)
         self._table.writerow([repr(value) for value in energies])
@@ -268,7 +279,7 @@ class Recorder:
 
     def _close(self, error: BaseException | None) -> None:
         """Close all files; what could not be written stays open, for HDF5 would fall over it."""
-        files: list[Closing] = [*self._files.values(), self._bulk]
+        files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
         if self.model.comm.rank == 0:
             files.append(self._energy)
             if error is not None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomli_w
 from compare import largest_difference
@@ -42,6 +43,22 @@ def alone(case_file: Path) -> Path:
     return out
 
 
+def test_forces_of_a_run(alone: Path) -> None:
+    """At every record; the parts make up the whole, and what is pressed is what the edge presses with, about."""
+    with Record(alone) as record:
+        times = record.interface.time.values
+    table = np.loadtxt(alone / "forces.csv", delimiter=",", skiprows=2)
+    np.testing.assert_allclose(table[:, 0], times, rtol=1e-12)
+    np.testing.assert_allclose(table[:, 3:].sum(axis=1), 1.0, rtol=1e-12)
+    assert np.all(table[:, 6] == 0) and table[0, 5] == 1  # all faces something; at first all is open
+    pressed = table[len(table) // 2 :]
+    assert 0 < pressed[:, 5].mean() < 1 and pressed[:, 4].mean() > pressed[:, 3].mean()
+    # 20 MPa on 1.2 mm, damped bodies that still ring.
+    np.testing.assert_allclose(pressed[:, 1].mean(), 20e6 * 1.2e-3, rtol=0.5)
+    # Flanks of slope up to 0.1 change the ratio of the forces by as much from that of friction.
+    assert 0.15 < pressed[:, 2].mean() / pressed[:, 1].mean() < 0.45
+
+
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     """All ranks that own a part of the interface compute all its points, from the same bits."""
@@ -63,3 +80,4 @@ def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
     assert len(list((out / "checkpoints").iterdir())) == 2
     simulate(read_case(case_file), out, progress=False, resume=True)
     assert max(largest_difference(alone, out).values()) == 0
+    assert (out / "forces.csv").read_bytes() == (alone / "forces.csv").read_bytes()

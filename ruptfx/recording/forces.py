@@ -1,0 +1,62 @@
+"""Forces between two bodies that slide, and how much of the interface sticks, slides, is open: `forces.csv`."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from ruptfx import fem, parallel
+from ruptfx.fault import Fault
+from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.state import FaultState
+
+COLUMNS = ("time", "normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
+
+
+def forces(comm: fem.MPI.Comm, fault: Fault, state: FaultState) -> list[float]:
+    """Normal (positive in compression) and shear force along the mean normal and tangent [N/m], then the parts of the
+    length of the plus side that stick, slide, are open, and face nothing; collective."""
+    face = fault.interface
+    assert isinstance(face, SlidingInterface)
+    area = face.owned * face.weight
+    local = np.stack([-state["normal_stress"], state["shear_traction"]], axis=1)
+    force = np.einsum("i,ik,ikc->c", area, local, face.frame)
+    tangent = area @ face.frame[:, 1]
+    closed, moves = face.covered & (state["normal_stress"] > 0), state["mean_slip_rate"] != 0
+    status = [area @ chosen for chosen in (closed & ~moves, closed & moves, face.covered & ~closed, ~face.covered)]
+    force, tangent, parts = np.split(parallel.total(comm, [*force, *tangent, *status]), [2, 4])
+    tangent /= np.linalg.norm(tangent)
+    normal = np.array([-tangent[1], tangent[0]])
+    return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist()]
+
+
+class ForcesFile:
+    """One row for every record of an interface; rank 0 only.
+
+    Parameters
+    ----------
+    path : Path
+        Rows are added to what is there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        begins = not path.exists()
+        self._file = path.open("a", newline="")
+        self._table = csv.writer(self._file)
+        if begins:
+            self._file.write(
+                "# time in s, that of the record of the interface; forces between the bodies in N per metre, the normal "
+                "one positive in compression; then parts of the length of the plus side\n"
+            )
+            self._table.writerow(COLUMNS)
+
+    def append(self, time: float, row: list[float]) -> None:
+        """Add a row at a time [s]."""
+        self._table.writerow([repr(value) for value in (time, *row)])
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
