@@ -48,8 +48,8 @@ class ForcesFile:
         self._table = csv.writer(self._file)
         if begins:
             self._file.write(
-                "# time in s, that of the record of the interface; forces between the bodies in N per metre, the normal "
-                "one positive in compression; then parts of the length of the plus side\n"
+                "# time in s, that of the record of the interface; forces between the bodies in N per metre, the "
+                "normal one positive in compression; then parts of the length of the plus side\n"
             )
             self._table.writerow(COLUMNS)
 

@@ -10,6 +10,7 @@ partition; the first sweep begins with the tractions of the step before.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,9 @@ from ruptfx.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState
+
+LOG = logging.getLogger("ruptfx.run")
+REPORTED = (1, 10, 100, 1000, 10_000)  # steps that did not settle
 
 
 class SlidingStep:
@@ -137,6 +141,12 @@ class SlidingStep:
             if change <= tolerance * max(np.abs(state[name]).max() for name in last):
                 return pull
         self.unsettled += 1
+        if self.unsettled in REPORTED:
+            LOG.warning(
+                "faults.%s: tractions did not settle within contact.sweeps = %d, step %d of that kind, at %.6g s; the "
+                "run goes on with what they are, which a larger contact.tolerance allows", self.fault.name, most,
+                self.unsettled, time,
+            )  # fmt: skip
         return pull
 
     def _pull(self, state: FaultState, load: Floats) -> Floats:
