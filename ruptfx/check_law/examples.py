@@ -89,6 +89,10 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
             result[name] = schema["const"]
         elif any("enum" in item for item in options):
             result[name] = next(item["enum"][0] for item in options if "enum" in item)
+        elif "default" not in schema and any(item.get("type") == "integer" for item in options):
+            limits = next(item for item in options if item.get("type") == "integer")
+            least = max(limits.get("minimum", 0), limits.get("exclusiveMinimum", -1) + 1)
+            result[name] = min(max(1000, least), limits.get("maximum", 1000), limits.get("exclusiveMaximum", 1001) - 1)
         elif "default" not in schema:
             raise NotImplementedError(f"{cls.__name__}.{name}: examples.py knows no value for {schema}")
     return result

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from small_cases import COMPLIANT, SPLIT, advance, case, march, memory_friction
 
+from ruptfx.check_law.examples import table
+
 pytest.importorskip("dolfinx")
 
 from ruptfx.fields import ENERGIES
@@ -48,6 +50,12 @@ def fits(stepper: dict[str, Any], contact: dict[str, Any]) -> bool:
     return all(getattr(method, way) for way in KINDS[stepper["kind"]].ways)
 
 
+def required(kind: str) -> dict[str, Any]:
+    """What a case must give, as an example."""
+    needed = {name for name, field in KINDS[kind].model_fields.items() if field.is_required()}
+    return {name: value for name, value in (table(KINDS[kind]) if needed else {}).items() if name in needed}
+
+
 # Implicit steps as short as explicit ones, so that the same happens.
 CONSERVING: list[dict[str, Any]] = [
     {"kind": kind, **cls.conserving, **({"courant": 1.0} if "courant" in cls.model_fields else {})}
@@ -69,7 +77,7 @@ def test_what_a_stepper_owes(kind: str) -> None:
     for contact in METHODS:
         pushed = case({
             "order": 1, "boundaries": [*HELD, *EVERYTHING[:3]], "faults.main.contact": contact,
-            "stepper": {"kind": kind},
+            "stepper": {"kind": kind, **required(kind)},
         })  # fmt: skip
         model = Model(pushed)
         if not fits({"kind": kind}, contact):
