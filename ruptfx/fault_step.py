@@ -18,7 +18,7 @@ from itertools import accumulate
 import numpy as np
 
 from ruptfx import native
-from ruptfx.contact import ContactMethod, Point
+from ruptfx.contact import Array, ContactMethod, Point, Trial
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment, component_names
 from ruptfx.interface import Interface
@@ -236,14 +236,14 @@ def _formulas(fault: Fault, law: TracedLaw, contact: ContactMethod) -> dict[str,
     def normal(place: str) -> Expression:
         return symbol(place) if has_normal else constant(0)
 
-    trial = record(contact.trial, Point(
+    trial: Trial = record(contact.trial, Point(
         normal_stress_0=symbol("FIXED(normal_stress_0)"), shear_traction_0=each("FIXED(shear_traction_0 + {})"),
         opening_jump=normal("points->opening[l]"), slip_jump=each("points->jump[NORMAL + {}][l]"),
         opening_velocity=normal("points->velocity[0][l]"), slip_velocity=each("points->velocity[NORMAL + {}][l]"),
         slip=each("OLD(slip + {})"), since=symbol("since"), dt=symbol("dt"),
         normal_impedance=symbol("FIXED(normal_impedance)"), shear_impedance=each("FIXED(shear_impedance + {})"),
     ))  # fmt: skip
-    taken = record(contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate")))
+    taken: Array = record(contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate")))
     at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
     formulas = {
         "TRIAL": {

@@ -493,4 +493,5 @@ def _next(
         logarithmic = v + spread * np.expm1(residual / (slope * spread))
     step = np.where(slope > 2 * z, logarithmic, linear)
     middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
-    return np.where((step > low) & (step < high) & (not bisect), step, middle)
+    found: np.ndarray = np.where((step > low) & (step < high) & (not bisect), step, middle)
+    return found

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ruptfx.fields import Array
 from ruptfx.schema import Alternative
 
 Derivatives = tuple[Array, ...]
+Recorded = TypeVar("Recorded")
 
 
 def _refuse(what: str, instead: str) -> Callable[..., NoReturn]:
@@ -67,7 +68,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
         "a law must not branch on a value", "use numpy.where instead of if, and, or, not, min, max or a chain a < x < b"
     )
     __float__ = __int__ = __index__ = __complex__ = __round__ = __trunc__ = __floor__ = __ceil__ = __format__ = _number
-    __len__ = __iter__ = __getitem__ = __setitem__ = __contains__ = _points  # type: ignore[assignment]
+    __len__ = __iter__ = __getitem__ = __setitem__ = __contains__ = _points
     __array__ = _refuse("a traced value is no array", "leave out numpy.array, numpy.asarray and the like")
 
     def __getattr__(self, name: str) -> NoReturn:
@@ -121,7 +122,7 @@ def constant(value: Array) -> Expression:
 
 
 def _is(node: Array, value: float) -> bool:
-    return node.op == "constant" and node.args[0] == value
+    return bool(node.op == "constant" and node.args[0] == value)
 
 
 def apply(op: str, *inputs: Array) -> Expression:
@@ -135,7 +136,8 @@ def apply(op: str, *inputs: Array) -> Expression:
     args = tuple(x if isinstance(x, Expression) else constant(x) for x in inputs)
     op = _ALIASES.get(op, op)
     if op in _SPELLED:
-        return _SPELLED[op](*args)
+        spelled: Expression = _SPELLED[op](*args)
+        return spelled
     if op not in _C:
         known = ", ".join(sorted(_C.keys() | _SPELLED.keys()))
         raise RuptfxError(f"numpy.{op} cannot be traced; known functions: {known}")
@@ -289,8 +291,8 @@ _FUNCTIONS: dict[object, Callable[..., Expression]] = {
 
 
 def record(
-    function: Callable[..., Array], *inputs: Array, as_: Callable[[Array], Array] = lambda found: found
-) -> Array:
+    function: Callable[..., Array], *inputs: Array, as_: Callable[[Array], Recorded] = lambda found: found
+) -> Recorded:
     """Call a method with symbols instead of numbers.
 
     Parameters
@@ -416,4 +418,5 @@ def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[.
     source = "\n".join([f"def function({', '.join(inputs)}):", *lines, f"    return ({returned})"])
     scope: Table = {"np": np}
     exec(source, scope)
-    return scope["function"]
+    function: Callable[..., tuple[np.ndarray, ...]] = scope["function"]
+    return function
