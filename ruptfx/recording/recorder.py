@@ -94,11 +94,12 @@ class Recorder:
                 for f in self.model.faults
             ]
             topology = self._bulk.topology()
-        if self.model.comm.rank == 0:
-            self._write(lambda: self._open(places))
-        self.meet()
-        self._write(lambda: self._open_bulk(topology))
-        self.meet()
+        try:
+            self.meet(lambda: self._open(places) if self.model.comm.rank == 0 else None)
+            self.meet(lambda: self._open_bulk(topology))
+        except BaseException:
+            self._writer.close()
+            raise
         return self
 
     def _open_bulk(self, topology: Topology) -> None:
