@@ -80,5 +80,5 @@ def _draw(time: np.ndarray, pressure: np.ndarray) -> Figure:
     axes.plot(time, pressure, lw=0.8, label="two bars, different elements")
     axes.step([0, BEGIN, END, 1.6], [0, PRESSURE, 0, 0], where="post", color="k", ls="--", lw=0.8, label="exact")
     axes.set(xlabel="Time (s)", ylabel="Mean pressure (Pa)")
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="center left")
     return figure
