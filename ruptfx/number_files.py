@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationInfo
 
 
 def number(word: str | None, path: str | Path, line: int) -> float:
@@ -75,3 +76,27 @@ def two_columns(path: Path, first: str) -> tuple[list[float], list[float]]:
     column, values = zip(*rows, strict=True)
     require_increasing(column, lines, path)
     return list(column), list(values)
+
+
+def with_file_read(values: object, info: ValidationInfo, key: str, first: str) -> object:
+    """Tables of a part that may give a `file` instead of two lists: `key` and values; then with those of the file.
+
+    Parameters
+    ----------
+    values : object
+        What the part is made of.
+    info : ValidationInfo
+        Its context knows the directory of the case.
+    key, first : str
+        Name of the first list, and what one of its numbers is.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+        return values
+    if values.get(key) or values.get("values"):
+        raise ValueError(f"give either a file or {key} and values")
+    column, found = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), first)
+    return {**{name: value for name, value in values.items() if name != "file"}, key: column, "values": found}

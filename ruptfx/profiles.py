@@ -6,13 +6,12 @@ Every profile is called with positions along the interface, shape (n,) [m], and 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from ruptfx.number_files import two_columns
+from ruptfx.number_files import with_file_read
 from ruptfx.places import Center, HalfWidth, Position
 from ruptfx.schema import Bound, CaseError, Part, Unit, has_mark
 
@@ -282,15 +281,7 @@ class Table(Part):
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
-            return values
-        if values.get("positions") or values.get("values"):
-            raise ValueError("give either a file or positions and values")
-        positions, column = two_columns(
-            Path((info.context or {}).get("directory") or ".", values["file"]), "position"
-        )
-        rest = {key: value for key, value in values.items() if key != "file"}
-        return {**rest, "positions": positions, "values": column}
+        return with_file_read(values, info, "positions", "position")
 
     @field_validator("positions")
     @classmethod

@@ -4,39 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from ruptfx.boundaries import Action, Component, EdgeBoundary, Motion, Range, check_component
+from ruptfx.boundaries import Action, Motion
+from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import ramp
-from ruptfx.materials import Plane
 from ruptfx.units import Time, Velocity
 
 if TYPE_CHECKING:
     from ruptfx.edges import Edge
 
 
-class Driven(EdgeBoundary):
+class Driven(EdgeMotion):
     """The edge moves with a given velocity in one direction and is free in the others."""
 
     example: ClassVar[str] = '{ kind = "driven", edge = "upper.left", component = "x", velocity = 2.0, ramp = 4e-6 }'
 
     amounts: ClassVar[tuple[str, ...]] = ("velocity", "ramp")
 
-    component: Component
-    """Direction of the given motion."""
     velocity: Velocity
     """Of the edge, once the ramp is over."""
     ramp: Time = 0.0
     """Time over which the velocity grows linearly from zero."""
-    x_range: Range | None = None
-    """Only the part of the edge between these x moves."""
-    y_range: Range | None = None
-    """Only the part of the edge between these y moves."""
-
-    def check(self, key: str, plane: Plane, components: str) -> None:
-        check_component(f"{key}.component", self.component, plane, components)
-
-    @property
-    def driven_edge(self) -> str:
-        return self.edge
 
     @property
     def largest_speed(self) -> float:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx.boundaries import Action, Boundary, Force, check_vector
-from ruptfx.boundaries._history import History, course
+from ruptfx.boundaries import Action, Force, check_vector
+from ruptfx.boundaries._at_point import AtPoint
 from ruptfx.materials import Plane
 from ruptfx.schema import Unit
-from ruptfx.units import Time
 
 if TYPE_CHECKING:
     from ruptfx.loading import Loads
@@ -21,7 +20,7 @@ ENTRIES = {
 }  # fmt: skip
 
 
-class Moment(Boundary):
+class Moment(AtPoint):
     """A moment tensor at a point, the force -M_ij d delta / dx_j; in two dimensions on a line, per length of it [N].
 
     Slip s on a small area A of normal n is the double couple M = mu A (s n + n s).
@@ -34,16 +33,8 @@ class Moment(Boundary):
     example: ClassVar[str] = '{ kind = "moment", point = [5.3e-3, 2.2e-3], moment = [2.0, -1.0, 3.0], ramp = 3e-6 }'
     source: ClassVar[str] = "Aki and Richards (2002), chapter 3"
 
-    point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
-    """Where it acts."""
-    body: str | None = None
-    """Where bodies meet, the one that it acts on."""
     moment: Annotated[list[float], Field(min_length=2, max_length=6), Unit("N m")]
     """xx, yy, xy; in 3D xx, yy, zz, xy, yz, xz; in antiplane zx, zy."""
-    ramp: Time = 0.0
-    """Time over which the moment grows linearly from zero."""
-    history: History | None = None
-    """Factor of the moment in time."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
@@ -59,10 +50,6 @@ class Moment(Boundary):
             if components != "z":
                 tensor[j, i] = value
         return tensor
-
-    def factor(self, time: float) -> float:
-        """What the moment is multiplied with."""
-        return course(time, self.ramp, self.history)
 
     def act(self, loads: Loads, key: str) -> Action:
         place = loads.inside(self.point, self.body, key)

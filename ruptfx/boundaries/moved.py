@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, model_validator
 
-from ruptfx.boundaries import Action, Component, EdgeBoundary, Motion, Range, check_component
-from ruptfx.materials import Plane
-from ruptfx.number_files import two_columns
+from ruptfx.boundaries import Action, Motion
+from ruptfx.boundaries._edge_motion import EdgeMotion
+from ruptfx.number_files import with_file_read
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
     from ruptfx.edges import Edge
 
 
-class Moved(EdgeBoundary):
+class Moved(EdgeMotion):
     """The edge moves in one direction as sampled, and is free in the others.
 
     Between the samples by piecewise cubics with continuous slope, which do not overshoot. A displacement rests before
@@ -35,8 +33,6 @@ class Moved(EdgeBoundary):
     )
     source: ClassVar[str] = "Fritsch and Carlson (1980)"
 
-    component: Component
-    """Direction of the given motion."""
     quantity: Literal["displacement", "velocity"]
     """What `values` are: displacement [m] or velocity [m/s]."""
     times: Annotated[list[float], Unit("s")] = []
@@ -46,33 +42,17 @@ class Moved(EdgeBoundary):
     file: str | None = None
     """CSV file with two columns, time and value, instead; relative to the case file. Lines before the first number and
     lines that begin with # are skipped. The resolved case holds its numbers."""
-    x_range: Range | None = None
-    """Only the part of the edge between these x moves."""
-    y_range: Range | None = None
-    """Only the part of the edge between these y moves."""
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
-            return values
-        if values.get("times") or values.get("values"):
-            raise ValueError("give either a file or times and values")
-        times, column = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), "time")
-        return {**{key: value for key, value in values.items() if key != "file"}, "times": times, "values": column}
+        return with_file_read(values, info, "times", "time")
 
     @model_validator(mode="after")
     def _matching(self) -> Moved:
         if len(self.times) < 2 or len(self.values) != len(self.times) or np.any(np.diff(self.times) <= 0):
             raise ValueError("times must increase and be at least two, with one value for each")
         return self
-
-    def check(self, key: str, plane: Plane, components: str) -> None:
-        check_component(f"{key}.component", self.component, plane, components)
-
-    @property
-    def driven_edge(self) -> str:
-        return self.edge
 
     @property
     def largest_speed(self) -> float:

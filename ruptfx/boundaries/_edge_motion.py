@@ -1,0 +1,24 @@
+"""Edges whose motion is given."""
+
+from __future__ import annotations
+
+from ruptfx.boundaries import Component, EdgeBoundary, Range, check_component
+from ruptfx.materials import Plane
+
+
+class EdgeMotion(EdgeBoundary):
+    """Which part of an edge moves, and in which direction."""
+
+    component: Component
+    """Direction of the given motion."""
+    x_range: Range | None = None
+    """Only the part of the edge between these x moves."""
+    y_range: Range | None = None
+    """Only the part of the edge between these y moves."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_component(f"{key}.component", self.component, plane, components)
+
+    @property
+    def driven_edge(self) -> str:
+        return self.edge
