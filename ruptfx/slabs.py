@@ -40,6 +40,8 @@ class _Exchange:
         return rows
 
     def _move(self, rows: Numbers, sent: Indices, received: Indices) -> Numbers:
+        if self._comm.size == 1:
+            return rows
         columns = rows.shape[1]
         arrived = np.empty((int(received.sum()), columns))
         self._comm.Alltoallv(

@@ -194,7 +194,7 @@ class BulkFields:
                     stress = ufl.diff(material.energy_density(variable, model.case.plane), variable)
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
-                forms.append((fem.dolfinx.fem.form(form), len(pair)))
+                forms.append((fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS), len(pair)))
             self._stress_forms = forms
             self._volume = fem.assemble_summed(
                 space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
