@@ -21,8 +21,10 @@ def suits(record: Record) -> bool:
 
 
 def ruptures(record: Record) -> list[tuple[int, int]]:
-    """First and last record of every time the interface slides faster than the rupture threshold; pauses of up to a
-    thousand times the shortest time between records are part of it."""
+    """First and last record of every time the interface slides faster than the rupture threshold.
+
+    Pauses of up to a thousand times the shortest time between records are part of it.
+    """
     data = record.interface
     time, peak = data["time"].values, np.abs(data["slip_rate"].values).max(axis=1)
     fast = np.flatnonzero(peak > data.attrs.get("rupture_threshold", 1e-3))
@@ -35,8 +37,10 @@ def ruptures(record: Record) -> list[tuple[int, int]]:
 
 @styled
 def cycles(record: Record) -> Figure:
-    """Shear force and peak slip rate against time; slip rate along the interface against a time that is stretched where
-    records are dense, so that every phase has its room; and the largest rupture against time."""
+    """Shear force, peak slip rate and slip rate along the interface in all phases, and the largest rupture.
+
+    Below, time is stretched where records are dense, so that every phase has its room.
+    """
     data = record.interface
     position, time = data["position"].values, data["time"].values
     rate = np.abs(data["slip_rate"].values)

@@ -129,8 +129,7 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def roughness_map(dataset: xarray.Dataset) -> Figure:
-    """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts by the alpha
-    at the transition."""
+    """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts."""
     figure = blank_figure(WIDTH * 0.75, 2.9)
     ax = figure.subplots()
     alpha = np.geomspace(0.03, 1e5, 200)

@@ -68,8 +68,10 @@ class ContactLayer(Part):
         return max(values[0], 0.0), max(values[1], 0.0)
 
     def verdict(self, R_a: float, alpha_c: float, mu_s: float, pressure: float | None = None) -> str:
-        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else, and where there is no
-        alpha_c (NaN), `undecided`."""
+        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else `undecided`.
+
+        So it is, too, where there is no alpha_c (NaN).
+        """
         low, high = self.critical(alpha_c, mu_s, pressure)
         return "stick-slip" if R_a < low else "steady" if R_a > high else "undecided"
 

@@ -94,8 +94,10 @@ class SpringBlock(LumpedModel):
 
     @property
     def tilt(self) -> float:
-        """Relative excess of the pressure at the leading edge, 6 (F / F_N) h / L, from the balance of moments of a
-        linear pressure."""
+        """Relative excess of the pressure at the leading edge, 6 (F / F_N) h / L.
+
+        From the balance of moments of a linear pressure.
+        """
         return 6 * self.force_over_load * self.loading_height / self.length
 
     def chain(self) -> Chain:
