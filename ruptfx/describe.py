@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from pydantic import BaseModel
@@ -18,6 +18,7 @@ from ruptfx import RuptfxError, profiles, summary_fields
 from ruptfx.boundaries._history import Ricker, Sampled
 from ruptfx.case import Case, Damping, FaultCase, KelvinVoigt, Output, case_schema
 from ruptfx.initial_stress import InitialStress
+from ruptfx.places import Place
 from ruptfx.schema import (
     Alternative,
     Part,
@@ -39,7 +40,7 @@ FOLDERS = (
     "histories", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
-    "profiles": profiles.KINDS, "histories": {"ricker": Ricker, "sampled": Sampled},
+    "profiles": {**profiles.KINDS, "a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
 }  # fmt: skip
 """Kinds that are no files of their own."""
 TABLES: dict[str, dict[str, type[Part]]] = {
@@ -104,8 +105,7 @@ def entries(topic: str) -> Iterator[Entry]:
     if topic == "summary":
         yield Entry("summary.json", "What a run found, in one file.", "", {}, list(_summary_keys()))
     elif topic in TABLES or topic in CLASSES:
-        for name, cls in (TABLES | CLASSES)[topic].items():
-            yield _entry(name, cls)
+        yield from _with_held((TABLES | CLASSES)[topic])
     elif topic == "operators":
         for kind in kinds("ruptfx.operators"):
             try:
@@ -115,8 +115,7 @@ def entries(topic: str) -> Iterator[Entry]:
                 continue
             yield Entry(kind, first_line(described), _details(described), {}, [])
     else:
-        for kind, cls in alternatives(f"ruptfx.{topic}").items():
-            yield _entry(kind, cls)
+        yield from _with_held(alternatives(f"ruptfx.{topic}"))
         for kind, reason in broken(f"ruptfx.{topic}").items():
             yield Entry(kind, "", "", {}, [], reason)
 
@@ -158,6 +157,23 @@ def keys_of(cls: type[Part]) -> list[Key]:
         for name, field in cls.model_fields.items()
         if name != "kind"
     ]
+
+
+def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:
+    """Each with the tables that it holds and that stand nowhere else."""
+    seen = {cls for group in (*TABLES.values(), *CLASSES.values()) for cls in group.values()} | {Place}
+    for name, cls in found.items():
+        yield _entry(name, cls)
+        todo = [(f"{name}.{key}", field.annotation) for key, field in cls.model_fields.items()]
+        while todo:
+            where, held = todo.pop(0)
+            if not (isinstance(held, type) and issubclass(held, Part)):
+                todo += [(where, inner) for inner in typing.get_args(held)]
+            elif held not in seen and not issubclass(held, Alternative):
+                seen.add(held)
+                kind = typing.get_args(held.model_fields["kind"].annotation) if "kind" in held.model_fields else ()
+                yield _entry(f"{where}, kind {kind[0]}" if kind else where, held)
+                todo += [(f"{where}.{key}", field.annotation) for key, field in held.model_fields.items()]
 
 
 def _entry(name: str, cls: type[Part]) -> Entry:

@@ -12,7 +12,7 @@ from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError, launch
 from ruptfx.case import FOLDERS, parse_case
-from ruptfx.describe import file_schema
+from ruptfx.describe import TOPICS, entries, file_schema
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
@@ -53,6 +53,15 @@ def test_every_key_is_described() -> None:
                     todo.append((f"{where}.{item.get('title', key)}", item))
     assert found > 400
     assert not missing
+
+
+def test_every_table_is_described_somewhere() -> None:
+    """Tables of the schema that are no folder of alternatives: each is an entry of a topic, with the same keys."""
+    shown = [{key.name for key in entry.keys} for topic in TOPICS if topic != "operators" for entry in entries(topic)]
+    schema = file_schema()["$defs"]
+    for name, table in schema.items():
+        keys = set(table.get("properties", {})) - {"kind"}
+        assert not keys or keys in shown, name
 
 
 def test_units_are_found() -> None:
