@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -34,6 +34,8 @@ from ruptfx.projection import ProjectionError
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
+
+Value = TypeVar("Value")
 
 MOST_UNKNOWNS = 4000  # of all jumps: S is dense
 KEPT = 4  # factorisations
@@ -143,19 +145,21 @@ class Condensed:
                 q, missing = out_of_balance(e, now)
                 # What is left when bodies follow -missing, or less: no interface is stiffer than a stuck one.
                 left = self._weight[:, None] * np.einsum("pij,pj->pi", compliance.stuck, missing)
-                self.history.append(float(np.linalg.norm(left)))
+                # Ranks compute alike, but not to the last bit: what they decide by, and step by, is that of the first.
+                forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(missing))))
+                self.history.append(forces)
                 # Or what rounding leaves in the jumps.
-                size = np.linalg.norm(missing)
-                if self.history[-1] <= enough or size <= 1e-15 * (np.linalg.norm(e) + np.linalg.norm(start)):
+                small = size <= 1e-15 * (np.linalg.norm(e) + np.linalg.norm(start))
+                if self._agreed(bool(forces <= enough or small)):
                     break
-                found = changes.solve(now.tangent - compliance.stuck, missing)
+                found = self._agreed(changes.solve(now.tangent - compliance.stuck, missing))
                 self.iterations += 1
                 length, taken = 1.0, None
                 for _ in range(MAX_HALVINGS):
                     there = tractions(e + length * found)
                     if there is not None:
-                        ahead = np.linalg.norm(out_of_balance(e + length * found, there)[1])
-                        if ahead <= (1 - 1e-4 * length) * size:
+                        ahead = float(np.linalg.norm(out_of_balance(e + length * found, there)[1]))
+                        if self._agreed(ahead) <= (1 - 1e-4 * length) * size:
                             taken = there
                             break
                     length *= 0.5
@@ -174,6 +178,12 @@ class Condensed:
         failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
         self.reason = f"DIVERGED: {failed}"
         return None
+
+    def _agreed(self, value: Value) -> Value:
+        """What the first rank has; collective."""
+        comm = self._model.comm
+        agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
+        return agreed
 
     def _tractions(self, step: Step, jump: np.ndarray) -> _Tractions | None:
         """At jumps of all points; None where a law fails; collective."""
