@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -17,9 +18,17 @@ if TYPE_CHECKING:
     from ruptfx.record import Record
 
 
+class Format(StrEnum):  # older Typers know no Literal
+    """What other programs read."""
+
+    csv = "csv"
+    netcdf = "netcdf"
+    vtk = "vtk"
+
+
 def export(
     run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
-    format_: Annotated[Literal["csv", "netcdf", "vtk"], typer.Option("--format", help="csv, netcdf or vtk.")] = "csv",
+    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf or vtk.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
 ) -> None:
     """Write a run for other programs: interfaces as tables (csv), all as NetCDF, or snapshots of the bodies as VTU."""
@@ -29,7 +38,7 @@ def export(
         folder = out or run / "export"
         with Record(run) as record:
             folder.mkdir(parents=True, exist_ok=True)
-            write = {"csv": tables, "netcdf": datasets, "vtk": snapshots}[format_]
+            write = {Format.csv: tables, Format.netcdf: datasets, Format.vtk: snapshots}[format_]
             for path in write(record, folder):
                 screen.print(str(path), soft_wrap=True)
 
