@@ -28,7 +28,7 @@ COMPONENTS = ("xx", "yy", "xy")
 SPEEDS = np.array([0.03, 0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.86, 0.92, 0.96, 0.98])  # c_R, where to begin
 SLOWEST, FASTEST = 0.01, 0.995  # c_R
 STARTS, WINDOWS = 3, 3
-MOST = 500  # samples in the search for a start
+MOST = 1000  # samples in the search for a start
 REACH = 2.5  # a_s heights of the gauge, on either side of the tip
 LONGEST = 2.0  # heights: a longer process zone is not seen as one
 EXPLAINED = 0.9  # of the variance of the samples, at least
@@ -155,7 +155,14 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
     """
     samples, position = _gathered(traces, direction)
     few = samples.part(slice(None, None, max(1, len(samples.value) // MOST)))
-    tried = [_solve(few, speed, passage, 0.0, medium, reach) for speed, passage in _starts(few, medium, reach)]
+    tried, too_few = [], None
+    for speed, passage in _starts(few, medium, reach):
+        try:
+            tried.append(_solve(few, speed, passage, 0.0, medium, reach))
+        except RuptfxError as error:  # it wandered off; another start may not
+            too_few = error
+    if not tried and too_few is not None:
+        raise too_few
     good = [each for each in tried if each.explained >= EXPLAINED]
     # A slow front is so long in the window that it may be fitted to anything weak; the strongest strains are the front.
     best = max(good or tried, key=lambda each: each.gained if good else each.explained, default=None)
