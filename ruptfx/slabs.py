@@ -44,9 +44,8 @@ class _Exchange:
             return rows
         columns = rows.shape[1]
         arrived = np.empty((int(received.sum()), columns))
-        self._comm.Alltoallv(
-            (np.ascontiguousarray(rows), (sent * columns).tolist()), (arrived, (received * columns).tolist())
-        )
+        leaving = np.ascontiguousarray(rows, dtype=np.float64)  # whole numbers, too, are received as such
+        self._comm.Alltoallv((leaving, (sent * columns).tolist()), (arrived, (received * columns).tolist()))
         return arrived
 
 
