@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 
-
 class Tangent:
     """K + J' W (dT / d[u]) J + c_M M + c_C (C + eta K_v), filled again only when something in it has changed.
 

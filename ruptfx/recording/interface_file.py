@@ -16,6 +16,7 @@ from ruptfx.fields import DERIVED, FIELDS, MONITORS
 FLUSH_EVERY = 5.0  # seconds of wall-clock time a record may wait in memory
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
 
+
 class InterfaceFile:
     """Histories of all fields of a fault against time and position; rank 0 only.
 

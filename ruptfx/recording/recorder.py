@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ruptfx.state import State
     from ruptfx.steppers import Motion
 
+
 class DiskError(RuptfxError):
     """The disk is full or gone; HDF5 cannot write what it still holds and would fall over it at exit."""
 

@@ -24,6 +24,7 @@ SEEDS = (0, 1, 2)
 every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 every_example = pytest.mark.parametrize("seed", SEEDS)
 
+
 @pytest.mark.parametrize("kind", list(alternatives("ruptfx.friction")))
 def test_a_law_says_what_it_is(kind: str) -> None:
     assert missing(alternatives("ruptfx.friction")[kind]) == []
