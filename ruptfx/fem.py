@@ -23,17 +23,17 @@ from ruptfx import Table
 VERSION: tuple[int, ...] = ()  # of DOLFINx, once it is loaded
 
 if TYPE_CHECKING:
-    import basix
+    import basix as basix
     import basix.ufl
-    import dolfinx
+    import dolfinx as dolfinx
     import dolfinx.fem.petsc
     import dolfinx.graph
     import dolfinx.io
     import dolfinx.la
     import dolfinx.mesh
-    import ufl
-    from mpi4py import MPI
-    from petsc4py import PETSc
+    import ufl as ufl
+    from mpi4py import MPI as MPI
+    from petsc4py import PETSc as PETSc
     from ufl.core.expr import Expr as Expr
 else:
 

@@ -17,7 +17,7 @@ Source: Erickson et al. (2020), The community code verification exercise for SEA
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,11 @@ from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case
 from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 YEAR = 365.25 * 24 * 3600
 DENSITY, C_S, SIGMA = 2670.0, 3464.0, 50e6
@@ -119,7 +124,7 @@ def march(case: Case, events: int, whole: bool) -> Cycles:
                     return found
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     spacing, events = (100.0, 3) if fine else (125.0, 1)
     near = march(problem(spacing, 400e3), events, fine)
@@ -150,7 +155,7 @@ def run(fine: bool, comm: Any) -> Outcome:
     return Outcome(checks, lambda: _draw(near))
 
 
-def _draw(found: Cycles) -> Any:
+def _draw(found: Cycles) -> Figure:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

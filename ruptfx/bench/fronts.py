@@ -11,11 +11,11 @@ largest strain. The fit knows the elastic constants only. Fracture energy where 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import Table, fem
 from ruptfx.analysis import energy_release, fracture
 from ruptfx.analysis.front_fit import COMPONENTS, FrontFit, Trace, fit_front
 from ruptfx.analysis.near_tip import Medium, mode_II, strain_extremes
@@ -27,6 +27,8 @@ from ruptfx.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
 
 Array = np.ndarray
 
@@ -73,7 +75,7 @@ class Passage:
     slip: Array
 
 
-def table(load: Loading) -> dict[str, Any]:
+def table(load: Loading) -> Table:
     """The case."""
     speed = load.fraction * MEDIUM.c_R
     length = fracture.half_length_at(speed, MEDIUM.c_p, MEDIUM.c_s)
@@ -151,7 +153,7 @@ def _speed(position: Array, arrival: Array) -> float:
     return float(1 / np.polyfit(position[near], arrival[near], 1)[0])
 
 
-def run(fine: bool, comm: Any) -> Outcome:
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, drawn = [], []
     for load in FINE if fine else COARSE:
