@@ -338,9 +338,10 @@ def varying(number: object, unit: str) -> Any:
 
     def read(value: object) -> object:
         """Texts in a table that have the unit of the key, as numbers."""
-        if not isinstance(value, Mapping) or value.get("kind") not in KINDS:
+        kind = value.get("kind") if isinstance(value, Mapping) else None
+        if not isinstance(value, Mapping) or not isinstance(kind, str) or kind not in KINDS:
             return value
-        cls = KINDS[value["kind"]]
+        cls = KINDS[kind]
         marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
         return {key: of_key.read(item) if key in marked else item for key, item in value.items()}
 

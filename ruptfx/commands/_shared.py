@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,8 +51,9 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
     except Exception:
         if comm is None or comm.size == 1:
             raise
-        traceback.print_exc()
+        sys.stderr.write(traceback.format_exc())
         sys.stderr.flush()
+        time.sleep(0.5)  # mpiexec passes it on before it ends all
         comm.Abort(EXIT_ERROR)
 
 

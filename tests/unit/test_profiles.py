@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.initial_stress import InitialStress
@@ -193,3 +194,8 @@ def test_a_profile_must_keep_the_bound_of_its_number():
     stress = InitialStress(normal={"kind": "constant", "value": -1e6})
     with pytest.raises(CaseError, match=r"InitialStress.normal = -1e\+06"):
         stress.at(np.linspace(0, 1, 11))
+
+
+def test_a_kind_that_is_no_text_is_a_message() -> None:
+    with pytest.raises(ValidationError, match="a profile needs a 'kind'"):
+        Coulomb.model_validate({"mu_d": {"kind": {"kind": "table"}}})
