@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -145,8 +146,11 @@ def test_rubbing_closes_the_budget(order: int) -> None:
     assert 0 < energy["impact"] < 0.05 * energy["frictional_dissipation"]
 
 
-def test_sweeps_that_do_not_settle_are_reported(caplog: pytest.LogCaptureFixture) -> None:
+def test_sweeps_that_do_not_settle_are_reported(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The run goes on, with a budget that closes as well."""
+    monkeypatch.setattr(logging.getLogger("ruptfx.run"), "propagate", True)  # a run before has its own handlers
     contact = {"kind": "forward_lagrange", "sweeps": 1}
     _, motion, state = march(parse_case(rough({"faults.main.contact": contact, "duration": 3e-6})))
     reported = [record.getMessage() for record in caplog.records if "contact.sweeps = 1" in record.getMessage()]
