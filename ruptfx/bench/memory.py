@@ -49,7 +49,7 @@ if found is not None:
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
-    nodes = 8_000_000 if fine else 500_000
+    nodes = 8_000_000 if fine else 1_000_000  # with fewer, a megabyte of a library decides on 8 ranks
     largest, before = [], []
     for ranks in RANKS:
         more, libraries, nodes = _measured(ranks, nodes)
