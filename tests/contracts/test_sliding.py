@@ -151,6 +151,7 @@ def test_sweeps_that_do_not_settle_are_reported(
 ) -> None:
     """The run goes on, with a budget that closes as well."""
     monkeypatch.setattr(logging.getLogger("ruptfx.run"), "propagate", True)  # a run before has its own handlers
+    caplog.set_level(logging.WARNING, logger="ruptfx.run")  # and level
     contact = {"kind": "forward_lagrange", "sweeps": 1}
     _, motion, state = march(parse_case(rough({"faults.main.contact": contact, "duration": 3e-6})))
     reported = [record.getMessage() for record in caplog.records if "contact.sweeps = 1" in record.getMessage()]
