@@ -184,3 +184,25 @@ def test_cite_says_what_the_citation_file_says() -> None:
     for family in re.findall(r"family-names: (\w+)", citation):
         assert family in text
     assert json.dumps(text).count("@") == 3
+
+
+# -- events ----------------------------------------------------------------------------------------------------------
+
+
+def test_events_of_a_measured_catalogue(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    table = np.column_stack([
+        1e-3 * random.random(200), 0.05 * random.random(200), 0.1 * random.random(200),
+        -8 + random.exponential(np.log10(np.e), 200),
+    ])
+    np.savetxt(tmp_path / "measured.csv", table, delimiter=",", header="time,x,y,magnitude", comments="")
+    result = ruptfx("events", tmp_path / "measured.csv", "--out", tmp_path / "events.png", "--completeness", "-7.95")
+    assert result.exit_code == 0 and "200 events that radiate energy" in said(result)
+    b, error = map(float, re.search(r"b-value ([0-9.]+) ± ([0-9.]+)", said(result)).groups())
+    assert b == pytest.approx(1.0, abs=3 * error) and "Omori" not in said(result)
+    assert imread(tmp_path / "events.png").std() > 0.05
+    few = ruptfx("events", tmp_path / "measured.csv", "--smallest", "-6", "--out", tmp_path / "few.png")
+    assert few.exit_code == 0 and "b-value none" in said(few)
+    (tmp_path / "none.csv").write_text("time,x,y,magnitude\n")
+    none = ruptfx("events", tmp_path / "none.csv", "--out", tmp_path / "none.png")
+    assert none.exit_code == 0 and "0 events" in said(none) and not (tmp_path / "none.png").exists()

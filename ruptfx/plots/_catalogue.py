@@ -1,0 +1,126 @@
+"""The statistics of a catalogue of events in one figure."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.emission import BValue, Catalogue, FractalDimension, Omori, b_against_completeness
+from ruptfx.figure_style import GUIDE, MUTED, STICK_SLIP, letter, new_figure, note, remark, scale, styled
+
+LARGEST_MARK = 60.0  # points^2
+
+
+@styled
+def catalogue_statistics(
+    catalogue: Catalogue, b: BValue | RuptfxError, D: FractalDimension | RuptfxError,
+    p: Omori | RuptfxError | None = None, failure_time: float | None = None,
+) -> Figure:
+    """Where events are, how large, how they gather, and how their rate grows.
+
+    An estimate that cannot be made comes as its error, whose message takes the place of the fit.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        Seismic events.
+    b, D, p : estimates, or why there is none
+    failure_time : float, optional
+        To which times are counted [s]; without it the rate is that over the whole record.
+    """
+    figure, axes = new_figure(2, 2, 5.6)
+    _places(axes[0, 0], catalogue)
+    _sizes(axes[0, 1], catalogue, b)
+    _pairs(axes[1, 0], D)
+    _rates(axes[1, 1], catalogue, p, failure_time)
+    letter(axes.flat)
+    M = catalogue.magnitude
+    remark(figure, f"{len(catalogue)} events of magnitude {M.min():.3g} to {M.max():.3g}; circles grow with magnitude, "
+                   "bars are standard errors.")
+    return figure
+
+
+def _places(ax: Axes, catalogue: Catalogue) -> None:
+    size, unit = scale(np.concatenate([catalogue.x, catalogue.y]), "m")
+    M = catalogue.magnitude
+    span = max(float(np.ptp(M)), 1.0)
+    area = 1 + (LARGEST_MARK - 1) * np.clip(1 + (M - M.max()) / span, 0, 1) ** 2
+    ax.scatter(catalogue.x / size, catalogue.y / size, area, facecolors="none", edgecolors=STICK_SLIP, linewidths=0.5)
+    ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+
+
+def _sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
+    M = np.sort(catalogue.magnitude)
+    ax.semilogy(M, np.arange(len(M), 0, -1), ".", color="#1a1a1a", ms=2.5)
+    ax.set(xlabel="Magnitude M", ylabel="Events of at least M")
+    if isinstance(b, RuptfxError):
+        _why(ax, b)
+        return
+    line = np.array([b.completeness - b.bin / 2, M[-1]])
+    ax.semilogy(line, b.count * 10 ** (-b.b * (line - line[0])), color=GUIDE,
+                label=f"b = {b.b:.2f} ± {b.error:.2f}")
+    ax.axvline(b.completeness, color=MUTED, lw=0.6, ls=":", label=f"M_c = {b.completeness:.2f}")
+    ax.legend(loc="lower left")
+    against = b_against_completeness(catalogue.magnitude)
+    inset = ax.inset_axes((0.6, 0.6, 0.38, 0.36))
+    inset.errorbar([e.completeness for e in against], [e.b for e in against], [e.error for e in against],
+                   fmt="-", color=GUIDE, lw=0.7, elinewidth=0.4)
+    inset.set_xlabel("M_c", fontsize=6, labelpad=0)
+    inset.set_ylabel("b", fontsize=6, labelpad=0)
+    inset.tick_params(labelsize=5)
+
+
+def _pairs(ax: Axes, D: FractalDimension | RuptfxError) -> None:
+    ax.set(xlabel="Distance r (m)", ylabel="Part of pairs closer than r")
+    if isinstance(D, RuptfxError):
+        _why(ax, D)
+        return
+    size, unit = scale(D.radius, "m")
+    ax.loglog(D.radius / size, D.correlation, "o", color="#1a1a1a", ms=3)
+    middle = np.exp(np.mean(np.log(D.correlation)))
+    centre = np.exp(np.mean(np.log(D.radius)))
+    ax.loglog(D.radius / size, middle * (D.radius / centre) ** D.D, color=GUIDE, label=f"D = {D.D:.2f} ± {D.error:.2f}")
+    ax.set_xlabel(f"Distance r ({unit})")
+    for axis in (ax.xaxis, ax.yaxis):  # less than two decades: powers of ten alone would be too few
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    ax.legend(loc="upper left")
+
+
+def _rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure_time: float | None) -> None:
+    if failure_time is None:
+        size, unit = scale(catalogue.time, "s")
+        counts, limits = np.histogram(catalogue.time, 40)
+        ax.stairs(counts / np.diff(limits), limits / size, color="#1a1a1a")
+        ax.set(xlabel=f"Time ({unit})", ylabel="Events per second")
+        return
+    before = failure_time - catalogue.time
+    before = before[before > 0]
+    if not len(before):
+        note(ax, "no event before the failure")
+        return
+    limits = np.geomspace(max(before.min(), 1e-3 * before.max()), before.max(), 16)
+    counts, _ = np.histogram(before, limits)
+    size, unit = scale(before, "s")
+    middle = np.sqrt(limits[1:] * limits[:-1])
+    seen = counts > 0
+    ax.loglog(middle[seen] / size, (counts / np.diff(limits))[seen], "o", color="#1a1a1a", ms=3)
+    ax.set(xlabel=f"Time to failure ({unit})", ylabel="Events per second")
+    if isinstance(p, Omori):
+        ax.loglog(limits / size, p.rate(limits), color=GUIDE, label=f"p = {p.p:.2f} ± {p.error:.2f}")
+        ax.legend(loc="lower left")
+    elif p is not None:
+        _why(ax, p)
+
+
+def _why(ax: Axes, error: RuptfxError) -> None:
+    words, lines = str(error).split(), [""]
+    for word in words:
+        if len(lines[-1]) + len(word) > 38:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    note(ax, "\n".join(lines))
