@@ -25,6 +25,8 @@ Speed = Annotated[float, Field(gt=0), Unit("m/s")]
 Velocity = Annotated[float, Unit("m/s")]
 Stress = Annotated[float, Unit("Pa")]
 Modulus = Annotated[float, Field(gt=0), Unit("Pa")]
+Strength = Annotated[float, Field(gt=0), Unit("Pa")]
+EnergyPerArea = Annotated[float, Field(gt=0), Unit("J/m2")]
 Density = Annotated[float, Field(gt=0), Unit("kg/m3")]
 PoissonRatio = Annotated[float, Field(gt=-1, lt=0.5), Unit("1")]
 ContractionRatio = Annotated[float, Unit("1")]  # Poisson's ratio of an anisotropic body, which has other bounds

@@ -1,0 +1,63 @@
+"""Cohesive laws, one per file; the file name is the `kind` in a case.
+
+What an interface carries beyond friction until it has failed: tension up to `f_t left(D)` and a cohesion of
+`c left(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is its
+formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.tracing`) into C.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ruptfx.fields import Array
+from ruptfx.schema import Alternative, alternative
+from ruptfx.units import EnergyPerArea, Strength
+
+
+class CohesiveLaw(Alternative):
+    """The contract of a cohesive law; parameters are the fields of the subclass."""
+
+    formula: ClassVar[str] = ""
+    """The law in one line, for `ruptfx describe cohesion`."""
+    source: ClassVar[str] = ""
+    """Where the formula comes from."""
+    area: ClassVar[float]
+    """Integral of `left` from 0 to 1: with a strength and a fracture energy it fixes the length over which it fails."""
+
+    f_t: Strength
+    """Tensile strength."""
+    c: Strength
+    """Cohesion: shear strength without friction."""
+    G_Ic: EnergyPerArea
+    """Energy that opening takes to failure."""
+    G_IIc: EnergyPerArea
+    """Energy that slip takes to failure, beyond friction."""
+
+    @property
+    def opening_at_failure(self) -> Array:
+        """Inelastic opening at which it has failed, G_Ic / (f_t area) [m]."""
+        return self.G_Ic / (self.f_t * self.area)
+
+    @property
+    def slip_at_failure(self) -> Array:
+        """Inelastic slip at which it has failed, G_IIc / (c area) [m]."""
+        return self.G_IIc / (self.c * self.area)
+
+    def left(self, damage: Array) -> Array:
+        """Part of the strength that is left, 1 at damage 0 and 0 at damage 1, falling."""
+        raise NotImplementedError
+
+    def damage(self, opening: Array, slip: Array) -> Array:
+        """0 to 1, from the largest inelastic opening and the accumulated inelastic slip so far [m].
+
+        Here the circle of mixed modes, sqrt((opening / delta_n)^2 + (slip / delta_s)^2) (Source: Munjiza et al. 1999).
+        """
+        return np.minimum(np.sqrt((opening / self.opening_at_failure) ** 2 + (slip / self.slip_at_failure) ** 2), 1.0)
+
+
+if TYPE_CHECKING:
+    AnyCohesion = CohesiveLaw
+else:
+    AnyCohesion = alternative("ruptfx.cohesion")

@@ -1,0 +1,25 @@
+"""Exponential softening."""
+
+from __future__ import annotations
+
+from math import log
+from typing import ClassVar
+
+import numpy as np
+
+from ruptfx.cohesion import CohesiveLaw
+from ruptfx.fields import Array
+
+_END = 1e-3  # of the strength, where the tail is cut
+_RATE = -log(_END)
+
+
+class Exponential(CohesiveLaw):
+    """Strength falls exponentially; the tail is cut where a thousandth is left, and the whole lowered to end at zero."""
+
+    formula = "left = (exp(-a D) - exp(-a)) / (1 - exp(-a)), a = ln 1000"
+    source = "after Xu and Needleman (1994), without the rise before the peak"
+    area: ClassVar[float] = 1 / _RATE - _END / (1 - _END)
+
+    def left(self, damage: Array) -> Array:
+        return (np.exp(-_RATE * damage) - _END) / (1 - _END)

@@ -1,0 +1,19 @@
+"""Linear softening."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ruptfx.cohesion import CohesiveLaw
+from ruptfx.fields import Array
+
+
+class Linear(CohesiveLaw):
+    """Strength falls linearly with inelastic opening and slip."""
+
+    formula = "left = 1 - D"
+    source = "Camacho and Ortiz (1996)"
+    area: ClassVar[float] = 0.5
+
+    def left(self, damage: Array) -> Array:
+        return 1.0 - damage

@@ -1,0 +1,107 @@
+"""Every law of the folder keeps the contract of a cohesive law; a new file is tested without an edit here."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+from pydantic import TypeAdapter
+
+from ruptfx.check_law.examples import table
+from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.schema import CaseError, alternatives
+from ruptfx.tracing import derivative, record, symbol, to_numpy
+
+LAWS = alternatives("ruptfx.cohesion")
+every_law = pytest.mark.parametrize("kind", list(LAWS))
+every_example = pytest.mark.parametrize("seed", [0, 1, 2])
+
+
+def example(kind: str, seed: int = 0) -> CohesiveLaw:
+    return TypeAdapter(AnyCohesion).validate_python({"kind": kind, **table(LAWS[kind], seed)})
+
+
+@every_law
+def test_a_law_says_what_it_is(kind: str) -> None:
+    assert LAWS[kind].formula and LAWS[kind].source and LAWS[kind].summary()
+
+
+@every_law
+def test_all_strength_is_lost_from_the_beginning_to_the_end(kind: str) -> None:
+    damage = np.linspace(0, 1, 2001)
+    left = example(kind).left(damage)
+    np.testing.assert_allclose(left[[0, -1]], [1, 0], atol=1e-15)
+    assert np.all(np.diff(left) <= 1e-15)
+
+
+@every_law
+def test_the_area_is_that_of_the_curve(kind: str) -> None:
+    """Gauss-Legendre in the nine pieces of the bilinear law's kink, which is at 2/9."""
+    x, weight = np.polynomial.legendre.leggauss(40)
+    places = (np.arange(9)[:, None] + 0.5 * (x + 1)) / 9
+    assert (example(kind).left(places) @ weight).sum() / 18 == pytest.approx(LAWS[kind].area, rel=1e-13)
+
+
+@every_law
+@every_example
+def test_one_mode_alone_takes_its_fracture_energy(kind: str, seed: int) -> None:
+    law = example(kind, seed)
+    for strength, energy, end, damage in (
+        (law.f_t, law.G_Ic, law.opening_at_failure, lambda w: law.damage(w, 0 * w)),
+        (law.c, law.G_IIc, law.slip_at_failure, lambda s: law.damage(0 * s, s)),
+    ):
+        inelastic = np.linspace(0, end, 9 * 2000 + 1)
+        found = damage(inelastic)
+        assert found[0] == 0 and found[-1] == pytest.approx(1, rel=1e-14) and np.all(np.diff(found) > 0)
+        assert damage(np.array([2 * end])) == 1  # and no more
+        # Trapezoids of a smooth curve between kinks: second order, 1/18000 squared.
+        assert np.trapezoid(strength * law.left(found), inelastic) == pytest.approx(energy, rel=1e-7)
+
+
+@every_law
+@every_example
+def test_damage_grows_with_the_size_of_a_jump_of_any_mode(kind: str, seed: int) -> None:
+    law, size = example(kind, seed), np.linspace(0, 1.5, 300)
+    for angle in np.linspace(0, np.pi / 2, 7):
+        damage = law.damage(size * np.cos(angle) * law.opening_at_failure, size * np.sin(angle) * law.slip_at_failure)
+        assert np.all(np.diff(damage) >= 0) and damage[0] == 0 and damage[-1] == 1
+
+
+def test_a_mixed_mode_takes_the_energy_of_its_mix() -> None:
+    """f_t w = c s all the way is B = 1/2, and with eta = 2 a quarter of the way from G_Ic to G_IIc."""
+    law = LAWS["benzeggagh_kenane"](f_t=2e6, c=4e6, G_Ic=10.0, G_IIc=50.0, eta=2.0)
+    opening = np.linspace(0, 4e-5, 100001)
+    slip = 0.5 * opening
+    left = law.left(law.damage(opening, slip))
+    work = np.trapezoid(law.f_t * left, opening) + np.trapezoid(law.c * left, slip)
+    assert work == pytest.approx(20.0, rel=1e-8)
+
+
+def test_mixed_modes_of_the_other_laws_fail_on_a_circle() -> None:
+    law = example("linear")
+    assert law.damage(0.6 * law.opening_at_failure, 0.8 * law.slip_at_failure) == pytest.approx(1, rel=1e-14)
+
+
+@every_law
+def test_traced_slopes_are_those_of_the_curve(kind: str) -> None:
+    law, damage = example(kind), symbol("damage")
+    left = record(law.left, damage)
+    traced = to_numpy({"left": left, "slope": derivative(left, damage)}, ["damage"])
+    x = np.linspace(0.013, 0.987, 50)  # off the kink
+    value, slope = traced(x)
+    np.testing.assert_allclose(value, law.left(x), rtol=1e-14)
+    np.testing.assert_allclose(slope + 0 * x, (law.left(x + 1e-6) - law.left(x - 1e-6)) / 2e-6, rtol=1e-6, atol=1e-8)
+
+
+@every_law
+def test_a_law_survives_toml(kind: str) -> None:
+    law = example(kind)
+    again = tomllib.loads(tomli_w.dumps({"cohesion": law.model_dump(mode="json")}))["cohesion"]
+    assert TypeAdapter(AnyCohesion).validate_python(again) == law
+
+
+def test_a_strength_must_be_positive() -> None:
+    with pytest.raises(CaseError, match=r"f_t = 0.0: input should be greater than 0"):
+        LAWS["linear"](f_t=0.0, c=1e6, G_Ic=1.0, G_IIc=1.0)
