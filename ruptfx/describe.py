@@ -36,7 +36,8 @@ from ruptfx.stopping import StopWhen
 from ruptfx.study.definition import Axis, Mark, Refine, Study
 
 FOLDERS = (
-    "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes", "steppers", "operators", "profiles",
+    "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes",
+    "phases", "steppers", "operators", "profiles",
     "histories", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {

@@ -50,6 +50,8 @@ class RawMesh:
         ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
     facing : set of str
         Interfaces whose sides have meshes of their own: their facets are unequal lists, each in any order.
+    open_facets : ndarray of int, shape (facets, 2)
+        Inner facets that are cracks from the start, where bodies may break.
     order : int
         Of the polynomials that map the reference cell: above 1, cells are curved.
     """
@@ -63,6 +65,7 @@ class RawMesh:
     interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     one_sided: dict[str, str] = field(default_factory=dict)
     facing: set[str] = field(default_factory=set)
+    open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     order: int = 1
 
 

@@ -68,6 +68,8 @@ def interface_of(mesh: str, folder: Path, components: int | None = None) -> tupl
     """Displacement space and first interface; as many components as the mesh has dimensions, or as asked for."""
     make, order, _ = MESHES[mesh]
     raw = make(folder).build()
+    if not raw.interfaces:
+        pytest.skip("has no interface")
     name = next(iter(raw.interfaces))
     bodies = distribute(fem.MPI.COMM_WORLD, make(folder), sliding=raw.facing)
     space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
@@ -80,15 +82,15 @@ def test_raw_mesh_is_sound(mesh: str, tmp_path: Path) -> None:
     raw = MESHES[mesh][0](tmp_path).build()
     assert raw.cells.max() == len(raw.points) - 1 and len(np.unique(raw.cells)) == len(raw.points)
     assert len(raw.cell_body) == len(raw.cells) and set(raw.cell_body) == set(range(len(raw.bodies)))
-    assert len(set(raw.bodies)) == len(raw.bodies) and raw.interfaces
+    assert len(set(raw.bodies)) == len(raw.bodies)
     assert set(raw.one_sided) <= set(raw.interfaces)
     assert set(raw.one_sided.values()) <= {"rigid", "antisymmetric", "symmetric"}
-    # No cell has two corners at one place, no node belongs to two bodies.
+    # No cell has two corners at one place; where there is an interface, no node belongs to two bodies.
     corners = raw.points[raw.cells]
     apart = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=-1) + np.eye(corners.shape[1])
     assert apart.min() > 1e-9
     used = [set(raw.cells[raw.cell_body == body].ravel()) for body in range(len(raw.bodies))]
-    assert sum(map(len, used)) == len(raw.points)
+    assert sum(map(len, used)) == len(raw.points) or not raw.interfaces
     for name, (plus, minus) in raw.interfaces.items():
         if name in raw.one_sided:
             np.testing.assert_array_equal(plus, minus)
@@ -173,6 +175,8 @@ def test_case_with_it_is_at_rest(kind: str) -> None:
     and the case is read again as it is written."""
     mesh = example(kind)
     raw, glued = mesh.build(), plates()["faults"]["main"]
+    if not raw.interfaces:
+        pytest.skip("has no interface")
     apart = {**glued, "initial_stress": {"normal": 0.0}, "sliding": {}}
     table = {**plates(), "mesh": {"kind": kind, **mesh.model_dump()}, "order": raw.order, "duration": 1e-6}
     faults = {name: apart if name in raw.facing else glued for name in raw.interfaces}
