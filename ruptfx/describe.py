@@ -14,7 +14,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from ruptfx import RuptfxError, profiles, summary_fields
+from ruptfx import RuptfxError, summary_fields
 from ruptfx.boundaries._history import Ricker, Sampled
 from ruptfx.case import Case, Damping, FaultCase, KelvinVoigt, Output, case_schema
 from ruptfx.initial_stress import InitialStress
@@ -36,14 +36,13 @@ from ruptfx.stopping import StopWhen
 from ruptfx.study.definition import Axis, Mark, Refine, Study
 
 FOLDERS = (
-    "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes",
-    "phases", "steppers", "operators", "profiles",
-    "histories", "lumped",
+    "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes", "phases", "steppers",
+    "operators", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
-    "profiles": {**profiles.KINDS, "a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
+    "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
 }  # fmt: skip
-"""Kinds that are no files of their own."""
+"""Kinds that are no files of their own; they come after those of the folder, if there is one."""
 TABLES: dict[str, dict[str, type[Part]]] = {
     "case": {"case": Case},
     "faults": {"faults.NAME": FaultCase, "faults.NAME.initial_stress": InitialStress},
@@ -53,7 +52,7 @@ TABLES: dict[str, dict[str, type[Part]]] = {
     "study": {"study": Study, "axes": Axis, "refine": Refine, "marks": Mark},
 }
 """Tables of a case or a study that have no kind, by what asks for them and by their own keys."""
-TOPICS = (*FOLDERS, *TABLES, "summary")
+TOPICS = (*FOLDERS, "histories", *TABLES, "summary")
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def entries(topic: str) -> Iterator[Entry]:
         raise RuptfxError(f"describe {topic}: {nearest(topic, list(TOPICS))}")
     if topic == "summary":
         yield Entry("summary.json", "What a run found, in one file.", "", {}, list(_summary_keys()))
-    elif topic in TABLES or topic in CLASSES:
+    elif topic not in FOLDERS:
         yield from _with_held((TABLES | CLASSES)[topic])
     elif topic == "operators":
         for kind in kinds("ruptfx.operators"):
@@ -116,7 +115,7 @@ def entries(topic: str) -> Iterator[Entry]:
                 continue
             yield Entry(kind, first_line(described), _details(described), {}, [])
     else:
-        yield from _with_held(alternatives(f"ruptfx.{topic}"))
+        yield from _with_held(alternatives(f"ruptfx.{topic}") | CLASSES.get(topic, {}))
         for kind, reason in broken(f"ruptfx.{topic}").items():
             yield Entry(kind, "", "", {}, [], reason)
 

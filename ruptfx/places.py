@@ -120,7 +120,7 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
     for where, item in parts(part, key):
         found = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
                  for mark in (_Along, _Reach)}  # fmt: skip
-        kind = item.kind() if isinstance(item, Alternative) else getattr(item, "kind", "")
+        kind = item.kind() if isinstance(item, Alternative) else ""
         for value in found[_Along]:
             if isinstance(value, list):
                 yield Patch(where, kind, [value[0], value[-1]])

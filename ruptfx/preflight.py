@@ -23,7 +23,7 @@ from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
 from ruptfx.places import patches
 from ruptfx.plausibility import Doubt, doubts, slow_records
-from ruptfx.profiles import Constant
+from ruptfx.profiles.constant import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
 from ruptfx.sliding.interface import SlidingInterface

@@ -232,7 +232,7 @@ class Alternative(Part):
         return first_line(cls)
 
     @model_serializer(mode="wrap")
-    def _with_kind(self, handler: Any) -> Table:
+    def _with_kind(self, handler: Any) -> dict[str, object]:  # not Table, which a profile is called, too
         return {"kind": self.kind(), **handler(self)}
 
 
@@ -424,6 +424,10 @@ def first_line(described: object) -> str:
     return (described.__doc__ or "").strip().partition("\n")[0]
 
 
+NUMBER = r"^\s*[-+.0-9]"
+"""How text begins that is a number with a unit."""
+
+
 class Unit(str):
     """Unit of a field, as metadata of its type: ``Annotated[float, Unit("m")]``; text like "3 mm" becomes a number."""
 
@@ -434,7 +438,7 @@ class Unit(str):
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         schema = dict(handler(core))
-        text = {"type": "string", "pattern": r"^\s*[-+.0-9]", "description": f"A number and its unit, as '2 {self}'."}
+        text = {"type": "string", "pattern": NUMBER, "description": f"A number and its unit, as '2 {self}'."}
         if schema.get("type") == "number":
             return {"anyOf": [schema, text]}
         if schema.get("type") == "array":

@@ -42,8 +42,9 @@ def choices(schema: Table) -> list[Table]:
 
 
 def folder(schema: Table) -> str | None:
-    """Folder of alternatives that a field chooses from."""
-    return next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
+    """Folder of alternatives that a field chooses from; None for a number, which may be a profile instead."""
+    found = next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
+    return None if found == "profiles" else found
 
 
 def flat(schema: Table) -> list[Table]:
@@ -78,7 +79,7 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         elif any(item.get("type") == "number" for item in options):
             limits = next(item for item in options if item.get("type") == "number")
             result[name] = value = number(seed, name, unit_of(cls, name), limits)
-            if profiles and any("$ref" in item for item in options):
+            if profiles and any(item.get("x-folder") == "profiles" for item in options):
                 # Some fields grow where others fall, so that their ratios vary too.
                 amplitude = (0.3 if zlib.crc32(name.encode()) % 2 else -0.3) * value
                 profile = {"background": value, "amplitude": amplitude, "center": 0.4, "width": 0.2}

@@ -40,7 +40,7 @@ def refusal(changes: dict[str, Any]) -> str:
         ({"faults.main.contact": {"C_n": 1e11, "C_s": 1e11}}, "'kind' is required, one of: "),
         ({"boundaries": [{"kind": "drivn", "edge": "upper.left"}]},
          "boundaries.0: unknown kind 'drivn', did you mean 'driven'?"),
-        ({"faults.main.initial_stress.normal": {"kind": "box"}}, "a profile needs a 'kind', one of: constant"),
+        ({"faults.main.initial_stress.normal": {"kind": "box"}}, "unknown kind 'box', did you mean 'boxcar'"),
         # Numbers
         ({"duration": "60e-6"}, "duration = '60e-6': input should be a valid number"),
         ({"faults.main.initial_stress.normal": "30e6"}, "faults.main.initial_stress.normal = '30e6': input should be"),

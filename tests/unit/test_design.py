@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from pydantic import TypeAdapter
 from small_cases import SPLIT, plates, slip_weakening
 
 import ruptfx
 import ruptfx.bench
-from ruptfx import lumped, profiles
+from ruptfx import lumped
 from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case, read_case
 from ruptfx.check_law import check_law
-from ruptfx.describe import CLASSES, FOLDERS
+from ruptfx.describe import FOLDERS
 from ruptfx.materials import Plane
 from ruptfx.record import Record
 from ruptfx.schema import CaseError
@@ -71,7 +70,7 @@ def test_the_tree_is_that_of_the_package() -> None:
     for folder in folders - {*FOLDERS, "bench", "commands", "plots"}:
         files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
         assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
-    assert {f"{name}/" for name in FOLDERS if name not in CLASSES} < set(lines)
+    assert {f"{name}/" for name in FOLDERS} < set(lines)
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_]+\.py)`", PAGE))))
@@ -196,12 +195,12 @@ def test_operator(tmp_path: Path) -> None:
     assert operator.calls == calls + 1 and np.abs(found).max() > 0
 
 
-def test_profile(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_profile(tmp_path: Path) -> None:
     """A quarter of a wavelength from the origin it is at its crest."""
-    monkeypatch.setitem(profiles.KINDS, "sine", executed("Profile")["Sine"])
-    table = {"kind": "sine", "mean": 3.0, "amplitude": 2.0, "wavelength": 4e-3}
-    value = TypeAdapter(profiles.varying(float, "1")).validate_python(table)
-    assert profiles.evaluate(value, np.array([0.0, 1e-3, 3e-3])) == pytest.approx([3.0, 5.0, 1.0])
+    sine = {"kind": "sine", "mean": 3.0, "amplitude": "2 Pa", "wavelength": "4 mm"}
+    case = in_a_case(tmp_path, "Profile", plates({"faults.main.initial_stress.shear": sine}))
+    stress = case.faults["main"].initial_stress.at(np.array([0.0, 1e-3, 3e-3]))
+    assert stress.shear == pytest.approx([3.0, 5.0, 1.0])
 
 
 MONITORED = """

@@ -18,7 +18,7 @@ from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeatin
 from ruptfx.friction.time_weakening import TimeWeakening
 from ruptfx.nucleation.forced_rupture import ForcedRupture
 from ruptfx.nucleation.friction_drop import FrictionDrop
-from ruptfx.profiles import Cone
+from ruptfx.profiles.cone import Cone
 
 ONE = np.ones(1)
 FLASH = RateAndStateFlashHeating(a=0.01, b=0.014, D_c=0.4, f_0=0.6, V_0=1e-6, f_w=0.2, V_w=0.1, V_initial=1e-16)
@@ -72,7 +72,7 @@ def test_exponential_slip_weakening() -> None:
 
 def test_prescribed_rupture_runs_at_its_speed() -> None:
     position = np.array([0.0, 1.0, 2.0, 3.0])
-    law = TimeWeakening(mu_s=0.6, mu_d=0.2, t_w=0.5, arrival=Cone(kind="cone", slope=1.0, center=0.0)).at(position)
+    law = TimeWeakening(mu_s=0.6, mu_d=0.2, t_w=0.5, arrival=Cone(slope=1.0, center=0.0)).at(position)
     state = law.advance(law.initial_state(np.ones(4), np.zeros(4), np.zeros(4)), np.zeros(4), np.ones(4), 2.25)
     # Behind the front by 2.25, 1.25, 0.25 and -0.75 s: full, full, half and no weakening.
     np.testing.assert_allclose(law.strength(0.0, np.ones(4), state), [0.2, 0.2, 0.4, 0.6], rtol=1e-14)

@@ -9,13 +9,14 @@ import pytest
 from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture
 from ruptfx.places import Place, located, patches, positions, shifted
-from ruptfx.profiles import KINDS
 from ruptfx.schema import CaseError, Part, alternatives
 from ruptfx.stopping import StopWhen
 
 CENTERED = [
-    *(cls for cls in alternatives("ruptfx.nucleation").values() if "center" in cls.model_fields),
-    *(cls for cls in KINDS.values() if "center" in cls.model_fields),
+    cls
+    for folder in ("nucleation", "profiles")
+    for cls in alternatives(f"ruptfx.{folder}").values()
+    if "center" in cls.model_fields
 ]
 
 

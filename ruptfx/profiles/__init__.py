@@ -1,0 +1,83 @@
+"""Scalars that vary along an interface, one kind per file; the file name is the `kind` in a case.
+
+A law's parameter, an initial stress or the height of a surface may be given as a table with ``kind``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
+
+from ruptfx.schema import NUMBER, Alternative, Bound, Unit, alternative, find, has_mark
+
+PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
+
+
+class _OfKey:
+    """Marks fields that have the unit of the key that varies."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        text = {"type": "string", "pattern": NUMBER, "description": "A number and the unit of the key."}
+        return {"anyOf": [handler(core), text]}
+
+
+if TYPE_CHECKING:
+    Value = float
+else:
+    Value = Annotated[float, _OfKey()]
+
+
+class Profile(Alternative):
+    """The contract of a profile."""
+
+    example: ClassVar[str] = ""
+    """How a case gives it; the contract tests evaluate it between -1 and 1 m."""
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        """The values, shape (n,); each follows from its position alone.
+
+        Parameters
+        ----------
+        position : ndarray, shape (n,)
+            Along the interface [m].
+        """
+        raise NotImplementedError
+
+
+def varying(number: object, unit: str) -> Any:
+    """Field type: a number of the given type, or a table with the ``kind`` of a profile."""
+    of_key = Unit(unit)
+
+    def tag(value: object) -> str:
+        return "<profile>" if isinstance(value, Mapping | Profile) else "<number>"
+
+    def read(value: object) -> object:
+        """Texts in a table that have the unit of the key, as numbers."""
+        kind = value.get("kind") if isinstance(value, Mapping) else None
+        if not isinstance(value, Mapping) or not isinstance(kind, str):
+            return value
+        try:
+            cls = find("ruptfx.profiles", kind)
+        except PydanticCustomError:
+            return value  # refused by what reads it
+        marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
+        return {key: of_key.read(item) if key in marked else item for key, item in value.items()}
+
+    profile = alternative("ruptfx.profiles")
+    return Annotated[
+        Annotated[number, Tag("<number>")] | Annotated[profile, Tag("<profile>")],
+        Discriminator(tag),
+        Bound(number),
+        BeforeValidator(read),
+        of_key,
+    ]
+
+
+def evaluate(value: object, position: np.ndarray) -> np.ndarray:
+    """A number or a profile at the points, shape (n,)."""
+    return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()

@@ -1,0 +1,28 @@
+"""Linear in the distance from a point."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ruptfx.places import Center
+from ruptfx.profiles import Profile, Value
+
+
+class Cone(Profile):
+    """`tip + slope |position - center|`, at most `limit`; with slope = 1 / v the arrival time of a rupture."""
+
+    example: ClassVar[str] = '{ kind = "cone", slope = 0.5, center = 0.0, tip = 0.1, limit = 0.4 }'
+    slope: float
+    """Change per distance."""
+    center: Center
+    """Where the tip is."""
+    tip: Value = 0.0
+    """Value at the center."""
+    limit: Value | None = None
+    """Largest value."""
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        values = self.tip + self.slope * np.abs(position - self.center)
+        return values if self.limit is None else np.minimum(values, self.limit)

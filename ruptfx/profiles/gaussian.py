@@ -1,0 +1,27 @@
+"""A bell on a background."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ruptfx.places import Center, HalfWidth
+from ruptfx.profiles import Profile, Value
+
+
+class Gaussian(Profile):
+    """`background + amplitude exp(-((position - center) / width)**2 / 2)`."""
+
+    example: ClassVar[str] = '{ kind = "gaussian", background = 1.0, amplitude = 2.0, center = 0.1, width = 0.2 }'
+    background: Value
+    """Value far away."""
+    amplitude: Value
+    """Added in the middle."""
+    center: Center
+    """Where it is largest."""
+    width: HalfWidth
+    """Standard deviation."""
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self.background + self.amplitude * np.exp(-0.5 * ((position - self.center) / self.width) ** 2)

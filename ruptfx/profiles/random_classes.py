@@ -1,0 +1,41 @@
+"""Discrete values at random."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.profiles import PositiveMetre, Profile, Value
+
+
+class RandomClasses(Profile):
+    """Discrete values drawn with given weights, one draw per cell of length `cell` along the interface."""
+
+    example: ClassVar[str] = (
+        '{ kind = "random_classes", values = [1.0, 2.0], weights = [1.0, 3.0], cell = 0.07, seed = 3 }'
+    )
+    values: list[Value]
+    """One of them for each cell."""
+    weights: list[Annotated[float, Field(ge=0)]]
+    """How often, relative to each other; one for each value."""
+    cell: PositiveMetre
+    """Length of a cell."""
+    seed: Annotated[int, Field(ge=0)]
+    """Of the random numbers."""
+
+    @model_validator(mode="after")
+    def _matching(self) -> RandomClasses:
+        if len(self.values) != len(self.weights) or sum(self.weights) <= 0:
+            raise ValueError("values and weights need the same length and a positive total weight")
+        return self
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        edges = np.cumsum(self.weights) / np.sum(self.weights)
+        cells = np.floor(position / self.cell).astype(np.int64)
+        # One generator per cell, so that the draw of a cell does not depend on how many others a rank holds.
+        unique, inverse = np.unique(cells, return_inverse=True)
+        draws = np.array([np.random.default_rng([self.seed, cell % 2**32]).random() for cell in unique])
+        chosen = np.minimum(np.searchsorted(edges, draws[inverse]), len(self.values) - 1)
+        return np.asarray(self.values)[chosen]
