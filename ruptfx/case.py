@@ -29,7 +29,7 @@ from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
 if TYPE_CHECKING:
     from ruptfx.lumped import LumpedModel
 
-FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers", "profiles"]
+FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers", "profiles", "phases"]
 
 
 class FaultCase(Part):
