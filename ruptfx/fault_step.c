@@ -1,232 +1,5 @@
-// One explicit step of an interface, LANES points at a time: gather, point (trial and projection), settle (what is
-// written back), push (what the bodies feel). The algorithm is that of points.py. fault_step.py writes in front of
-// this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END, TOLERANCE,
-// MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, and the traced formulas of contact method, law and monitors.
-#include <math.h>
-#include <string.h>
-
-// The C library has these for vectors, too, but its headers say so only where NaN may be ignored.
-#if defined __x86_64__ && defined __GLIBC__ && !defined __clang__
-#define VECTOR __attribute__((simd("notinbranch")))
-#if __GLIBC_PREREQ(2, 22)
-VECTOR double exp(double), log(double), sin(double), cos(double), pow(double, double);
-#endif
-#if __GLIBC_PREREQ(2, 35)
-VECTOR double expm1(double), log1p(double), exp2(double), log2(double), log10(double), cbrt(double), tan(double);
-VECTOR double sinh(double), cosh(double), tanh(double), asin(double), acos(double), atan(double), asinh(double);
-VECTOR double acosh(double), atanh(double), hypot(double, double), atan2(double, double);
-#endif
-#endif
-
-#define INLINE static inline __attribute__((always_inline))
-#define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
-#define EACH_TANGENT for (int k = 0; k < TANGENTS; k++)
-
-enum { FIXED_PLACES };  // FIXED_weight = 0, ...
-enum { STATE_PLACES };  // STATE_normal_stress = 0, ...
-enum { BEGUN_PLACES };  // state of the law that is known when the step begins
-
-typedef double lanes[LANES];
-
-// kick: how long the traction acts; since: time since the one before; carried: of the slip rate before in that now.
-struct times { double dt, kick, since, extrapolation, carried, threshold, time; };
-
-struct points {
-    const lanes *fixed;                          // what does not change during a run
-    lanes old[STATE_COUNT], new[STATE_COUNT];    // fields at the traction before, and now
-    lanes opening, jump[LOCAL], velocity[LOCAL]; // jumps of the bodies
-    lanes trial_normal, trial_shear[TANGENTS], compliance, z[TANGENTS], size;
-    lanes sigma, rate, taken, way[TANGENTS], turning[TANGENTS];  // V, what of k V_before is along the traction
-    lanes rate_now, speed_then;                  // slip rate at the traction, and at the one before
-    lanes change[LOCAL];                         // traction beyond the initial one
-};
-
-// Names in the formulas.
-#define FIXED(name) points->fixed[FIXED_##name][l]
-#define OLD(name) points->old[STATE_##name][l]
-#define NEW(name) points->new[STATE_##name][l]
-#define BEGUN(name) begun[BEGUN_##name][l]
-#define UNPACK_TIMES \
-    const double dt = times->dt, kick = times->kick, since = times->since, extrapolation = times->extrapolation, \
-        threshold = times->threshold, time = times->time; \
-    (void)dt; (void)kick; (void)since; (void)extrapolation; (void)threshold; (void)time;
-#define GIVEN(v) \
-    const double slip_rate = v, rate_before = along[l], speed_before = faster[l], speed_then = points->speed_then[l], \
-        normal_stress = points->sigma[l], normal_stress_before = OLD(normal_stress), radiation = 0; \
-    (void)slip_rate; (void)rate_before; (void)speed_before; (void)speed_then; (void)normal_stress; \
-    (void)normal_stress_before; (void)radiation;
-
-INLINE double next_rate(double v, double low, double high, double residual, double slope, double z, double spread,
-                        int bisect)
-{
-    // Newton in V where the impedance rules, in the logarithm of what the law sees where the law does; else, and now
-    // and then, bisection.
-    const double step = slope > 2 * z ? v + spread * expm1(residual / (slope * spread)) : v + residual / slope;
-    const double floor_ = low > 1e-12 * high ? low : 1e-12 * high;
-    const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(floor_ * high);
-    return step > low && step < high && !bisect ? step : middle;
-}
-
-// The trial, and what the law admits of it; V is not a number where there is nothing admissible.
-INLINE void point(const struct times *times, const double *number, struct points *points)
-{
-    UNPACK_TIMES
-    const double carried = times->carried;
-    lanes shifted[TANGENTS], mean_z, along, faster, rest, low, high, active, begun[BEGUN_COUNT + 1];
-    EACH_LANE {
-        TRIAL
-        points->sigma[l] = points->trial_normal[l] > 0 ? points->trial_normal[l] : 0;
-    }
-    EACH_LANE {
-        // What slid the other way has come to rest before it turns.
-        double product = 0, square = 0, length = 0, loose = 0, trial_square = 0, shift_square = 0, square_then = 0;
-        EACH_TANGENT {
-            const double before = OLD(mean_slip_rate + k), shift = carried * points->z[k][l] * before;
-            product += before * points->trial_shear[k][l];
-            square += before * before;
-            shift_square += shift * shift;
-            trial_square += points->trial_shear[k][l] * points->trial_shear[k][l];
-            square_then += OLD(slip_rate + k) * OLD(slip_rate + k);
-        }
-        faster[l] = sqrt(square);
-        points->speed_then[l] = sqrt(square_then);
-        const double turns = product > 0 && (carried > 0 || 4 * shift_square <= trial_square) ? carried : 0;
-        EACH_TANGENT {
-            points->turning[k][l] = turns * OLD(mean_slip_rate + k);
-            shifted[k][l] = points->trial_shear[k][l] + points->z[k][l] * points->turning[k][l];
-            length += shifted[k][l] * shifted[k][l];
-            const double part = points->z[k][l] > 0 ? shifted[k][l] / points->z[k][l] : 0;
-            loose += TANGENTS == 1 ? fabs(part) : part * part;
-        }
-        const double size = TANGENTS == 1 ? fabs(shifted[0][l]) : sqrt(length);
-        double taken = 0;
-        along[l] = mean_z[l] = 0;
-        EACH_TANGENT {
-            const double way = size > 0 ? shifted[k][l] / size : 0;
-            along[l] += product > 0 ? OLD(mean_slip_rate + k) * way : 0;
-            taken += points->turning[k][l] * way;
-            mean_z[l] += way * way * points->z[k][l];
-            points->way[k][l] = way;
-        }
-        points->size[l] = size;
-        points->taken[l] = taken;
-        high[l] = loose > 0 ? (TANGENTS == 1 ? loose : sqrt(loose)) - taken : 0;  // leaves no traction
-    }
-    EACH_LANE {
-        GIVEN(0)
-        BEGIN
-    }
-    EACH_LANE {
-        double strength;
-        GIVEN(0)
-        STRENGTH
-        rest[l] = strength;
-    }
-    double any = 0;
-    _Pragma("omp simd reduction(+:any)")
-    for (int l = 0; l < LANES; l++) {
-        const double begin = points->size[l] - mean_z[l] * points->taken[l] - rest[l], free_rate = high[l];
-        const int closed = points->sigma[l] > 0, yields = closed && begin > 0 && free_rate > 0;
-        double guess = 0;
-        EACH_TANGENT guess += OLD(mean_slip_rate + k) * points->way[k][l];
-        const double linear = begin / mean_z[l] < free_rate ? begin / mean_z[l] : free_rate;
-        const double first = guess > 0 && guess < free_rate ? guess : linear;
-        // Not a number anywhere: fails.
-        const int finite = isfinite(points->size[l] + points->trial_normal[l] + rest[l]);
-        points->rate[l] = !finite ? (double)NAN : yields ? first : closed ? 0 : free_rate;
-        active[l] = finite && yields;
-        low[l] = 0;
-        if (TANGENTS > 1)
-            EACH_TANGENT {
-                const double loose = points->z[k][l] > 0 ? shifted[k][l] / points->z[k][l] : 0;
-                points->way[k][l] = closed ? points->way[k][l] : loose / (free_rate + points->taken[l]);
-            }
-        any += active[l];
-    }
-    for (int iteration = 0; any > 0; iteration++) {
-        const int bisect = iteration % BISECT_EVERY == BISECT_EVERY - 1;
-        any = 0;
-        _Pragma("omp simd reduction(+:any)")
-        for (int l = 0; l < LANES; l++) {
-            double strength, slope, rate_now, rate_slope;
-            GIVEN(points->rate[l])
-            SOLVED
-            const double sliding = slip_rate + points->taken[l];
-            double residual = points->size[l] - points->z[0][l] * sliding - strength, steep = slope + points->z[0][l];
-            if (TANGENTS > 1) {
-                double ratio[TANGENTS], square = 0, mean = 0, sum = 0;
-                EACH_TANGENT {
-                    ratio[k] = shifted[k][l] / (strength + points->z[k][l] * sliding);
-                    square += ratio[k] * ratio[k];
-                }
-                const double norm = sqrt(square);
-                EACH_TANGENT {
-                    const double d = ratio[k] / norm, q = strength + points->z[k][l] * sliding;
-                    points->way[k][l] = active[l] != 0 ? d : points->way[k][l];
-                    mean += d * d * q;
-                    sum += d * d * (slope + points->z[k][l]) / q;
-                }
-                residual = mean * (norm - 1);
-                steep = mean * sum;
-            }
-            const double lo = residual > 0 ? slip_rate : low[l], hi = residual > 0 ? high[l] : slip_rate;
-            const double done = fabs(residual) <= TOLERANCE * points->size[l] || hi - lo <= 1e-15 * hi;
-            const double go = active[l] != 0 && done == 0;
-            const double next = next_rate(slip_rate, lo, hi, residual, steep, mean_z[l], rate_now / rate_slope, bisect);
-            low[l] = active[l] != 0 ? lo : low[l];
-            high[l] = active[l] != 0 ? hi : high[l];
-            // A strength that is not a number must not be taken for a converged one.
-            const double moved = residual == residual ? next : (double)NAN;
-            points->rate[l] = go != 0 ? moved : slip_rate;
-            active[l] = go != 0 && residual == residual;
-            any += active[l];
-        }
-        if (iteration < MAX_ITERATIONS) continue;
-        EACH_LANE points->rate[l] = active[l] != 0 ? (double)NAN : points->rate[l];
-        break;
-    }
-    EACH_LANE {
-        GIVEN(points->rate[l])
-        ADVANCED
-    }
-}
-
-// The fields at the traction, and what friction takes [J].
-INLINE void settle(int count, const struct times *times, const double *number, struct points *points, lanes dissipated)
-{
-    UNPACK_TIMES
-    const double duration = AT_END ? since : kick;
-    EACH_LANE {
-        const double normal_stress = points->sigma[l], speed_then = points->speed_then[l], v = points->rate[l];
-        const int closed = normal_stress > 0, stuck = (v == 0) & closed;
-        double power = 0, square = 0;
-        if (NORMAL) points->change[0][l] = FIXED(normal_stress_0) - normal_stress;
-        EACH_TANGENT {
-            const double before = OLD(mean_slip_rate + k), way = points->way[k][l];
-            // Bodies start from rest, also where the interface creeps.
-            const double rate_old = since > 0 ? before : 0, traction_old = OLD(shear_traction + k);
-            double rate = stuck ? 0 : (v + points->taken[l]) * way - points->turning[k][l], taken;
-            const double traction = closed ? points->trial_shear[k][l] - points->z[k][l] * rate : 0;
-            double rate_now = stuck ? (AT_END ? 0 : 0.5 * before) : points->rate_now[l] * way;
-            if (AT_END && since == 0) rate = before, rate_now = OLD(slip_rate + k);
-            DISSIPATED
-            power += taken;
-            square += rate_now * rate_now;
-            NEW(slip_rate + k) = rate_now;
-            NEW(mean_slip_rate + k) = rate;
-            NEW(shear_traction + k) = traction;
-            NEW(slip + k) = OLD(slip + k) + since * (AT_END ? rate : before);
-            points->change[NORMAL + k][l] = traction - FIXED(shear_traction_0 + k);
-        }
-        const double apart = points->opening[l], speed = sqrt(square);
-        NEW(opening) = AT_END ? (normal_stress - points->trial_normal[l]) * points->compliance[l]
-                              : OLD(normal_stress) > 0 || apart < 0 ? 0 : apart;
-        NEW(normal_stress) = normal_stress;
-        dissipated[l] += l < count ? FIXED(owned_area) * power * duration : 0;
-        (void)speed, (void)speed_then;
-        MONITORS
-    }
-}
+// One explicit step of an interface, LANES points at a time: gather, point and settle (points.c, in front of this file),
+// push (what the bodies feel).
 
 INLINE void gather(const long *plus, const long *minus, const double *displacement, const double *velocity,
                    struct points *points)
@@ -247,7 +20,6 @@ INLINE void gather(const long *plus, const long *minus, const double *displaceme
             points->jump[k][l] = jump;
             points->velocity[k][l] = rate;
         }
-    EACH_LANE points->opening[l] = (NORMAL ? points->jump[0][l] : 0) + FIXED(gap);
 }
 
 // Nodes are far apart in memory: those of the next block are asked for in advance.
@@ -286,23 +58,8 @@ INLINE void push(int count, double kick, const long *plus, const long *minus, co
         }
 }
 
-// Fixed arrays and nodes fill whole blocks, fields do not: the last point stands in for those that are missing.
-INLINE void load(long first, int count, double *const *field, struct points *points)
-{
-    for (int i = 0; i < STATE_COUNT; i++)
-        if (count == LANES) memcpy(points->old[i], field[i] + first, sizeof(lanes));
-        else for (int l = 0; l < LANES; l++) points->old[i][l] = field[i][first + (l < count ? l : count - 1)];
-}
-
-INLINE void store(long first, int count, double *const *field, const struct points *points)
-{
-    for (int i = 0; i < STATE_COUNT; i++)
-        if (count == LANES) memcpy(field[i] + first, points->new[i], sizeof(lanes));
-        else for (int l = 0; l < count; l++) field[i][first + l] = points->new[i][l];
-}
-
-// plus, minus: first degree of freedom of the nodes. result: [0] dissipated energy, [1] failing point or -1, [2..5] its
-// trial normal stress, trial shear, Z, slip rate; then fields and velocities are of no use.
+// plus, minus: first degree of freedom of the nodes. result: as points.c says; fields and velocities are of no use when a
+// point failed.
 void update(long n, const struct times *times, const long *plus, const long *minus, const double *displacement,
             double *velocity, double *force, const double *fixed, const double *number, double *const *field,
             double *result)
@@ -317,14 +74,7 @@ void update(long n, const struct times *times, const long *plus, const long *min
         load(first, count, field, &points);
         gather(plus + first, minus + first, displacement, velocity, &points);
         point(times, number, &points);
-        for (int l = 0; l < count; l++) {
-            if (isfinite(points.rate[l])) continue;
-            const double found[] = {
-                0, first + l, points.trial_normal[l], points.size[l], points.z[0][l], points.speed_then[l],
-            };
-            memcpy(result, found, sizeof found);
-            return;
-        }
+        if (failed(first, count, &points, result)) return;
         settle(count, times, number, &points, dissipated);
         store(first, count, field, &points);
         push(count, times->kick, plus + first, minus + first, &points, velocity, force);

@@ -93,7 +93,7 @@ def find_compiler() -> tuple[str, ...]:
         if words and shutil.which(words[0]):
             return tuple(words)
     raise RuptfxError(
-        "no C compiler found, and explicit steps need one; install it with: apt install gcc libc6-dev "
+        "no C compiler found, and steps need one; install it with: apt install gcc libc6-dev "
         "(or point the variable CC to one)"
     )
 

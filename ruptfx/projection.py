@@ -6,8 +6,8 @@
 V is the mean slip rate of one step; the strength sees slip rate, state and normal stress at the time of the traction
 (`TracedLaw` says how, to second order). The root is bracketed by V = 0 and by the V that leaves no traction, and found
 by Newton steps in V or in the logarithm of the rate that the law sees, whichever fits, with bisection as the way out.
-The same algorithm exists twice, for arrays here and in `fault_step.c` for the explicit hot path; both evaluate the
-traced law.
+The same algorithm exists twice, for arrays here and in C for steps (`points.c`, `implicit/response.c`); both evaluate
+the traced law.
 
 With two tangents the slip rate may turn, and each may have its own impedance. What the step before carries over is
 added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the unit
@@ -121,7 +121,10 @@ class TracedLaw:
             "rate_slope": derivative(now, rate),
             **{f"n_{name}": new[name] for name in self.state_names},
         }
-        self._more = {"stress_slope": derivative(strength, stress), "before_slope": derivative(strength, before)}
+        self.slopes = {
+            "slope": self.outputs["slope"], "stress_slope": derivative(strength, stress),
+            "before_slope": derivative(strength, before),
+        }  # fmt: skip
 
     def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
         """`advance` and `strength`, whose errors say where."""
@@ -150,7 +153,7 @@ class TracedLaw:
         given = [*GIVEN, *self.parameters]
         return (
             to_numpy(self.start, [*given, *(f"s_{name}" for name in self.state_names)]),
-            to_numpy({**self.outputs, **self._more}, [*given, *self.start]),
+            to_numpy({**self.outputs, **self.slopes}, [*given, *self.start]),
         )
 
     def __call__(
@@ -190,7 +193,7 @@ class TracedLaw:
         with np.errstate(all="ignore"):
             found = finish(*given, *begin(*given, *(pick(state[name]) for name in self.state_names)))
         shape = np.shape(slip_rate)
-        named = {k: np.broadcast_to(v, shape) for k, v in zip((*self.outputs, *self._more), found, strict=True)}
+        named = {k: np.broadcast_to(v, shape) for k, v in zip({**self.outputs, **self.slopes}, found, strict=True)}
         new = {name: named.pop(f"n_{name}") for name in self.state_names}
         return Evaluated(**named, state=new)
 

@@ -1,14 +1,109 @@
-"""The explicit step of an interface written with arrays: what the compiled one is compared to."""
+"""The steps of an interface written with arrays: what the compiled ones are compared to.
+
+`point` is trial and projection, `settle` what is written back.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from ruptfx.contact import Array, Trial
 from ruptfx.fault import Fault
 from ruptfx.fault_step import impedances
-from ruptfx.points import Clock, point, settle
-from ruptfx.projection import TracedLaw
+from ruptfx.fields import MONITORS, Moment
+from ruptfx.implicit.response import Response
+from ruptfx.points import Clock, closed_and_stuck, frictional_power
+from ruptfx.projection import Projected, TracedLaw, project
 from ruptfx.state import FaultState
+
+
+@dataclass
+class Settled:
+    """A fault after a step; nothing of it has changed yet.
+
+    Attributes
+    ----------
+    state : FaultState
+        All fields.
+    power : ndarray, shape (n,)
+        Of friction [W/m2].
+    change : ndarray, shape (n, local)
+        Traction beyond the initial one in the local frame [Pa], tension positive: what `Interface.assemble` takes.
+    """
+
+    state: FaultState
+    power: np.ndarray
+    change: np.ndarray
+
+
+def point(
+    fault: Fault, law: TracedLaw, state: FaultState, jump: np.ndarray, clock: Clock, time: float,
+    radiation: float | np.ndarray = 0.0, guess: FaultState | None = None, tangent: bool = False, **known: Array,
+) -> tuple[Trial, Projected]:  # fmt: skip
+    """Trial, and what the law admits of it.
+
+    Parameters
+    ----------
+    state : FaultState
+        At the traction before.
+    radiation, tangent
+        As for `project`.
+    guess : FaultState, optional
+        Whose mean slip rate is near; that of the step before if not given.
+    jump, time, **known
+        As for `closed_and_stuck`.
+
+    Raises
+    ------
+    ProjectionError
+        On the rank of a point without an admissible traction.
+    """
+    trial = closed_and_stuck(fault, jump, fault.components(state, "slip"), clock, time, **known)
+    before, then = (fault.components(state, name) for name in ("mean_slip_rate", "slip_rate"))
+    near = fault.components(guess or state, "mean_slip_rate")
+    return trial, project(
+        law, {name: state[name] for name in (*law.state_names, "normal_stress")}, trial.normal_stress,
+        np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
+        np.linalg.norm(then, axis=1), clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
+        where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent,
+    )  # fmt: skip
+
+
+def settle(
+    fault: Fault, law: TracedLaw, old: FaultState, jump: np.ndarray, found: tuple[Trial, Projected], clock: Clock,
+    time: float, threshold: float,
+) -> Settled:  # fmt: skip
+    """The fields after a step from what `point` found; `old` is left alone.
+
+    Parameters
+    ----------
+    threshold : float
+        Slip rate [m/s] whose first passing is the rupture time.
+    """
+    trial, done = found
+    since, mean_before = clock.since, fault.components(old, "mean_slip_rate")
+    mean, now = done.mean_slip_rate, done.slip_rate
+    if law.at_end:
+        if since == 0:
+            mean, now = mean_before, fault.components(old, "slip_rate")
+        opening, slipping = (done.normal_stress - trial.normal_stress) * trial.normal_compliance, mean
+    else:
+        apart = np.maximum(fault.opening(fault.interface.split(jump)[0]), 0.0)
+        opening, slipping = np.where(old["normal_stress"] > 0, 0.0, apart), mean_before
+    new = fault.state_of({
+        "normal_stress": done.normal_stress, "opening": opening, "slip_rate": now, "mean_slip_rate": mean,
+        "slip": fault.components(old, "slip") + since * slipping, "shear_traction": done.shear_traction,
+    })  # fmt: skip
+    speed, then = (np.linalg.norm(fault.components(fields, "slip_rate"), axis=1) for fields in (new, old))
+    power, duration = frictional_power(fault, old, new, since), since if law.at_end else clock.kick
+    at = Moment(time, since, speed, then, done.normal_stress, power, duration, threshold)
+    new |= {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
+    change = [done.shear_traction - fault.driving_shear(time)]
+    if fault.interface.has_normal:
+        change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
+    return Settled(new | done.state, power, np.concatenate(change, axis=1))
 
 
 def advance_reference(
@@ -39,3 +134,35 @@ def advance_reference(
     face.add_force(force, settled.change, scale=np.ones_like(force))
     duration = clock.since if law.at_end else clock.kick
     return float(np.sum(face.owned * face.weight * settled.power) * duration)
+
+
+def respond_reference(
+    fault: Fault, state: FaultState, jump: np.ndarray, dt: float, dt_before: float, time: float,
+    multiplier: tuple[np.ndarray, np.ndarray], body_stiffness: np.ndarray, threshold: float,
+    radiation: np.ndarray | float = 0.0, guess: FaultState | None = None,
+) -> Response:  # fmt: skip
+    """What `FaultResponse` answers at the end of an implicit step."""
+    law, clock = TracedLaw(fault.friction, at_end=True), Clock.implicit(dt, dt_before)
+    found = point(
+        fault, law, state, jump, clock, time, radiation, guess, tangent=True, normal_multiplier=multiplier[0],
+        shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
+    )  # fmt: skip
+    settled = settle(fault, law, state, jump, found, clock, time, threshold)
+    return Response(settled.change, _tangent(fault, *found, dt), settled.state)
+
+
+def _tangent(fault: Fault, trial: Trial, done: Projected, dt: float) -> np.ndarray:
+    """dT / d[u] from the derivatives of the projection: the trial has the stiffness relief / dt along the interface
+    and 1 / compliance across."""
+    assert done.tangent is not None
+    slopes, tangents, relief = done.tangent, fault.tangents, trial.impedance[0]
+    along = (relief / dt)[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
+    if not fault.interface.has_normal:
+        return along
+    result = np.zeros((len(relief), 1 + tangents, 1 + tangents))
+    normal = 1 / trial.normal_compliance
+    result[:, 0, 0] = normal * slopes.stress
+    # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
+    result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
+    result[:, 1:, 1:] = along
+    return result

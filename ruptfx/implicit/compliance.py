@@ -63,6 +63,19 @@ class Jumps:
             face.assemble(self.pick(traction, name), force)
         return force
 
+    def taken_apart(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tractions at all points, shape (points, local) [Pa], and what is left of a nodal force when J' W of them is
+        taken away [N]: nothing, if it is out of balance at the interfaces only; collective."""
+        found = {}
+        for name, face in self._faces.items():
+            nodal = force.reshape(-1, face.frame.shape[2])
+            pull = nodal[face.plus] if face.one_sided else 0.5 * (nodal[face.plus] - nodal[face.minus])
+            factor = face.jump_factor
+            along = np.einsum("ikc,ic->ik", face.frame, pull) / face.weight[:, None]
+            found[name] = np.where(factor > 0, along / np.where(factor > 0, factor, 1.0), 0.0)
+        traction = self.gather(found)
+        return traction, force - self.force(traction, len(force))
+
 
 class Compliance:
     """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed interfaces that stick; and S = J A^-1 J' W.
@@ -125,6 +138,10 @@ class Compliance:
         self._ghosted.x.array[: self._owned] = self._left.array_r
         self._ghosted.x.scatter_forward()
         return self._ghosted.x.array.copy()
+
+    def jumps_under(self, traction: np.ndarray) -> np.ndarray:
+        """S traction [m], both of shape (points, local)."""
+        return (self.matrix @ traction.ravel()).reshape(traction.shape)
 
     def _assemble(self) -> np.ndarray:
         """S, from as many right-hand sides as needed; collective."""

@@ -6,8 +6,10 @@ At a displacement u with the jump g and out of balance by R, the correction d th
 
 with A = K + c_M M + c_C C + J' W k J as if interfaces were closed and stuck, whose factors are kept (`compliance`), and
 tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e alone, solved with the exact tangents of t; then
-d takes one back substitution. Bodies being linear, u + d is the equilibrium but for rounding; the residual of the whole
-system decides, and is brought down once more if it must be. Multipliers are iterated at the interfaces, too.
+d takes one back substitution. Where R is at the interfaces only, as in quasi-static steps that go on as before,
+J A^-1 R is S times it; elsewhere it takes another one. Bodies being linear, u + d is the equilibrium but for rounding;
+the residual of the whole system decides, and is brought down once more if it must be. Multipliers are iterated at the
+interfaces, too.
 
 Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised where they are small; larger ones are solved by
 GMRES, preconditioned point by point or, where that is too slow, by the factors of an iteration before.
@@ -43,6 +45,7 @@ MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
 SMALL = 500  # unknowns up to which a factorisation takes next to no time
 MAX_KRYLOV = 30  # iterations from which on it takes less than they do
+INEXACT = 1e-3  # of its right-hand side is left of a linear system: Newton's iteration is hardly slower for it
 
 
 def fits(model: Model) -> bool:
@@ -58,6 +61,16 @@ class _Tractions:
 
     value: np.ndarray
     tangent: np.ndarray
+
+
+@dataclass
+class _Guess:
+    """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and what is missing to balance [m]."""
+
+    e: np.ndarray
+    tangent: np.ndarray
+    q: np.ndarray
+    missing: np.ndarray
 
 
 class Condensed:
@@ -89,7 +102,7 @@ class Condensed:
         u, before = u.copy(), np.inf
         for _ in range(MAX_CORRECTIONS):
             step.evaluate(u)
-            norm = self._norm(step)
+            norm = self._norm(step.residual)
             self.history.append(norm)
             if norm <= step.enough(TOLERANCE):
                 self.reason = "CONVERGED"
@@ -99,18 +112,21 @@ class Condensed:
                 return False
             before = norm
             compliance = self._compliance(step)
-            free = compliance.solve(-step.residual)
-            q = self._balance(step, compliance, free)
-            if q is not None:
-                u += free - compliance.solve(self._jumps.force(q, len(u)))
-            else:
+            # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
+            traction, rest = self._jumps.taken_apart(step.residual)
+            whole = bool(self._norm(rest) > 0.1 * step.enough(TOLERANCE))
+            free = compliance.solve(-step.residual) if whole else np.zeros_like(u)
+            driven = self._jumps.of(free) if whole else -compliance.jumps_under(traction)
+            q = self._balance(step, compliance, driven)
+            if q is None:
                 return False
+            force = self._jumps.force(q, len(u))
+            u += free - compliance.solve(force if whole else force + step.residual)
         self.reason = "DIVERGED: the residual falls too slowly"
         return False
 
-    def _norm(self, step: Step) -> float:
-        residual = step.residual
-        return float(np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(residual, residual))))
+    def _norm(self, force: np.ndarray) -> float:
+        return float(np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(force, force))))
 
     def _compliance(self, step: Step) -> Compliance:
         """That of the length of the step; the last few are kept; collective."""
@@ -123,58 +139,61 @@ class Condensed:
         self._kept[key] = found
         return found
 
-    def _balance(self, step: Step, compliance: Compliance, free: np.ndarray) -> np.ndarray | None:
-        """q of the jumps e that balance, shape (points, local) [Pa]; None where there are none; collective."""
-        jumps = self._jumps
-        start, driven = jumps.of(step.displacement), jumps.of(free)
+    def _balance(self, step: Step, compliance: Compliance, driven: np.ndarray) -> np.ndarray | None:
+        """q of the jumps e that balance, shape (points, local) [Pa]; None where there are none; collective.
+
+        Parameters
+        ----------
+        driven : ndarray, shape (points, local)
+            -J A^-1 R [m].
+        """
+        jumps, stuck = self._jumps, compliance.stuck
+        start = jumps.of(step.displacement)
         begin = self._gather(step)
         changes = _Changes(compliance.matrix)
         enough = 0.01 * step.enough(TOLERANCE)
 
-        def tractions(e: np.ndarray) -> _Tractions | None:
-            return self._tractions(step, start + e)
+        def guess(e: np.ndarray, t: _Tractions | None) -> _Guess | None:
+            if t is None:
+                return None
+            q = t.value - begin.value - np.einsum("pij,pj->pi", stuck, e)
+            return _Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
 
-        def out_of_balance(e: np.ndarray, t: _Tractions) -> tuple[np.ndarray, np.ndarray]:
-            q = t.value - begin.value - np.einsum("pij,pj->pi", compliance.stuck, e)
-            return q, e - driven + (compliance.matrix @ q.ravel()).reshape(q.shape)
-
-        e = np.zeros_like(driven)
-        now: _Tractions | None = begin
+        now = guess(np.zeros_like(driven), begin)
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
-                q, missing = out_of_balance(e, now)
                 # What is left when bodies follow -missing, or less: no interface is stiffer than a stuck one.
-                left = self._weight[:, None] * np.einsum("pij,pj->pi", compliance.stuck, missing)
+                left = self._weight[:, None] * np.einsum("pij,pj->pi", stuck, now.missing)
                 # Ranks compute alike, but not to the last bit: what they decide by, and step by, is that of the first.
-                forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(missing))))
+                forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(now.missing))))
                 self.history.append(forces)
                 # Or what rounding leaves in the jumps.
-                small = size <= 1e-15 * (np.linalg.norm(e) + np.linalg.norm(start))
+                small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
                 if self._agreed(bool(forces <= enough or small)):
                     break
-                found = self._agreed(changes.solve(now.tangent - compliance.stuck, missing))
+                change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
                 self.iterations += 1
                 length, taken = 1.0, None
                 for _ in range(MAX_HALVINGS):
-                    there = tractions(e + length * found)
-                    if there is not None:
-                        ahead = float(np.linalg.norm(out_of_balance(e + length * found, there)[1]))
-                        if self._agreed(ahead) <= (1 - 1e-4 * length) * size:
-                            taken = there
-                            break
+                    e = now.e + length * change
+                    there = guess(e, self._tractions(step, start + e))
+                    ahead = np.inf if there is None else float(np.linalg.norm(there.missing))
+                    if self._agreed(ahead) <= (1 - 1e-4 * length) * size:
+                        taken = there
+                        break
                     length *= 0.5
                 if taken is None:
                     self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
                     return None
-                e, now = e + length * found, taken
+                now = taken
             else:
                 self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
                 return None
             if step.settled():
-                return q
+                return now.q
             step.update_multipliers()
             self.outer += 1
-            now = tractions(e)
+            now = guess(now.e, self._tractions(step, start + now.e))
         failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
         self.reason = f"DIVERGED: {failed}"
         return None
@@ -233,7 +252,7 @@ class _Changes:
         if n > SMALL:
             product = LinearOperator((n, n), lambda y: y + stressed(matrix @ y), dtype=float)
             inverse = LinearOperator((n, n), self._inverse(slope), dtype=float)
-            y, failed = gmres(product, right, M=inverse, rtol=1e-9, restart=MAX_KRYLOV, maxiter=1)
+            y, failed = gmres(product, right, M=inverse, rtol=INEXACT, restart=MAX_KRYLOV, maxiter=1)
         if failed:
             whole = np.einsum("pij,pjm->pim", slope, matrix.reshape(*shape, n)).reshape(n, n)
             whole[np.diag_indices(n)] += 1.0

@@ -1,16 +1,22 @@
-"""What a fault answers to a displacement at the end of an implicit step: traction, exact tangent, new state."""
+"""What a fault answers to a displacement at the end of an implicit step: traction, exact tangent, new state.
+
+`FaultResponse` is C: `points.c`, which explicit steps have, too, and `response.c`. The tests have the same written with
+arrays (`tests/reference_step.py`).
+"""
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.contact import Trial
 from ruptfx.fault import Fault
-from ruptfx.points import Clock, closed_and_stuck, frictional_power, point, settle
-from ruptfx.projection import Projected, TracedLaw
+from ruptfx.point_code import FAILURE, PointCode
+from ruptfx.points import Clock, closed_and_stuck, frictional_power
+from ruptfx.projection import TracedLaw
+from ruptfx.tracing import constant, symbol
 
 if TYPE_CHECKING:
     from ruptfx.state import FaultState, State
@@ -49,8 +55,24 @@ class FaultResponse:
     """
 
     def __init__(self, fault: Fault, threshold: float, radiation: float | np.ndarray = 0.0) -> None:
-        self.fault, self.threshold, self.radiation = fault, threshold, radiation
-        self.law = TracedLaw(fault.friction, at_end=True)
+        self.fault, face = fault, fault.interface
+        self._law = TracedLaw(fault.friction, at_end=True)
+        self.radiation = np.array(np.broadcast_to(radiation, len(face.weight)), float)
+        self._code = PointCode(fault, self._law, {"owned_area": face.owned * face.weight})
+        each = range(face.tangents)
+        unknown = constant(np.nan)
+        known = {
+            "opening_velocity": unknown, "slip_velocity": [unknown for _ in each],
+            "normal_impedance": unknown, "shear_impedance": [unknown for _ in each],
+            "normal_multiplier": symbol("points->multiplier[0][l]"),
+            "shear_multiplier": [symbol(f"points->multiplier[{1 + k}][l]") for k in each],
+            "body_stiffness": symbol("points->body_stiffness[l]"),
+        }  # fmt: skip
+        macros = {"RADIATION": "points->radiation[l]", "GUESS": "guess = points->near[l];"}
+        slopes = {f"points->{name}[l]": slope for name, slope in self._law.slopes.items()}
+        self._library = self._code.compile("response", "implicit/response.c", known, macros, slopes)
+        self._times, self._result = np.zeros(7), np.zeros(2 + len(FAILURE))
+        self._times[5] = threshold
 
     def __call__(
         self,
@@ -85,30 +107,26 @@ class FaultResponse:
         ProjectionError
             On the rank of a point without an admissible traction.
         """
-        clock = Clock.implicit(dt, dt_before)
-        found = trial, done = point(
-            self.fault, self.law, state, jump, clock, time, self.radiation, guess, tangent=True,
-            normal_multiplier=multiplier[0], shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
+        fault, code = self.fault, self._code
+        n, local = jump.shape
+        e = Clock.implicit(dt, dt_before).extrapolation
+        self._times[:] = dt, dt, dt, e, self._law.carried(e), self._times[5], time
+        if fault.is_loaded:
+            code.put("shear_traction_0", fault.driving_shear(time))
+        new = dict(zip(code.names, np.empty((len(code.names), n)), strict=True))
+        change, tangent = np.empty((n, local)), np.empty((n, local, local))
+        given = (
+            np.ascontiguousarray(jump), np.column_stack(multiplier), np.ascontiguousarray(body_stiffness),
+            self.radiation, np.linalg.norm(fault.components(guess or state, "mean_slip_rate"), axis=1), code.fixed,
+            code.numbers,
         )  # fmt: skip
-        settled = settle(self.fault, self.law, state, jump, found, clock, time, self.threshold)
-        return Response(settled.change, self._tangent(trial, done, dt), settled.state)
-
-    def _tangent(self, trial: Trial, done: Projected, dt: float) -> np.ndarray:
-        """dT / d[u] from the derivatives of the projection: the trial has the stiffness relief / dt along the
-        interface and 1 / compliance across."""
-        assert done.tangent is not None
-        slopes, tangents, relief = done.tangent, self.fault.tangents, trial.impedance[0]
-        stiffness = relief / dt
-        along: np.ndarray = stiffness[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
-        if not self.fault.interface.has_normal:
-            return along
-        result = np.zeros((len(relief), 1 + tangents, 1 + tangents))
-        normal = 1 / trial.normal_compliance
-        result[:, 0, 0] = normal * slopes.stress
-        # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
-        result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
-        result[:, 1:, 1:] = along
-        return result
+        tables = code.table(state), code.table(new)
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *given)]
+        results = [ctypes.c_void_p(array.ctypes.data) for array in (change, tangent, self._result)]
+        self._library.respond(ctypes.c_long(n), *pointers, *map(ctypes.byref, tables), *results)
+        if self._result[1] >= 0:
+            code.fail(state, time, self._result)
+        return Response(change, tangent, new)
 
     def stuck(self, body_stiffness: np.ndarray) -> np.ndarray:
         """dT / d[u] [Pa/m] where it is closed and does not slide, shape (n, local, local)."""

@@ -165,6 +165,19 @@ def test_compiled_step_with_a_gap(method: str) -> None:
 
 
 @every_method
+def test_an_open_interface_at_rest_stays_so_in_3d(method: str) -> None:
+    """No traction and no motion: slip has no direction."""
+    fault, none = a_fault(method, Coulomb(mu_d=0.3), 3, np.random.default_rng(2)), np.zeros(6 * POINTS)
+    fault = replace(fault, normal_stress_0=np.zeros(POINTS), shear_traction_0=np.zeros((POINTS, 2)),
+                    gap=np.full(POINTS, 1e-3))  # fmt: skip
+    state, velocity = fault.initial_state(), none.copy()
+    FaultStep(fault, np.ones(6 * POINTS), Clock.of_step(1e-7), 1e-3)(state, none, velocity, none.copy(), 1e-7)
+    assert np.all(velocity == 0)
+    for name in ("mean_slip_rate", "slip_rate", "shear_traction"):
+        assert np.all(fault.components(state, name) == 0)
+
+
+@every_method
 def test_laws_are_vectorized(method: str) -> None:
     """No loop over points was left to one at a time: none calls exp or pow of numbers, but those of vectors."""
     gcc = "Free Software Foundation" in native._version(native.find_compiler())

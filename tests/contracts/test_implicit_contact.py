@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reference_step import respond_reference
 from small_cases import HOMALITE, case, memory_friction, smooth_field
 from test_contact import POINTS, an_interface, compliances, jump_under, sizes
 
@@ -17,15 +18,17 @@ from ruptfx import parallel
 from ruptfx.fault import Fault
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.implicit.response import FaultResponse
+from ruptfx.implicit.response import FaultResponse, Response
 from ruptfx.model import Model
 from ruptfx.schema import CaseError, alternatives
+from ruptfx.state import FaultState
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 METHODS = {kind: cls for kind, cls in alternatives("ruptfx.contact").items() if cls.implicit}
 every_method = pytest.mark.parametrize("method", METHODS)
 LAWS = friction_laws()
+every_law = pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
 HELD = [
     {"kind": "driven", "edge": "lower.bottom", "component": component, "velocity": 0.0} for component in "xy"
 ] + [{"kind": "traction", "edge": "upper.top", "traction": [1e5, -2e6], "ramp": 1e-3}]  # fmt: skip
@@ -35,28 +38,37 @@ def contact(method: str) -> dict[str, Any]:
     return {"kind": method, **table(METHODS[method], 0)}
 
 
-@every_method
-@pytest.mark.parametrize("components", [1, 2, 3])
-@pytest.mark.parametrize("kind, held", LAWS, ids=["-".join(filter(None, law)) for law in LAWS])
-def test_tangent_is_the_derivative(method: str, components: int, kind: str, held: str | None) -> None:
-    """Central differences of the traction; stuck, sliding and open points, the state advanced within."""
+def a_moment(
+    method: str, components: int, law: Any
+) -> tuple[Fault, FaultState, np.ndarray, np.ndarray, dict[str, Any]]:
+    """A fault whose points stick, slide and open, its state, a jump, the size of jumps, and what else is asked with."""
     random = np.random.default_rng(7)
-    face, law = an_interface(components, random), friction(kind, held, profiles=True)
+    face = an_interface(components, random)
     normal = np.where(random.random(POINTS) < 0.1, 0.0, random.uniform(1e5, 1e7, POINTS))
     shear = random.normal(size=(POINTS, face.tangents)) * 1e5
     fault = Fault("main", face, METHODS[method].model_validate(table(METHODS[method], 0)), law.at(face.position),
                   normal, shear)  # fmt: skip
-    body_stiffness = np.full(POINTS, 1e11)
-    respond, state, dt, dt_before = FaultResponse(fault, 1e-3), fault.initial_state(), 1e-6, 0.7e-6
+    state, dt = fault.initial_state(), 1e-6
     for name in (name for name in state if name.startswith("mean_slip_rate")):
         state[name][:] = random.normal(size=POINTS)  # some points slow down so much that the slip rate is bounded
     # Jumps that change the normal stress by some MPa, the shear traction by more, so that much slides.
     size = sizes(face, compliances(fault.contact, 1e6, dt) * [3e6, 15e6])
-    jump = random.normal(size=(POINTS, components)) * size
+    given = {
+        "dt": dt, "dt_before": 0.7e-6, "time": dt, "body_stiffness": np.full(POINTS, 1e11),
+        "multiplier": (state["normal_stress"], fault.components(state, "shear_traction")),
+    }  # fmt: skip
+    return fault, state, random.normal(size=(POINTS, components)) * size, size, given
 
-    def at(jump: np.ndarray) -> Any:
-        multipliers = state["normal_stress"], fault.components(state, "shear_traction")
-        return respond(state, jump, dt, dt_before, dt, multipliers, body_stiffness)
+
+@every_method
+@pytest.mark.parametrize("components", [1, 2, 3])
+@every_law
+def test_tangent_is_the_derivative(method: str, components: int, kind: str, held: str | None) -> None:
+    """Central differences of the traction; stuck, sliding and open points, the state advanced within."""
+    fault, state, jump, size, given = a_moment(method, components, friction(kind, held, profiles=True))
+
+    def at(jump: np.ndarray) -> Response:
+        return respond_reference(fault, state, jump, **given, threshold=1e-3)
 
     here, h = at(jump), 1e-6 * size
     for k in range(components):
@@ -69,6 +81,36 @@ def test_tangent_is_the_derivative(method: str, components: int, kind: str, held
     assert sliding.mean() > 0.05
     if components > 1:
         assert 0.01 < np.mean(here.state["normal_stress"] == 0) < 0.9
+
+
+def response_agrees(method: str, components: int, law: Any) -> None:
+    """Compiled and in arrays, with radiation, also from a guess that is far away: traction, tangent and all fields."""
+    fault, state, jump, _, given = a_moment(method, components, law)
+    radiation = np.linspace(0, 1e5, POINTS)
+    respond = FaultResponse(fault, 1e-3, radiation)
+    for guess in (None, {name: 10 * values for name, values in state.items()}):
+        ours = respond(state, jump, **given, guess=guess)
+        theirs = respond_reference(fault, state, jump, **given, threshold=1e-3, radiation=radiation, guess=guess)
+        assert list(ours.state) == list(theirs.state)
+        pairs = {"traction": (ours.traction, theirs.traction), "tangent": (ours.tangent, theirs.tangent)}
+        pairs |= {name: (ours.state[name], theirs.state[name]) for name in theirs.state}
+        for name, (mine, expected) in pairs.items():
+            # When a rate is passed is a quotient of small differences.
+            size = np.nanmax(np.abs(expected), initial=0.0) * (10 if name == "rupture_time" else 1)
+            np.testing.assert_allclose(mine, expected, rtol=0, atol=1e-12 * size, err_msg=name)
+
+
+@every_method
+@every_law
+def test_compiled_response_is_the_reference(method: str, kind: str, held: str | None) -> None:
+    response_agrees(method, 2, friction(kind, held, profiles=True))
+
+
+@every_method
+@pytest.mark.parametrize("components", [1, 3])
+@pytest.mark.parametrize("kind, held", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
+def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kind: str, held: str | None) -> None:
+    response_agrees(method, components, friction(kind, held))
 
 
 def column_above_a_gap(method: str, gap: float, height: float) -> Model:

@@ -1,0 +1,86 @@
+// What an interface answers to a displacement at the end of an implicit step, LANES points at a time: traction, its exact
+// tangent and all fields. points.c is in front of this file.
+
+// Rows of an array as lanes; the last point stands in for those that are missing.
+INLINE void take(long first, int count, const double *rows, int width, lanes *taken)
+{
+    for (int k = 0; k < width; k++)
+        for (int l = 0; l < LANES; l++) taken[k][l] = rows[(first + (l < count ? l : count - 1)) * width + k];
+}
+
+// dT / d[u]. t - Z V = strength(V, sigma, b), t and b the parts of trial and V_before along the traction, is
+// differentiated, and the direction d, which turns with the trial: V = (V + c) d - k V_before with c the part of
+// k V_before along it. The trial has the stiffness Z / dt along the interface and 1 / compliance across.
+INLINE void differentiate(const struct times *times, const struct points *points, lanes *tangent)
+{
+    EACH_LANE {
+        const double z = points->z[0][l], stiffness = z / times->since, rate = points->rate[l];
+        const int closed = points->sigma[l] > 0, slides = rate > 0;
+        const double bend = slides ? 1 / points->size[l] : 0;
+        // (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
+        const double yields = slides ? 1 / (z + (closed ? points->slope[l] : 0)) : 0;
+        const double by_stress = closed ? points->stress_slope[l] : 0, by_before = closed ? points->before_slope[l] : 0;
+        double product = 0, before_along = 0, turning_along = 0;
+        EACH_TANGENT {
+            product += OLD(mean_slip_rate + k) * points->trial_shear[k][l];
+            before_along += OLD(mean_slip_rate + k) * points->way[k][l];
+            turning_along += points->turning[k][l] * points->way[k][l];
+        }
+        const int forward = product > 0;
+        if (NORMAL) {
+            const double normal = 1 / points->compliance[l];
+            tangent[0][l] = closed ? normal : 0;
+            for (int k = 0; k < TANGENTS; k++) {
+                tangent[1 + k][l] = 0;
+                // Opening lowers the trial pressure, and the slip rate grows for it.
+                tangent[LOCAL * (1 + k)][l] = -z * normal * yields * by_stress * points->way[k][l];
+            }
+        }
+        for (int j = 0; j < TANGENTS; j++) {
+            const double d = points->way[j][l];
+            // What is across the direction, over the size of the trial.
+            const double before = forward ? bend * (OLD(mean_slip_rate + j) - before_along * d) : 0;
+            const double turning = bend * (points->turning[j][l] - turning_along * d);
+            const double by_size = yields * (d - z * turning - by_before * before);
+            for (int i = 0; i < TANGENTS; i++) {
+                const double across = (i == j) - points->way[i][l] * d;
+                const double slips = points->way[i][l] * (by_size + turning) + (rate + turning_along) * bend * across;
+                tangent[LOCAL * (NORMAL + i) + NORMAL + j][l] = stiffness * ((i == j) - z * slips);
+            }
+        }
+    }
+}
+
+// Rows per point: jump, change and tangent of LOCAL, LOCAL and LOCAL^2 components, multiplier of normal stress and shear
+// traction, near the size of a mean slip rate. result: as points.c says.
+void respond(long n, const struct times *times, const double *jump, const double *multiplier,
+             const double *body_stiffness, const double *radiation, const double *near, const double *fixed,
+             const double *number, double *const *old, double *const *new, double *change, double *tangent,
+             double *result)
+{
+    lanes dissipated = {0};
+    result[1] = -1;
+    for (long first = 0; first < n; first += LANES) {
+        struct points points;
+        lanes slopes[LOCAL * LOCAL];
+        const int count = n - first < LANES ? (int)(n - first) : LANES;
+        points.fixed = (const lanes *)(fixed + first * FIXED_COUNT);
+        load(first, count, old, &points);
+        take(first, count, jump, LOCAL, points.jump);
+        take(first, count, multiplier, 1 + TANGENTS, points.multiplier);
+        take(first, count, body_stiffness, 1, &points.body_stiffness);
+        take(first, count, radiation, 1, &points.radiation);
+        take(first, count, near, 1, &points.near);
+        point(times, number, &points);
+        if (failed(first, count, &points, result)) return;
+        settle(count, times, number, &points, dissipated);
+        store(first, count, new, &points);
+        differentiate(times, &points, slopes);
+        for (int l = 0; l < count; l++) {
+            for (int k = 0; k < LOCAL; k++) change[(first + l) * LOCAL + k] = points.change[k][l];
+            for (int k = 0; k < LOCAL * LOCAL; k++) tangent[(first + l) * LOCAL * LOCAL + k] = slopes[k][l];
+        }
+    }
+    result[0] = 0;
+    for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
+}
