@@ -87,6 +87,7 @@ _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
 JIT_OPTIONS = {
     "cffi_extra_compile_args": ["-O3", "-march=native"],
     "cache_dir": str(native.cache_directory() / f"forms-{_MACHINE}"),
+    "timeout": 60,  # [s] for another process that compiles the same, on a busy machine
 }
 
 

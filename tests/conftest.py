@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
 
 import matplotlib
@@ -14,6 +16,16 @@ matplotlib.use("Agg")
 if find_spec("dolfinx") is not None:
     # First of all imports: the order of h5py, DOLFINx's own libraries and petsc4py matters.
     from ruptfx.fem import MPI  # noqa: F401
+
+
+@pytest.fixture(autouse=True)
+def no_figure_is_left_open() -> Iterator[None]:
+    """Those of pyplot are global: the next test would find them."""
+    yield
+    if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+        left = pyplot.get_fignums()
+        pyplot.close("all")
+        assert left == []
 
 
 @pytest.fixture(scope="session")

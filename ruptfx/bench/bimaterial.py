@@ -98,9 +98,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(runs: dict[str, list[Rupture]], spacings: tuple[float, ...]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, 3, figsize=(11, 3.2), layout="constrained")
+    figure, (axes,) = new_figure(1, 3, 3.2, 11)
     finest = runs["memory"][1]
     x = finest.position * 1e3
     some = np.abs(finest.slip_rate[::10, ::2])

@@ -156,9 +156,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(found: Cycles) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, (axes,) = new_figure(1, 2, 3.2, 8)
     time = np.array(found.times)
     axes[0].semilogy(time / YEAR, found.speeds, lw=1)
     axes[0].axhline(V_P, color="0.6", lw=0.8, ls="--")

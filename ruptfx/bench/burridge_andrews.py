@@ -117,9 +117,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")
+    figure, ((ax,),) = new_figure(1, 1, 3.4, 6)
     for (label, length, speed), style in zip(curves, ("C0:", "C0-", "C1-"), strict=True):
         ax.plot(length, speed / C_S, style, lw=1, label=label)
     for level, name in ((C_R / C_S, "$c_R$"), (np.sqrt(2), "$\\sqrt{2} c_s$"), (C_P / C_S, "$c_p$")):

@@ -195,9 +195,9 @@ def _williams(height: float) -> dict[str, float]:
 
 
 def _draw(drawn: list[tuple[str, Passage, FrontFit]]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, len(drawn), figsize=(3.6 * len(drawn), 3.4), layout="constrained", squeeze=False)
+    figure, axes = new_figure(1, len(drawn), 3.4, 3.6 * len(drawn))
     for ax, (label, seen, found) in zip(axes[0], drawn, strict=True):
         trace = seen.traces[4]  # 3.5 mm above PLACE
         ahead = trace.x - found.tip(trace.time)

@@ -46,9 +46,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(length: np.ndarray, speed: np.ndarray, zone: np.ndarray, static: float, inside: np.ndarray) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     v = np.linspace(0.01, 0.98, 100) * C_R
     left.plot([fracture.half_length_at(x, C_P, C_S) for x in v], v / C_R, "k:", label="equation of motion")
     left.plot(length, speed / C_R, label=f"S = {RATIO:g}")

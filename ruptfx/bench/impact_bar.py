@@ -74,9 +74,9 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _draw(time: np.ndarray, pressure: np.ndarray) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(figsize=(5, 3), layout="constrained")
+    figure, ((axes,),) = new_figure(1, 1, 3, 5)
     axes.plot(time, pressure, lw=0.8, label="two bars, different elements")
     axes.step([0, BEGIN, END, 1.6], [0, PRESSURE, 0, 0], where="post", color="k", ls="--", lw=0.8, label="exact")
     axes.set(xlabel="Time (s)", ylabel="Mean pressure (Pa)")

@@ -114,9 +114,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(time: np.ndarray, found: np.ndarray, reference: np.ndarray) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", sharey=True)
+    figure, (axes,) = new_figure(1, 2, 3.2, 8, sharey=True)
     for ax, component, name in zip(axes, (0, 1), ("along the surface", "upwards"), strict=True):
         for i, x in enumerate(RECEIVERS):
             ax.plot(time, 1e3 * found[:, i, component], label=f"{x:g} m")

@@ -76,9 +76,9 @@ def _measured(ranks: int, nodes: int) -> tuple[float, float, int]:
 
 
 def _draw(nodes: int, largest: list[float]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, ax = plt.subplots(figsize=(4, 3), layout="constrained")
+    figure, ((ax,),) = new_figure(1, 1, 3, 4)
     ax.loglog(RANKS, largest, "o-", label="measured")
     ax.loglog(RANKS, SLACK * largest[0] / np.array(RANKS), "k:", lw=1, label=f"{SLACK} / ranks of one rank")
     ax.set(xlabel="Ranks", ylabel="Memory of the largest rank (MB)", title=f"{nodes:.3g} nodes", xticks=RANKS,

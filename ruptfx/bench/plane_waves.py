@@ -118,9 +118,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list, time: np.ndarray, middle: np.ndarray, reference: tuple[np.ndarray, np.ndarray]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     for name, when, rate, exact in curves:
         (line,) = left.plot(when * 1e6, rate, label=name)
         left.axhline(exact, color=line.get_color(), ls=":", lw=1)

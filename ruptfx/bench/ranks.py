@@ -44,9 +44,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(names: list[str], differences: list[float]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, ax = plt.subplots(figsize=(4.5, 2.4), layout="constrained")
+    figure, ((ax,),) = new_figure(1, 1, 2.4, 4.5)
     ax.barh(names, np.maximum(differences, 1e-17), height=0.5)
     ax.axvline(TOLERANCE, color="k", ls=":", lw=1)
     ax.set(xscale="log", xlim=(1e-17, 10 * TOLERANCE), xlabel="largest difference of 1 and 2 ranks over largest value")

@@ -89,9 +89,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(curves: list) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, (axes,) = new_figure(1, 2, 3.2, 8)
     for label, x, slip, exact in curves:
         ax = axes[0] if "III" in label else axes[1]
         (line,) = ax.plot(x, slip * 1e3, label=label)

@@ -112,9 +112,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(drawn: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", sharex=True)
+    figure, (axes,) = new_figure(1, 2, 3.2, 8, sharex=True)
     for ax, (kind, (time, found, reference)) in zip(axes, drawn.items(), strict=True):
         for i, name in enumerate(RECEIVERS):
             ax.plot(time, 1e3 * found[:, i], label=name)

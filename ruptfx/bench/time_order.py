@@ -174,9 +174,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw(runs: list[Rupture], at: int, step: float) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, ax = plt.subplots(figsize=(5, 3.2), layout="constrained")
+    figure, ((ax,),) = new_figure(1, 1, 3.2, 5)
     for result, style, length in zip(runs, ("C0-", "k:"), (step, step / 16), strict=True):
         ax.plot(result.time, np.abs(result.slip_rate[:, at]), style, label=f"step {length:.3g} s")
     ax.set(xlabel="Time (s)", ylabel="Slip rate at 3 km (m/s)", xlim=(0.4, 1.2), title="Ageing law, nodes 100 m apart")

@@ -112,9 +112,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def draw(runs: list[Rupture]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     for result, style in zip(runs, (":", "--", "-"), strict=True):
         x = result.position / 1e3
         spacing = 1e3 * np.median(np.diff(x))

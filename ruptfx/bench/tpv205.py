@@ -145,9 +145,9 @@ def _convergence(fine: bool) -> Table:
 
 
 def _draw(main: Rupture, arrival: np.ndarray, convergence: Table) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, (front, rates, errors) = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
+    figure, ((front, rates, errors),) = new_figure(1, 3, 3.6, 11)
     x = main.position / 1e3
     inside = np.abs(x) <= 15
     front.plot(x[inside], arrival[inside])

@@ -58,11 +58,11 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _draw() -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
     c_p, c_s, c_R = PMMA.wave_speeds("strain")
     v = np.linspace(0.001, 0.99, 200) * c_R
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    figure, ((left, right),) = new_figure(1, 2, 3.2, 8)
     left.plot(v / c_R, [fracture.A_II(x, c_p, c_s) for x in v], label="$A_{II}$")
     left.plot(v / c_R, [fracture.g_II(x, c_p, c_s, c_R) for x in v], label="$g_{II}$")
     left.set(xlabel="speed / $c_R$", ylim=(0, 5))

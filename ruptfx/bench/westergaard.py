@@ -107,9 +107,9 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _draw(found: list[tuple[float, Floats, Floats]]) -> Figure:
-    from matplotlib import pyplot as plt
+    from ruptfx.figure_style import new_figure
 
-    figure, axes = plt.subplots(figsize=(5, 3.4), layout="constrained")
+    figure, ((axes,),) = new_figure(1, 1, 3.4, 5)
     fine = np.linspace(0, 0.5 * WAVELENGTH, 400)
     for share, x, pressure in found:
         (line,) = axes.plot(1e3 * x, 1e-6 * pressure, "o", ms=3, label=f"p / p* = {share:g}")

@@ -117,6 +117,7 @@ class Recorder:
             self.model.case.save(self.out)
         handler = logging.FileHandler(self.out / "run.log")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        self._log_before = self.log.handlers, self.log.level, self.log.propagate
         self.log.handlers = [handler]
         self.log.setLevel(logging.INFO)
         self.log.propagate = False
@@ -290,9 +291,11 @@ class Recorder:
             with suppress(OSError, RuntimeError) if error is not None else nullcontext():
                 file.close()
         self.log.info("%d records", self.records)
-        for handler in self.log.handlers:
-            handler.close()
-        self.log.handlers = []
+        if self.model.comm.rank == 0:
+            for handler in self.log.handlers:
+                handler.close()
+            self.log.handlers, level, self.log.propagate = self._log_before
+            self.log.setLevel(level)
 
 
 class Closing(Protocol):

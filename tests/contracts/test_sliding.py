@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import numpy as np
@@ -146,15 +145,11 @@ def test_rubbing_closes_the_budget(order: int) -> None:
     assert 0 < energy["impact"] < 0.05 * energy["frictional_dissipation"]
 
 
-def test_sweeps_that_do_not_settle_are_reported(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sweeps_that_do_not_settle_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     """The run goes on, with a budget that closes as well."""
-    monkeypatch.setattr(logging.getLogger("ruptfx.run"), "propagate", True)  # a run before has its own handlers
-    caplog.set_level(logging.WARNING, logger="ruptfx.run")  # and level
     contact = {"kind": "forward_lagrange", "sweeps": 1}
     _, motion, state = march(parse_case(rough({"faults.main.contact": contact, "duration": 3e-6})))
-    reported = sorted({record.getMessage() for record in caplog.records if "contact.sweeps = 1" in record.getMessage()})
+    reported = [record.getMessage() for record in caplog.records if "contact.sweeps = 1" in record.getMessage()]
     assert 1 <= len(reported) <= 6 and "faults.main: tractions did not settle" in reported[0]
     energy = motion.energies(state)
     assert abs(energy.pop("boundary_work") / sum(energy.values()) - 1) < 1e-11

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,6 +37,18 @@ def test_records_from_the_first_time_to_the_last(tmp_path):
             # Made by the first step whose tractions reach the time; energies and bodies are half a step later.
             np.testing.assert_allclose(time, expected, rtol=0, atol=late * step)
         np.testing.assert_allclose((record.energy.time - record.interface.time.values)[1:] / step, 0.5, rtol=1e-6)
+
+
+def test_the_log_is_that_of_the_run_while_it_lasts(tmp_path, caplog):
+    """Its messages go to run.log alone; afterwards the logger of the process is as before."""
+    log = logging.getLogger("ruptfx.run")
+    before = log.handlers, log.level, log.propagate
+    simulate(case({"duration": 1e-6}), tmp_path / "run", progress=False).close()
+    assert "dt" in (tmp_path / "run" / "run.log").read_text() and not caplog.records
+    assert (log.handlers, log.level, log.propagate) == before
+    log.warning("after the run")
+    assert caplog.messages == ["after the run"]
+    assert "after the run" not in (tmp_path / "run" / "run.log").read_text()
 
 
 def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
