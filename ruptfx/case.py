@@ -16,6 +16,7 @@ from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.contact import AnyContact
 from ruptfx.friction import AnyFriction
 from ruptfx.initial_stress import InitialStress
+from ruptfx.instruments import AnyInstrument
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
@@ -29,7 +30,10 @@ from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
 if TYPE_CHECKING:
     from ruptfx.lumped import LumpedModel
 
-FOLDERS = ["meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers", "profiles", "phases"]
+FOLDERS = [
+    "meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers", "instruments", "profiles",
+    "phases",
+]  # fmt: skip
 
 
 class FaultCase(Part):
@@ -147,6 +151,8 @@ class Case(CaseFile):
     """How time advances; keys without `kind` are those of `leapfrog`."""
     output: Output = Output()
     """What is saved and how often."""
+    instruments: list[AnyInstrument] = []
+    """What measures during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
     stages: list[Stage] = []
     """One after the other, with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
@@ -170,6 +176,7 @@ class Case(CaseFile):
         for key, boundary in self._all_boundaries():
             boundary.check(key, self.plane, allowed)
         self._check_stages()
+        self._check_instruments(allowed)
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -187,6 +194,17 @@ class Case(CaseFile):
         for number, stage in enumerate(self.stages):
             for index, boundary in enumerate(stage.boundaries or []):
                 yield f"stages.{number}.boundaries.{index}", boundary
+
+    def _check_instruments(self, allowed: str) -> None:
+        seen = set[str]()
+        for number, instrument in enumerate(self.instruments):
+            instrument.check(f"instruments.{number}", self.plane, allowed)
+            if instrument.name in seen:
+                raise ValueError(
+                    f"instruments.{number}.name = '{instrument.name}': another instrument has that name; give each one "
+                    "of its own"
+                )
+            seen.add(instrument.name)
 
     def _check_stages(self) -> None:
         if not self.stages:

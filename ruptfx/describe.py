@@ -37,7 +37,7 @@ from ruptfx.study.definition import Axis, Mark, Refine, Study
 
 FOLDERS = (
     "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes", "phases", "steppers",
-    "operators", "profiles", "lumped",
+    "operators", "instruments", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},

@@ -38,6 +38,8 @@ _PREFIXES = {
     "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s")],
     "Pa": [(1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
     "m/s": [(1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
+    "N": [(1.0, "N"), (1e3, "kN"), (1e6, "MN")],
+    "N/m": [(1.0, "N/m"), (1e3, "kN/m"), (1e6, "MN/m"), (1e9, "GN/m")],
     "J/m": [(1e-3, "mJ/m"), (1.0, "J/m"), (1e3, "kJ/m"), (1e6, "MJ/m"), (1e9, "GJ/m"), (1e12, "TJ/m")],
 }
 
@@ -65,6 +67,11 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
     least = 0.05 if unit == "m/s" else 0.9  # slip rates read best in m/s
     fitting = [(size, name) for size, name in choices if largest >= least * size]
     return fitting[-1] if fitting else choices[0]
+
+
+def known_unit(unit: str) -> bool:
+    """Whether `scale` knows sizes of it."""
+    return unit in _PREFIXES
 
 
 def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Figure, Array]:

@@ -28,6 +28,13 @@ class Inside:
         Needed where several bodies have the point.
     key : str
         Of the case, for messages.
+    field : str
+        Of the key, which says where the point is.
+
+    Attributes
+    ----------
+    body : int
+        Number of the one that it is in.
 
     Raises
     ------
@@ -35,7 +42,9 @@ class Inside:
         On all ranks: a point outside of the bodies, or on a side of several.
     """
 
-    def __init__(self, model: Model, point: Sequence[float], body: str | None, key: str) -> None:
+    def __init__(
+        self, model: Model, point: Sequence[float], body: str | None, key: str, field: str = "point"
+    ) -> None:
         self.model = model
         names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:
@@ -43,10 +52,11 @@ class Inside:
         found = [item for item in self._find(np.array(point, dtype=float)) if body in (None, names[item[0]])]
         holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
         if not len(holders):
-            raise CaseError(f"{key}.point = {told}: is not inside of {'the bodies' if body is None else body}")
+            raise CaseError(f"{key}.{field} = {told}: is not inside of {'the bodies' if body is None else body}")
         if len(set(holders.tolist())) > 1:
             there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
-            raise CaseError(f"{key}.point = {told}: {there} meet there; say in which it is with body")
+            raise CaseError(f"{key}.{field} = {told}: {there} meet there; say in which it is with body")
+        self.body = int(holders[0])
         self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
 
     def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
@@ -68,6 +78,21 @@ class Inside:
             shape = np.concatenate([values[:1], gradient])
             found.append((int(self.model.bodies.cell_body[cell]), space.dofmap.list[cell], shape))
         return found
+
+    def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What a nodal field is multiplied with to become the sum of `value` times coefficients, shape (1 + dim,
+        components): local degrees of freedom, and their weights on this rank."""
+        c = coefficients.shape[1]
+        empty = np.zeros(0, dtype=np.int64)
+        dofs = [(nodes[:, None] * c + np.arange(c)).ravel() for nodes, _ in self._cells]
+        values = [(shape.T @ coefficients).ravel() for _, shape in self._cells]
+        return np.concatenate([empty, *dofs]), np.concatenate([np.zeros(0), *values])
+
+    @property
+    def element_size(self) -> float:
+        """Of the elements that have the point, along x, y or z [m]; collective."""
+        extents = [float(np.ptp(self.model.coordinates[nodes], axis=0).max()) for nodes, _ in self._cells]
+        return parallel.largest(self.model.comm, max(extents, default=0.0))
 
     def _sum(self, weights: np.ndarray) -> np.ndarray:
         """Sum over the shape functions and their derivatives, with weights of shape (1 + dim, components)."""

@@ -18,6 +18,8 @@ from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES, FIELDS
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
+from ruptfx.inside import Inside
+from ruptfx.instruments import Channel, Instrument
 from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
@@ -25,12 +27,15 @@ from ruptfx.places import patches
 from ruptfx.plausibility import Doubt, doubts, slow_records
 from ruptfx.profiles.constant import Constant
 from ruptfx.projection import TracedLaw
+from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.sampling import Samples
 from ruptfx.schema import Part, unit_of
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import leapfrog
 from ruptfx.stopping import StopRules
 
+NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
 STEEP = 0.2
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
@@ -84,6 +89,8 @@ def preflight(case: Case) -> Iterator[Row]:
             yield from _without_effect(model, fault)
             if steps is not None:
                 yield from _shortest_time(model, fault, motion.dt)
+    if case.instruments:
+        yield from _instrument_rows(model, motion.dt)
     yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps)
 
@@ -415,6 +422,31 @@ def _cost(model: Model, motion: object, steps: int | None) -> Iterator[Row]:
         yield Row("expected run time", each * steps, "s", f"{each:.3g} s per step {where}")
 
 
+def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
+    """Up to which frequency each instrument sees, and what limits it."""
+    speed = float(model.wave_speeds().c_s)
+    for number, (instrument, channels) in enumerate(_measured(model, dt)):
+        often = 0.5 / instrument.interval
+        highest = min(often, instrument.bandwidth or often)
+        verdict: Literal["ok", "warning"] = "ok"
+        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s, half of whose rate is {often:.3g} Hz"]
+        if instrument.bandwidth is not None and instrument.bandwidth > often:
+            notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
+            verdict = "warning"
+        sizes = [Inside(model, point, body, f"instruments.{number}").element_size for point, body in instrument.points]
+        if sizes:
+            spacing = max(sizes) / model.case.order
+            carried = speed / (NODES_PER_WAVELENGTH * spacing)
+            notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
+            if 0 < instrument.extent < spacing:
+                notes.append(f"shorter than the {spacing:.3g} m between nodes: as good as a point")
+        yield Row(f"instruments.{instrument.name}: sees", highest, "Hz", "; ".join(notes), verdict)
+
+
+def _measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
+    return Samples(model, dt, BulkFields(model).initial_stress).instruments
+
+
 def _memory() -> Row:
     """The largest so far, with the model, the operator and some steps: a run on one rank has about the same."""
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
@@ -426,7 +458,7 @@ def _memory() -> Row:
 
 
 def _bytes_of_files(model: Model, steps: int | None) -> float:
-    """Numbers of 8 bytes in interface.h5, bulk.h5 and, as text of 20, in energy.csv."""
+    """Numbers of 8 bytes in interface.h5, bulk.h5, instruments.h5 and, as text of 20, in energy.csv."""
     output, duration = model.case.output, model.case.duration
     records = duration / (output.interface_interval or duration / 300) + 1
     if steps is not None:
@@ -440,4 +472,6 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     stresses = {1: 2, 2: 3, 3: 6}[c]
     cells = model.total_nodes  # those of snapshots lie between nodes
     numbers += snapshots * model.total_nodes * (2 * c + stresses + 1) + model.total_nodes * dim + cells * 2**dim
+    for instrument, channels in _measured(model, 0.0) if model.case.instruments else []:
+        numbers += duration / instrument.interval * (1 + len(channels))
     return 8 * numbers + 20 * (len(ENERGIES) + 2) * records

@@ -55,6 +55,8 @@ class Record:
         Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
     energy : xarray.Dataset
         Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
+    instruments : dict of xarray.Dataset
+        What each instrument measured against its `time` [s], by its name; empty without instruments.
 
     Raises
     ------
@@ -140,6 +142,26 @@ class Record:
         return data if written == data.sizes["time"] else data.isel(time=slice(written))
 
     @cached_property
+    def instruments(self) -> dict[str, xarray.Dataset]:
+        import h5netcdf
+        import xarray
+        from xarray.backends import H5NetCDFStore
+
+        if not self.case.get("instruments"):
+            return {}
+        path, found = self._existing("instruments.h5"), {}
+        try:
+            file = h5py.File(path, "r", locking=False)
+            self._open.append(file)
+            groups = h5netcdf.File(file)
+            for name in [str(table["name"]) for table in self.case["instruments"]]:
+                data = xarray.open_dataset(H5NetCDFStore(groups, group=name), decode_timedelta=False)
+                found[name] = data.isel(time=slice(_written(data["time"].values)))
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
+        return found
+
+    @cached_property
     def bulk(self) -> xarray.Dataset:
         import h5netcdf
         import xarray
@@ -188,6 +210,8 @@ class Record:
         for data in self.__dict__.pop("interfaces", {}).values():
             data.close()
         self.__dict__.pop("bulk", None)
+        for data in self.__dict__.pop("instruments", {}).values():
+            data.close()
         while self._open:
             self._open.pop().close()
 

@@ -133,6 +133,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         checkpoints = Checkpoints(model, recorder)
         if not checkpoint:
+            recorder.observe(state)
             recorder.record(state)
         stopping, ended = StopRules(model), ""
         stepping, first = time.perf_counter(), state.step
@@ -142,6 +143,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
             state.watched = recorder.expects(state)
             failed = _step(motion, state)
             error = error or failed
+            recorder.observe(state)
             regular, due = motion.collective or state.step % CHECK_EVERY == 0, recorder.due(state)
             if not (regular or due or comm.size == 1 or checkpoints.scheduled(state)):
                 continue

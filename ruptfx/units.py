@@ -34,6 +34,7 @@ Angle = Annotated[float, Unit("rad")]
 FringeConstant = Annotated[float, Field(gt=0), Unit("N/m")]
 Stiffness = Annotated[float, Field(gt=0), Unit("Pa/m")]
 Rate = Annotated[float, Field(ge=0), Unit("1/s")]
+Frequency = Annotated[float, Field(gt=0), Unit("1/s")]
 Fraction = Annotated[float, Field(gt=0, le=1), Unit("1")]
 
 if TYPE_CHECKING:

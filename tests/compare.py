@@ -16,10 +16,11 @@ def _datasets(path: Path) -> dict[str, np.ndarray]:
 
 
 def largest_difference(one: Path, other: Path) -> dict[str, float]:
-    """Largest difference of every data set of `interface.h5`, `bulk.h5` and `energy.csv`, relative to its largest
-    value; shapes and places of missing values must be equal."""
+    """Largest difference of every data set of `interface.h5`, `bulk.h5`, `instruments.h5` if there are instruments, and
+    `energy.csv`, relative to its largest value; shapes and places of missing values must be equal."""
     differences = {}
-    for name in ("interface.h5", "bulk.h5"):
+    assert (one / "instruments.h5").exists() == (other / "instruments.h5").exists()
+    for name in ("interface.h5", "bulk.h5", *["instruments.h5"] * (one / "instruments.h5").exists()):
         a, b = _datasets(one / name), _datasets(other / name)
         assert a.keys() == b.keys()
         for key in a:

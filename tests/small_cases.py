@@ -40,6 +40,16 @@ def merged(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+# One of every kind, with a filter, a rate of its own, or both.
+INSTRUMENTS = [
+    {"kind": "receiver", "name": "point", "interval": 1.7e-7, "point": [5.3e-3, 2.2e-3], "bandwidth": 1e6},
+    {"kind": "fault_receiver", "name": "fault", "interval": 2.3e-7, "position": 5.3e-3},
+    {"kind": "velocimeter", "name": "pair", "interval": 1.7e-7, "point": [5e-3, 5e-4], "relative_to": [5e-3, -5e-4],
+     "direction": [1.0, 0.0]},
+    {"kind": "load_cell", "name": "cell", "interval": 3.1e-7, "edge": "upper.right", "bandwidth": 2e6},
+]  # fmt: skip
+
+
 def plates(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """Two small Homalite plates pressed with 6 MPa, glued by strong Coulomb friction; nothing moves them."""
     table = {

@@ -104,12 +104,14 @@ def write_run(
     case = {
         "title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"},
         "materials": {"default": {"fringe_constant": 22.6e3}}, "output": {"plate_thickness": 9.5e-3},
+        "instruments": [{"kind": "receiver", "name": "point"}, {"kind": "load_cell", "name": "cell"}],
     }  # fmt: skip
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
     (path / "run.log").write_text("synthetic\n", encoding="utf-8")
     _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp)
     _write_bulk(path / "bulk.h5", np.linspace(time[0], time[-1], snapshots), plane)
     _write_energy(path / "energy.csv", time)
+    _write_instruments(path / "instruments.h5", time)
     if complete:
         (path / "summary.json").write_text(json.dumps(summary or {"mode": "crack"}), encoding="utf-8")
     return path
@@ -178,6 +180,20 @@ def _write_bulk(path: Path, time: Array, plane: str, columns: int = 101, rows: i
         units = {"points": "m", "time": "s", "velocity": "m/s", "displacement": "m", "stress": "Pa", "fringe": "Pa"}
         for name in units.keys() & file.keys():
             file[name].attrs["units"] = units[name]
+
+
+def _write_instruments(path: Path, time: Array) -> None:
+    """A receiver in a wave of C_S, and the force that it takes."""
+    wave = np.sin(200 * C_S * time)
+    for name, channels in {
+        "point": {"velocity_y": ("m/s", wave), "strain_xy": ("1", -0.5 * wave / C_S)},
+        "cell": {"force_x": ("N/m", 1e4 * wave)},
+    }.items():  # fmt: skip
+        data = xarray.Dataset(
+            {channel: ("time", values, {"units": unit}) for channel, (unit, values) in channels.items()},
+            {"time": ("time", time, {"units": "s"})},
+        )
+        data.to_netcdf(path, engine="h5netcdf", group=name, mode="a" if path.exists() else "w")
 
 
 def _write_energy(path: Path, time: Array) -> None:

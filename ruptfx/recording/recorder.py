@@ -23,7 +23,9 @@ from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.forces import ForcesFile, forces
+from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.interface_file import InterfaceFile
+from ruptfx.recording.sampling import Samples
 from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase
 
@@ -74,8 +76,12 @@ class Recorder:
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
+        self.samples = Samples(model, motion.dt, self._bulk.initial_stress)
+        if resume:
+            self.samples.restore(resume.manifest["samples"])
         self._files: dict[str, InterfaceFile] = {}
         self._forces: dict[str, ForcesFile] = {}
+        self._instruments: InstrumentsFile | None = None
         self._writer = Writer()
 
     def _schedule(self, interval: float) -> np.ndarray:
@@ -135,6 +141,11 @@ class Recorder:
             if fault.slides:
                 name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
                 self._forces[fault.name] = ForcesFile(self.out / name)
+        if self.samples.instruments:
+            self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
+                "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
+                "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
+            })  # fmt: skip
 
     def settle(self) -> list[Path]:
         """Write all that waits in memory; the history files of this rank, which may then be copied."""
@@ -145,6 +156,9 @@ class Recorder:
             self._energy.flush()
             files += [*(file.path for file in self._files.values()), self.out / "energy.csv"]
             files += [file.path for file in self._forces.values()]
+            if self._instruments is not None:
+                self._instruments.settle()
+                files.append(self._instruments.path)
         return files
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
@@ -211,8 +225,22 @@ class Recorder:
         """A long step may pass several times at once."""
         self.next[what] = int(np.searchsorted(self._times[what], state.fault_time, side="right"))
 
+    def observe(self, state: State) -> None:
+        """Let the instruments look at the start and at every step."""
+        self.samples.observe(state)
+
+    def collect(self) -> None:
+        """Hand the samples that are complete to their file; collective."""
+        samples = self.samples.gather()
+        file = self._instruments
+        if file is not None and samples:
+            self._write(lambda: file.append(samples))
+
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
+        if self.samples.instruments:
+            with phase("gathering"):
+                self.collect()
         if self._reached("interface", state):
             self._passed("interface", state)
             with phase("gathering"):
@@ -283,6 +311,8 @@ class Recorder:
     def _close(self, error: BaseException | None) -> None:
         """Close all files; what could not be written stays open, for HDF5 would fall over it."""
         files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
+        if self._instruments is not None:
+            files.append(self._instruments)
         if self.model.comm.rank == 0:
             files.append(self._energy)
             if error is not None:

@@ -18,7 +18,7 @@ import psutil
 import pytest
 import tomli_w
 from compare import largest_difference
-from small_cases import impact
+from small_cases import INSTRUMENTS, impact
 
 pytest.importorskip("dolfinx")
 
@@ -28,7 +28,7 @@ from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
 from ruptfx.recording import checkpoint
 
-CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6}
+CHANGES = {"output.checkpoint_steps": 25, "output.interface_interval": 0.5e-6, "instruments": INSTRUMENTS}
 LIMIT = 120  # seconds; a deadlock looks like a slow run
 
 

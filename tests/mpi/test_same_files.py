@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import tomli_w
 from compare import largest_difference
-from small_cases import HOMALITE, blocks, impact, merged, plates, slip_weakening
+from small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, plates, slip_weakening
 
 pytest.importorskip("dolfinx")
 
@@ -32,7 +32,7 @@ pytestmark = [
 OUTPUT = {"interface_interval": 4e-7, "bulk_interval": 1e-6, "figures": False}
 CASES = {
     "elastic": plates({
-        "duration": 5e-6, "faults.main.initial_stress": {"normal": 6e6, "shear": 1e5},
+        "duration": 5e-6, "instruments": INSTRUMENTS, "faults.main.initial_stress": {"normal": 6e6, "shear": 1e5},
         "damping": {"mass": 1e4},
         "boundaries": [
             {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0, "ramp": 2e-6},
@@ -44,6 +44,7 @@ CASES = {
     "lecture_I": impact(6e6, 2.0, changes={"mesh.height": 4e-3, "mesh.length": 20e-3, "duration": 12e-6}),
     "implicit": impact(6e6, 2.0, changes={
         "order": 2, "mesh.height": 4e-3, "mesh.length": 20e-3, "duration": 12e-6,
+        "instruments": [{**table, "interval": 10 * table["interval"]} for table in INSTRUMENTS],
         "stepper": {"kind": "generalized_alpha", "courant": 2.0},
     }),
     "antiplane": plates({

@@ -56,7 +56,7 @@ def run(case: Any, out: Path) -> Record:
 
 def test_every_example_is_used_here() -> None:
     source = Path(__file__).read_text(encoding="utf-8")
-    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 13
+    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 14
     assert [title for title in EXAMPLES if f'"{title}"' not in source] == []
 
 
@@ -193,6 +193,25 @@ def test_operator(tmp_path: Path) -> None:
     UflForm(model.bulk).add_internal_force(u, expected)
     np.testing.assert_array_equal(found, expected)
     assert operator.calls == calls + 1 and np.abs(found).max() > 0
+
+
+@pytest.mark.fem
+def test_instrument(tmp_path: Path) -> None:
+    """Bodies that turn by 3e-6 rad; the second look completes the samples at time zero."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.model import Model
+    from ruptfx.recording.sampling import Samples
+
+    entry = {"kind": "tiltmeter", "name": "tilt", "interval": 1e-6, "point": [5e-3, 1e-3]}
+    model = Model(in_a_case(tmp_path, "Instrument", plates({"instruments": [entry]})))
+    samples, state = Samples(model, 1e-8, np.zeros(3)), model.initial_state()
+    x, y = model.coordinates.T
+    state.displacement[:] = 3e-6 * np.stack([-y, x], axis=1).ravel()
+    samples.observe(state)
+    state.time = 1e-7
+    samples.observe(state)
+    ((name, _, (values,)),) = samples.gather()
+    assert name == "tilt" and values == pytest.approx(3e-6, rel=1e-9)
 
 
 def test_profile(tmp_path: Path) -> None:

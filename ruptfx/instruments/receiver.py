@@ -1,0 +1,61 @@
+"""Motion, strain and stress at a point of the bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from ruptfx.boundaries import check_vector
+from ruptfx.instruments import Channel, Instrument
+from ruptfx.materials import Plane
+from ruptfx.schema import Unit
+
+if TYPE_CHECKING:
+    from ruptfx.sensed import Sensed
+
+Quantity = Literal["velocity", "displacement", "strain", "stress"]
+
+
+class Receiver(Instrument):
+    """Velocity, displacement, strain and stress at a point anywhere in the bodies.
+
+    They are those of the elements at the point, which need not be a node; where elements meet, their mean. Displacement
+    and strain are measured from the initial state; the stress is total, with the initial stress of the bodies, tension
+    positive. Strains are components of the tensor: xy is half of the angle of shear.
+    """
+
+    example: ClassVar[str] = '{ kind = "receiver", name = "point", interval = 2e-7, point = [5.3e-3, 2.2e-3] }'
+
+    point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
+    """Where it is."""
+    body: str | None = None
+    """Where bodies meet, the one that is meant."""
+    fields: Annotated[list[Quantity], Field(min_length=1)] = ["velocity", "displacement", "strain", "stress"]
+    """What it records."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
+
+    @property
+    def points(self) -> list[tuple[list[float], str | None]]:
+        return [(self.point, self.body)]
+
+    def channels(self, plates: Sensed, key: str) -> list[Channel]:
+        place = plates.point(self.point, self.body, key)
+        found = []
+        for field in dict.fromkeys(self.fields):
+            if field in ("velocity", "displacement"):
+                unit = "m/s" if field == "velocity" else "m"
+                for label, number in plates.axes.items():
+                    share = place.motion(field, plates.unit_vector(number))
+                    found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
+            for label, entry in plates.entries.items() if field in ("strain", "stress") else ():
+                if field == "strain":
+                    found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
+                else:
+                    text = f"total stress {label}, tension positive"
+                    found.append(
+                        Channel(f"stress_{label}", "Pa", text, [place.stress(entry)], place.initial_stress(label))
+                    )
+        return found

@@ -1,0 +1,63 @@
+"""Figure of what the instruments measured."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.figure_style import known_unit, letter, new_figure, remark, scale, styled
+from ruptfx.plots._panels import without
+from ruptfx.record import Record
+
+MOST = 12  # panels that one page takes
+
+
+def suits(record: Record) -> bool:
+    """Whether there were instruments."""
+    return bool(record.case.get("instruments")) and (record.path / "instruments.h5").is_file()
+
+
+@styled
+def instruments(record: Record) -> Figure:
+    """Samples against time: a panel for every instrument, and one more for every further unit that it measures in.
+
+    Where there are more panels than a page takes the figure says how many are left out.
+    """
+    panels = []
+    for name, data in record.instruments.items():
+        units = dict.fromkeys(str(variable.attrs.get("units", "1")) for variable in data.data_vars.values())
+        for unit in units:
+            panels.append((name, unit, [k for k, v in data.data_vars.items() if v.attrs.get("units", "1") == unit]))
+    if not any(data.sizes["time"] for data in record.instruments.values()):
+        return without("no sample was saved")
+    shown = panels[:MOST]
+    columns = min(len(shown), 2)
+    rows = -(-len(shown) // columns)
+    figure, axes = new_figure(rows, columns, 0.5 + 1.55 * rows, sharex=True)
+    latest = max(float(data.time[-1]) for data in record.instruments.values() if data.sizes["time"])
+    t_size, t_unit = scale(latest, "s")
+    for ax, (name, unit, channels) in zip(axes.ravel(), shown, strict=False):
+        data = record.instruments[name]
+        values = np.array([data[channel].values for channel in channels])
+        size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
+        for channel, line in zip(channels, values, strict=True):
+            ax.plot(data.time.values / t_size, line / size, label=str(channel).replace("_", " "))
+        ax.set_ylabel(f"{_common(channels)} ({printed})")
+        ax.set_title(name, loc="right")
+        if len(channels) > 1:
+            ax.legend(ncols=2 if len(channels) > 3 else 1)
+    for ax in axes.ravel()[: len(shown)][-columns:]:
+        ax.set_xlabel(f"Time ({t_unit})")
+        ax.tick_params(labelbottom=True)
+    for ax in axes.ravel()[len(shown) :]:
+        ax.set_visible(False)
+    left = len(panels) - len(shown)
+    remark(figure, f"{left} more panels do not fit here; all numbers are in instruments.h5." if left else "")
+    letter(axes.ravel()[: len(shown)])
+    return figure
+
+
+def _common(channels: list) -> str:  # type: ignore[type-arg]
+    """What the names of the channels begin with, as a label."""
+    words = dict.fromkeys(str(channel).rpartition("_")[0] or str(channel) for channel in channels)
+    return " and ".join(word.replace("_", " ") for word in words).capitalize()

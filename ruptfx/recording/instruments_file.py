@@ -1,0 +1,101 @@
+"""What instruments measured: `instruments.h5`, NetCDF4 with a group for every instrument."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+
+from ruptfx import Table
+from ruptfx.instruments import Channel, Instrument
+
+FLUSH_EVERY = 5.0  # seconds of wall-clock time that samples may wait in memory
+BLOCK = 1000  # samples of an instrument written at once
+
+
+class InstrumentsFile:
+    """Samples of every instrument against its own time; rank 0 only.
+
+    Parameters
+    ----------
+    path : Path
+        Samples are added to what is there.
+    instruments : list of (Instrument, list of Channel)
+    attributes : dict
+        Global attributes of the file.
+    """
+
+    def __init__(self, path: Path, instruments: list[tuple[Instrument, list[Channel]]], attributes: Table) -> None:
+        self.path = path
+        self._names = {instrument.name: [channel.name for channel in found] for instrument, found in instruments}
+        self._waiting: dict[str, list[tuple[np.ndarray, list[np.ndarray]]]] = {name: [] for name in self._names}
+        self._flushed = time.monotonic()
+        resumed = path.exists()
+        self._open("a" if resumed else "w")
+        if resumed:
+            return
+        self._file.attrs.update(attributes)
+        for instrument, channels in instruments:
+            group = self._file.create_group(instrument.name)
+            group.dimensions = {"time": None}
+            group.attrs["kind"] = instrument.kind()
+            group.attrs["instrument"] = json.dumps(instrument.model_dump(mode="json"))
+            _variable(group, "time", "s", "time of all numbers of a sample")
+            for channel in channels:
+                _variable(group, channel.name, channel.unit, channel.long_name)
+        self._flush_to_disk()
+
+    def _open(self, mode: str) -> None:
+        self._disk = h5py.File(self.path, mode)
+        self._file = h5netcdf.File(self._disk, mode)
+
+    def _flush_to_disk(self) -> None:
+        self._file.flush()
+        self._disk.flush()
+
+    def append(self, samples: list[tuple[str, np.ndarray, list[np.ndarray]]]) -> None:
+        """Add samples of some instruments: name, times [s], values by channel."""
+        for name, times, values in samples:
+            self._waiting[name].append((times, values))
+        longest = max(sum(len(times) for times, _ in rows) for rows in self._waiting.values())
+        if longest >= BLOCK or time.monotonic() - self._flushed > FLUSH_EVERY:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits in memory."""
+        for name, blocks in self._waiting.items():
+            if not blocks:
+                continue
+            group = self._file[name]
+            begin = group.dimensions["time"].size
+            times = np.concatenate([times for times, _ in blocks])
+            group.resize_dimension("time", begin + len(times))
+            group["time"][begin:] = times
+            for number, channel in enumerate(self._names[name]):
+                group[channel][begin:] = np.concatenate([values[number] for _, values in blocks])
+            self._waiting[name] = []
+        self._flush_to_disk()
+        self._flushed = time.monotonic()
+
+    def settle(self) -> None:
+        """Close and open again: only a closed HDF5 file may be copied."""
+        self.close()
+        self._open("a")
+
+    def close(self) -> None:
+        """Write the rest."""
+        try:
+            self.flush()
+            self._file.close()
+        finally:
+            self._disk.close()
+
+
+def _variable(group: h5netcdf.Group, name: str, unit: str, text: str) -> None:
+    variable = group.create_variable(name, ("time",), np.float64, fillvalue=np.nan, chunks=(BLOCK,))
+    variable.attrs["units"] = unit
+    variable.attrs["long_name"] = text
