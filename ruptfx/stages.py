@@ -98,12 +98,10 @@ class StageLoads(Loads):
 
     Parameters
     ----------
-    model : Model
-    boundaries : sequence of Boundary
-    key : str
-        Of the case, for messages.
+    model, boundaries, key :
+        As for `Loads`.
     start : float
-        [s]
+        When the stage begins [s].
     before : Loads, optional
         Of the stage before.
     """

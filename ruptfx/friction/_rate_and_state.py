@@ -9,6 +9,7 @@ from ruptfx.friction._lengths import RateDependence
 from ruptfx.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
 
 LOWEST = 1e-6  # friction coefficient
+AT_REST = 1e-100  # m/s, far below any slip rate; states do not change there
 _LARGEST_EXPONENT = 700.0  # exp of more overflows; met only if f_0 / a exceeds some 600
 
 
@@ -123,7 +124,7 @@ class RateAndState(Creeping):
         return None if self.theta_initial is None else {"theta": 0 * normal_stress + self.theta_initial}
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        speed = np.maximum(slip_rate, 1e-100)
+        speed = np.maximum(slip_rate, AT_REST)
         return self.strength(speed, normal_stress, {"theta": self.D_c / speed})
 
     def is_uniform(self) -> bool:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import Array, LawState
-from ruptfx.friction._rate_and_state import LOWEST, Creeping, log_sinh
+from ruptfx.friction._rate_and_state import AT_REST, LOWEST, Creeping, log_sinh
 from ruptfx.units import VaryingCoefficient, VaryingSpeed
-
-_AT_REST = 1e-100  # m/s, far below any slip rate; the state does not change there
 
 
 class RateAndStateFlashHeating(Creeping):
@@ -34,7 +32,7 @@ class RateAndStateFlashHeating(Creeping):
 
     def steady_coefficient(self, slip_rate: Array) -> Array:
         """f_ss(V)."""
-        speed = np.maximum(slip_rate, _AT_REST)
+        speed = np.maximum(slip_rate, AT_REST)
         # The logarithm of the low-velocity law would pass zero at absurd slip rates.
         low = np.maximum(self.f_0 - (self.b - self.a) * np.log(speed / self.V_0), LOWEST)
         # [1 + x^8]^(-1/8) with the larger of x and 1 taken out, so that nothing overflows.
@@ -45,7 +43,7 @@ class RateAndStateFlashHeating(Creeping):
 
     def steady_psi(self, slip_rate: Array) -> Array:
         """psi_ss(V) = a [ln(2 sinh(f_ss / a)) - ln(V / V_0)]."""
-        speed = np.maximum(slip_rate, _AT_REST)
+        speed = np.maximum(slip_rate, AT_REST)
         return self.a * (log_sinh(self.steady_coefficient(slip_rate) / self.a) - np.log(speed / self.V_0))
 
     def psi(self, state: LawState) -> Array:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.friction import Array, LawState
-from ruptfx.friction._rate_and_state import RateAndState
-
-_AT_REST = 1e-100  # m/s, far below any slip rate; the state does not change there
+from ruptfx.friction._rate_and_state import AT_REST, RateAndState
 
 
 class RateAndStateSlip(RateAndState):
@@ -20,11 +18,11 @@ class RateAndStateSlip(RateAndState):
     source = "Ruina (1983); regularised as in Rice, Lapusta, Ranjith (2001)"
 
     def age_rate(self, theta: Array, slip_rate: Array) -> Array:
-        ratio = np.maximum(np.abs(slip_rate), _AT_REST) * theta / self.D_c
+        ratio = np.maximum(np.abs(slip_rate), AT_REST) * theta / self.D_c
         return -ratio * np.log(ratio)
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
         # Exact at constant slip rate: ln(V theta / D_c) decays as exp(-V dt / D_c).
-        speed = np.maximum(np.abs(slip_rate), _AT_REST)
+        speed = np.maximum(np.abs(slip_rate), AT_REST)
         distance = np.log(speed * state["theta"] / self.D_c)
         return {"theta": state["theta"] * np.exp(np.expm1(-speed * dt / self.D_c) * distance)}

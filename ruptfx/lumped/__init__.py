@@ -5,6 +5,7 @@ One model per file or package, whose name is the top-level `kind` of the case. T
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 import tomllib
@@ -48,10 +49,11 @@ class LumpedModel(CaseFile, Alternative):
         """
         raise NotImplementedError
 
-    @staticmethod
-    def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
-        """Figures of a result by name."""
-        raise NotImplementedError
+    @classmethod
+    def figures(cls, dataset: xarray.Dataset) -> dict[str, Figure]:
+        """Figures of a result by name: what the function of this name in `figures.py` of its package draws."""
+        drawn: dict[str, Figure] = importlib.import_module(f"{cls.__module__}.figures").figures(dataset)
+        return drawn
 
     @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:

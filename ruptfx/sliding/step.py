@@ -28,22 +28,10 @@ REPORTED = (1, 10, 100, 1000, 10_000)  # steps that did not settle
 
 
 class SlidingStep:
-    """What `FaultStep` is for interfaces whose points are pairs of nodes.
-
-    Parameters
-    ----------
-    fault : Fault
-        Its interface slides.
-    inverse_mass : ndarray, shape (nodes * components,)
-        Inverse lumped mass of every degree of freedom [1/kg]; zero where the motion is prescribed.
-    clock : Clock
-    threshold : float
-        Slip rate [m/s] whose first passing is the rupture time.
+    """What `FaultStep` is for interfaces whose points are pairs of nodes: the same parameters, `work` and call.
 
     Attributes
     ----------
-    work : float
-        Work of the nucleation in the last step, points of this rank [J].
     unsettled : int
         Steps that ended with the last sweep that is allowed.
     """

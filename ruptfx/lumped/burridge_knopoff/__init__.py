@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import xarray
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from ruptfx.lumped import LumpedModel, Progress, silent, variable
@@ -114,9 +113,3 @@ class BurridgeKnopoff(LumpedModel):
             },
             attrs={"blocks": self.blocks, "weakening": self.weakening, "seed": self.seed},
         )
-
-    @staticmethod
-    def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
-        from ruptfx.lumped.burridge_knopoff.figures import figures
-
-        return figures(dataset)

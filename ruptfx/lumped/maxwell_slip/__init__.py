@@ -174,12 +174,6 @@ class MaxwellSlip(LumpedModel):
         )
 
     @staticmethod
-    def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped.maxwell_slip.figures import figures
-
-        return figures(dataset)
-
-    @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
         summary = LumpedModel.summarise(dataset)
         for name in ("mu_static", "late_amplitude"):

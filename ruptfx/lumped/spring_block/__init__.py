@@ -233,12 +233,6 @@ class SpringBlock(LumpedModel):
         return xarray.Dataset(fields, coords, attrs)
 
     @staticmethod
-    def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped.spring_block.figures import figures
-
-        return figures(dataset)
-
-    @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
         large = dataset.event_large.values.astype(bool)
         peaks = dataset.event_force.values[large]

@@ -90,12 +90,6 @@ class SpringSlider(LumpedModel):
         return dataset
 
     @staticmethod
-    def figures(dataset: xarray.Dataset):  # type: ignore[no-untyped-def]
-        from ruptfx.lumped.spring_slider.figures import figures
-
-        return figures(dataset)
-
-    @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
         summary = LumpedModel.summarise(dataset)
         for name in ("step_direct", "step_steady", "static_friction", "loop_area", "mean_change", "amplitude"):
