@@ -146,8 +146,10 @@ def _facing(lattice: Lattice) -> list[str]:
 
 
 def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies:
-    """Every rank makes its own cells, and as many vertices as any other. There are no ghost cells: whoever touches a
-    vertex of an interface owns one of the pairs there."""
+    """Every rank makes its own cells, and as many vertices as any other.
+
+    There are no ghost cells: whoever touches a vertex of an interface owns one of the pairs there.
+    """
     along = {lattice.sides[tie.first][1] for tie in ties}
     cells = lattice.part(comm.rank, comm.size, bool(along & {"left", "right"}), bool(along & {"top", "bottom"}))
     first, last = lattice.vertices * np.array([comm.rank, comm.rank + 1]) // comm.size
@@ -167,10 +169,13 @@ def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies
 def _from_root(
     comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str]
 ) -> Bodies:
-    """The mesh is built on rank 0. The dual graph is partitioned with the two sides of interfaces glued together, the
-    minus cell of every pair follows the plus cell, and a pair is a ghost wherever a rank touches one of its vertices
-    without owning it. Tied edges are treated in the same way. Of an interface that slides, every rank that owns a cell
-    at it has all the others as ghosts."""
+    """The mesh is built on rank 0 and split so that pairs of interface points stay together.
+
+    The dual graph is partitioned with the two sides of interfaces glued together, the minus cell of every pair follows
+    the plus cell, and a pair is a ghost wherever a rank touches one of its vertices without owning it. Tied edges are
+    treated in the same way. Of an interface that slides, every rank that owns a cell at it has all the others as
+    ghosts.
+    """
     raw: RawMesh | None = None
     error: Exception | None = None
     pairs: dict[str, Facets] = {}
@@ -289,8 +294,10 @@ def check_facets(raw: RawMesh) -> None:
 
 
 def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
-    """Refuse interfaces that meet where more than two sides do: a node has one partner, or tractions add up wrongly.
-    What slides has no partners."""
+    """Refuse interfaces that meet where more than two sides do.
+
+    A node has one partner, or tractions add up wrongly; what slides has none.
+    """
     for name in raw.facing:
         if name not in sliding:
             raise RuptfxError(
@@ -365,7 +372,7 @@ def destinations(
     glued = np.arange(len(raw.points))
     for plus, minus in joined:
         glued[minus] = plus
-    while np.any(glued[glued] != glued):  # corners of tied edges at an interface
+    while np.any(glued[glued] != glued):  # a corner of tied edges at an interface: glued to what is glued itself
         glued = glued[glued]
     cells = glued[raw.cells[:, : VERTICES[raw.cell]]]
     owner = _partition_graph(raw.cell, cells, parts)
@@ -439,8 +446,10 @@ def _ghost_pairs(
     cells: np.ndarray, owner: np.ndarray, facets: np.ndarray, pairs: np.ndarray, group: np.ndarray,
     ghosts: dict[int, set[int]],
 ) -> None:  # fmt: skip
-    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there; with it
-    goes all that hangs together with it."""
+    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there.
+
+    With it goes all that hangs together with it.
+    """
     on_interface = np.zeros(cells.max() + 1, dtype=bool)
     on_interface[facets] = True
     touching: dict[int, set[int]] = defaultdict(set)

@@ -66,7 +66,7 @@ def _locked(out: Path) -> IO[str]:
                 pass  # a file system without locks
             if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
                 break
-            file.close()  # whoever ended in between took this file away
+            file.close()  # the process that held it ended in between and removed the file
         file.truncate(0)
         file.write(f"process {os.getpid()} on {socket.gethostname()}")
         file.flush()

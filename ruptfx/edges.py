@@ -150,8 +150,10 @@ class Edge:
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def coupling(self) -> float:
-        """What the diagonal leaves out of the impedance, over its trace: 0 where it is exact, about the part of a
-        plane wave at normal incidence that comes back; the largest of all facets, collective."""
+        """What the diagonal leaves out of the impedance, over its trace; the largest of all facets, collective.
+
+        0 where it is exact; else about the part of a plane wave at normal incidence that comes back.
+        """
         model, normal = self.model, self.normals()
         worst, error = 0.0, None
         for index, material in enumerate(model.materials):

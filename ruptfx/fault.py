@@ -118,10 +118,10 @@ class Fault:
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
     def elastic_energy(self, state: FaultState, added: np.ndarray, ahead: float, time: float) -> tuple[float, float]:
-        """Energy held in the interface beyond that of the initial stress, and what friction takes, points of this rank
-        [J], at a time that is `ahead` [s] of the tractions.
+        """Energy held in the interface beyond that of the initial stress, and what friction takes [J].
 
-        `added` is the displacement jump since the tractions at `time` [s], shape (n, local).
+        Of the points of this rank, at a time that is `ahead` [s] of the tractions. `added` is the displacement jump
+        since the tractions at `time` [s], shape (n, local).
         """
         face = self.interface
         opening, jump = face.split(added)

@@ -35,8 +35,8 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> t
     inverse = inverse_mass.reshape(-1, interface.frame.shape[2])
     both = inverse[interface.plus] + (0 if interface.one_sided else inverse[interface.minus])
     mobility = np.einsum("ikc,ic->ik", interface.rows**2, both)
-    # Where both sides are driven nothing yields. An impedance 1e8 times that of others will do: the traction is a small
-    # difference of what it multiplies.
+    # Where both sides are driven the impedance would be infinite. It is cut at 1e8 times that of others: tractions are
+    # small differences of what it multiplies, and would drown in rounding.
     mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-300))
     z = 1 / (kick * interface.weight[:, None] * mobility)
     return z[:, 0], z[:, interface.frame.shape[1] - interface.tangents :]

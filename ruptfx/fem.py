@@ -1,5 +1,4 @@
-"""The finite element stack, loaded at its first use in the one order that works, and what differs between DOLFINx 0.9
-and 0.11.
+"""The finite element stack, loaded at its first use in the one order that works, and differences between its versions.
 
 Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. That costs
 nothing: modules which compute can be imported where cases are only read, and where there is no DOLFINx.

@@ -60,8 +60,10 @@ class Inside:
         self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
 
     def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Body, nodes and shape functions with their gradients, shape (1 + dim, nodes), of every cell of this rank that
-        has the point."""
+        """Body, nodes and shape functions of every cell of this rank that has the point.
+
+        With their gradients the functions have shape (1 + dim, nodes).
+        """
         mesh, space = self.model.mesh, self.model.space
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         corners = mesh.geometry.x[:, : len(point)][fem.geometry_dofmap(mesh)[:owned]]
@@ -106,7 +108,8 @@ class Inside:
     def value(self, field: np.ndarray) -> np.ndarray:
         """What the elements of this rank add to a nodal field at the point, and to its derivatives along x, y ...
 
-        Shape (1 + dim, components); the sum over the ranks is the field there."""
+        Shape (1 + dim, components); the sum over the ranks is the field there.
+        """
         nodal = field.reshape(self.model.nodes, -1)
         total = np.zeros((1 + self.model.mesh.geometry.dim, nodal.shape[1]))
         for nodes, shape in self._cells:
@@ -120,6 +123,8 @@ class Inside:
         return self._sum(weights)
 
     def moment(self, moment: np.ndarray) -> np.ndarray:
-        """Nodal force of a moment tensor M_ij at the point [N m], shape (components, dim): M_ij d phi / dx_j, exact for
-        any field of the elements; collective."""
+        """Nodal force of a moment tensor M_ij at the point [N m], shape (components, dim); collective.
+
+        M_ij d phi / dx_j, exact for any field of the elements.
+        """
         return self._sum(np.concatenate([np.zeros((1, self.model.components)), moment.T]))

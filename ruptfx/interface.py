@@ -22,8 +22,8 @@ from ruptfx import RuptfxError, fem, parallel
 from ruptfx.nodes import Nodes
 
 Measure = Literal["x", "arc length", "first tangent"]
-FLAT = 1e-6  # departure from a plane, and of a direction from x, that a position does not notice: of the second order
-FARTHEST = 0.01  # of the extent of an interface: how far from it a point may be that stands for a position
+FLAT = 1e-6  # departure from a plane, and of a direction from x, up to which positions are x: an error of 1e-12
+FARTHEST = 0.01  # of its extent: largest distance of an interface from a point that stands for a position
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def run_on(ranks: int, arguments: list[str]) -> int:
 
         def stop(number: int, _: object) -> None:
             asked = Path(environment[STOP])
-            if asked.exists():  # the second time: at once
+            if asked.exists():  # asked twice: end the ranks at once
                 process.send_signal(number)
             else:
                 partial = asked.with_suffix(".new")

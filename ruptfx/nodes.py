@@ -125,7 +125,7 @@ class Nodes:
         places[owned] = parallel.places(
             self.comm, np.column_stack([np.round(x[owned] / extent, 9), self.body[owned]])
         )[:, None]
-        function = self._exchange.x  # doubles hold whole numbers to 9e15
+        function = self._exchange.x  # a double holds any whole number up to 9e15
         function.array[:] = places.ravel()
         function.scatter_forward()
         return function.array.reshape(self.count, -1)[:, 0].astype(np.int64)

@@ -1,5 +1,7 @@
-"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce; and rounding
-that makes numbers the same on any number of ranks."""
+"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce.
+
+Also rounding that makes numbers the same on any number of ranks.
+"""
 
 from __future__ import annotations
 

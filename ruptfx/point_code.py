@@ -1,5 +1,8 @@
-"""The points of a fault in C: memory, and macros in front of `points.c` that say where arrays are and hold the traced
-formulas of contact method, law and monitors. Explicit and implicit steps add code of their own."""
+"""The points of a fault in C: memory, and macros in front of `points.c`.
+
+The macros say where arrays are and hold the traced formulas of contact method, law and monitors. Explicit and implicit
+steps add code of their own.
+"""
 
 from __future__ import annotations
 

@@ -129,8 +129,10 @@ def _pairing(model: Model) -> Iterator[Row]:
 
 
 def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
-    """Strength, S ratio, process zone and nucleation length of one fault, at its middle point or, where that slips at
-    once, at the nearest point that does not."""
+    """Strength, S ratio, process zone and nucleation length of one fault.
+
+    At its middle point or, where that slips at once, at the nearest point that does not.
+    """
     face, label = fault.interface, f"faults.{fault.name}"
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
@@ -235,8 +237,10 @@ def _shown(part: Part) -> str:
 
 
 def _shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
-    """The shortest time in which the law changes, against the time step: a length of the law over the expected slip
-    rate, or the time in which a state relaxes by itself."""
+    """The shortest time in which the law changes, against the time step.
+
+    That is a length of the law over the expected slip rate, or the time in which a state relaxes by itself.
+    """
     rate = max(_expected_slip_rate(model, fault), model.case.impact_speed)
     times = {}
     if rate > 0:
@@ -259,9 +263,11 @@ def _shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
 
 
 def _expected_slip_rate(model: Model, fault: Fault) -> float:
-    """Stress drop over impedance [m/s], largest of all points: the slip rate behind a front that radiates S waves into
-    both bodies, V = (tau_0 - tau_r) (1 / (rho c_s)+ + 1 / (rho c_s)-), with the residual strength after 1 km of slip
-    at 1 m/s."""
+    """Stress drop over impedance [m/s], largest of all points.
+
+    It is the slip rate behind a front that radiates S waves into both bodies,
+    V = (tau_0 - tau_r) (1 / (rho c_s)+ + 1 / (rho c_s)-), with the residual strength after 1 km of slip at 1 m/s.
+    """
     face = fault.interface
     impedance = np.array([m.density * m.wave_speeds(model.case.plane).c_s for m in model.materials])
     mobility = 1 / impedance[model.layout.body[face.plus]]

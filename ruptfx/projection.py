@@ -393,9 +393,11 @@ def _tangent(
     sigma: np.ndarray, size: np.ndarray, rate: np.ndarray, direction: np.ndarray, z: np.ndarray, kept: np.ndarray,
     turning: np.ndarray, found: Evaluated,
 ) -> Tangent:  # fmt: skip
-    """Derivative of t - Z V = strength(V, sigma, b), t and b the parts of trial and V_before along the traction, and of
-    the direction d, which turns with the trial: V = (V + c) d - k V_before with c the part of k V_before along it. One
-    impedance for all tangents."""
+    """Derivative of t - Z V = strength(V, sigma, b) and of the direction d of the traction, which turns with the trial.
+
+    t and b are the parts of trial and V_before along the traction; V = (V + c) d - k V_before with c the part of
+    k V_before along d. There is one impedance for all tangents.
+    """
     closed, sliding = sigma > 0, rate > 0
     carried = np.sum(turning * direction, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -440,7 +442,7 @@ def _solve(
     with np.errstate(invalid="ignore", divide="ignore"):
         loose = np.where(z > 0, trial / z, 0.0)
     speed = np.linalg.norm(loose, axis=1)
-    free = np.where(speed > 0, speed - carried, 0.0)  # leaves no traction
+    free = np.where(speed > 0, speed - carried, 0.0)  # the slip rate at which no traction is left
     open_ = sigma <= 0  # not where sigma is not a number
     rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
     begin = size - mean_z * carried - at_rest
@@ -488,9 +490,11 @@ def _next(
     v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
     spread: np.ndarray, bisect: bool,
 ) -> np.ndarray:  # fmt: skip
-    """Newton in V where the impedance rules, in the logarithm of the rate that the law sees where the law does
-    (`spread` is dV over its change); bisection (in log V when the bracket spans decades) where that leaves the bracket,
-    and now and then: the two sorts of steps may lead to each other for ever."""
+    """Newton in V where the impedance rules, in the logarithm of the rate that the law sees where the law does.
+
+    `spread` is dV over the change of that logarithm. Bisection (in log V when the bracket spans decades) where Newton
+    leaves the bracket, and now and then: the two sorts of steps may lead to each other for ever.
+    """
     with np.errstate(all="ignore"):
         linear = v + residual / slope
         logarithmic = v + spread * np.expm1(residual / (slope * spread))

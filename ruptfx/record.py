@@ -19,7 +19,7 @@ import numpy as np
 from ruptfx import RuptfxError, Table
 
 if TYPE_CHECKING:
-    import xarray  # else on first use: a run writes long before it reads
+    import xarray  # imported on first use: slow, and a run writes before it reads
 
 # Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
 _LABELS = {

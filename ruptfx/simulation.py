@@ -106,7 +106,7 @@ def simulate(
         began = time.perf_counter()
         with phase("model"):
             model = Model(case, comm)
-        if checkpoint is None and resume:  # only now that the case is known to run, what was there before may go
+        if checkpoint is None and resume:  # the case is known to run: only now may older files be removed
             run_directory.prepare(comm, out, again=case)
         _run(model, out, progress, checkpoint, began)
         if comm.rank == 0:
@@ -139,7 +139,7 @@ def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None,
         stepping, first = time.perf_counter(), state.step
         error = None
         while not recorder.finished(state) and not ended:
-            # A rank with an error steps on, for the others wait for its messages; the first is kept until all meet.
+            # A rank with an error steps on, as the others wait for its messages; it is raised where all ranks meet.
             state.watched = recorder.expects(state)
             failed = _step(motion, state)
             error = error or failed

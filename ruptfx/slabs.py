@@ -44,7 +44,7 @@ class _Exchange:
             return rows
         columns = rows.shape[1]
         arrived = np.empty((int(received.sum()), columns))
-        leaving = np.ascontiguousarray(rows, dtype=np.float64)  # whole numbers, too, are received as such
+        leaving = np.ascontiguousarray(rows, dtype=np.float64)  # also of whole numbers: the others receive doubles
         self._comm.Alltoallv((leaving, (sent * columns).tolist()), (arrived, (received * columns).tolist()))
         return arrived
 

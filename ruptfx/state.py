@@ -48,8 +48,10 @@ class State:
 
     @property
     def lag(self) -> float:
-        """Time by which tractions and all other fields of the faults are behind the displacement [s]: a step in
-        explicit runs, else zero."""
+        """Time by which tractions and all other fields of the faults are behind the displacement [s].
+
+        A step in explicit runs, else zero.
+        """
         return self.numbers.get("lag", 0.0)
 
     @property

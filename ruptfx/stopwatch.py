@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _seconds: dict[str, float] = {}
-_phase, _since = "start", 0.0  # all before the first phase is the start
+_phase, _since = "start", 0.0  # time before the first phase counts as start
 
 
 def _turn_to(name: str) -> str:

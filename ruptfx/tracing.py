@@ -74,7 +74,7 @@ class Expression(np.lib.mixins.NDArrayOperatorsMixin):
     def __getattr__(self, name: str) -> NoReturn:
         raise AttributeError(f"a traced value has no '{name}': use pointwise functions like numpy.{name}(x)")
 
-    # In place means a new node under the same name; the mixin would ask for one that changes.
+    # `x += y` makes a new node, for nodes never change; NumPy's mixin would write into x.
     __iadd__ = np.lib.mixins.NDArrayOperatorsMixin.__add__
     __isub__ = np.lib.mixins.NDArrayOperatorsMixin.__sub__
     __imul__ = np.lib.mixins.NDArrayOperatorsMixin.__mul__
@@ -172,7 +172,7 @@ _ALIASES = {
     "bitwise_invert": "logical_not", "mod": "remainder", "rad2deg": "degrees", "deg2rad": "radians",
 }  # fmt: skip
 
-# Operations that are others in disguise.
+# Operations written in terms of others.
 _SPELLED: dict[str, Callable[..., Array]] = {
     "positive": lambda x: x,
     "square": lambda x: x * x,
@@ -181,7 +181,7 @@ _SPELLED: dict[str, Callable[..., Array]] = {
     "radians": lambda x: x * (np.pi / 180),
     "floor_divide": lambda x, y: np.floor(x / y),
     "remainder": lambda x, y: x - np.floor(x / y) * y,
-    # Not a number stays so.
+    # NaN stays NaN.
     "heaviside": lambda x, middle: np.where(x < 0, 0.0, np.where(x > 0, 1.0, np.where(x == 0, middle, x))),
 }
 

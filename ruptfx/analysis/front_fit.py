@@ -118,8 +118,11 @@ class _Samples:
         return sum(float(np.sum((part - part.mean()) ** 2)) for part in parts if len(part))
 
     def columns(self, numbers: Array, medium: Medium) -> Array:
-        """Strains per unit of K_II, its rate, the coefficients of sqrt(r) and the uniform stresses along x and in shear
-        as far as the components have them, shape (samples, 5 or 6); the numbers are speed, passage and zone."""
+        """Strains per unit of each coefficient, shape (samples, 5 or 6); the numbers are speed, passage and zone.
+
+        Coefficients are K_II, its rate, those of sqrt(r), and the uniform stresses along x and in shear as far as the
+        components have them.
+        """
         speed, passage, zone = (float(value) for value in numbers)
         late = self.time - passage
         ahead = self.x - speed * late

@@ -45,7 +45,7 @@ from ruptfx import RuptfxError
 from ruptfx.analysis.front import Array, Speed, crossing, fit_speed, rupture_time, tip_position, trace_fronts
 from ruptfx.analysis.resolution import FIT, NOT_RESOLVED, Doubts, find_doubts
 
-LEVEL = 0.02  # of the driven speed
+LEVEL = 0.02  # of the driven speed: what slides faster slides
 QUIET = 1e-3  # m/s; without a driven boundary nothing slower counts as sliding
 LOADING, END = 0.2, 0.98  # parts of the tip's way that are left out
 MIN_POINTS = 5

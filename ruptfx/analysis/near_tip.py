@@ -61,7 +61,7 @@ class Medium:
 
     @property
     def density(self) -> float:
-        """[kg/m3]"""
+        """Mass per volume [kg/m3]."""
         return self.shear_modulus / self.c_s**2
 
 
@@ -147,8 +147,10 @@ def mode_II(
 
 
 def pressure_field(x: Array, y: Array, speed: float, medium: Medium, power: float) -> Plane2D:
-    """The part of the pressure waves alone, phi_xx = Im z_p^power: with the field of `mode_II` of the same power all
-    that a changing K_II adds at that order."""
+    """The part of the pressure waves alone, phi_xx = Im z_p^power.
+
+    With the field of `mode_II` of the same power it is all that a changing K_II adds at that order.
+    """
     a_p, _ = slowness_factors(speed, medium.c_p, medium.c_s)
     f = _power(x, a_p * y, power)
     none = np.zeros_like(f.real)
@@ -212,8 +214,7 @@ def mach_angle(speed: float, medium: Medium) -> float:
 
 
 def mode_II_supershear(x: Array, y: Array, speed: float, medium: Medium, amplitude: float = 1.0) -> Plane2D:
-    """Mode II between c_s and c_p, with the shear Mach front x = -b |y| that leaves the tip; b as in
-    `supershear_exponent`.
+    """Mode II between c_s and c_p, with the shear Mach front x = -b |y|, b as in `supershear_exponent`.
 
     phi_xx = P Im z_p^-q; behind the Mach front psi_xx = (1 - b^2) / (2 b) P sin(pi q) |x + b |y||^-q, odd in y. At
     sqrt(2) c_s there is no Mach front.

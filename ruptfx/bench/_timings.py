@@ -33,8 +33,10 @@ print(json.dumps([t - began for t in (imported, built, time.perf_counter())]))
 
 
 def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> Table:
-    """In-plane slip weakening in uniform stress, order 5, nodes that far apart [m]; whole or antisymmetric half of
-    a body that high [m]."""
+    """In-plane slip weakening in uniform stress, order 5, nodes `spacing` [m] apart.
+
+    The body is `height` [m] high; with `half`, only its antisymmetric half is meshed.
+    """
     edges = ["upper.left", "upper.right", "upper.top"]
     if not half:
         edges += ["lower.left", "lower.right", "lower.bottom"]

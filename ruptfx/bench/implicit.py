@@ -39,8 +39,11 @@ def demo(name: str, element_size: float, stepper: Table) -> Case:
 
 
 def measured(case: Case, comm: MPI.Comm, skipped: int) -> dict[str, float]:
-    """Processor time [s] of the first step, of a step when some were skipped, and of one of the whole system; the
-    largest difference of displacement and slip between the two over their largest value."""
+    """Processor times [s] of condensed steps and of those of the whole system, and how far the two differ.
+
+    The times are of the first step, of a step when some were skipped, and of one of the whole system; the differences
+    the largest of displacement and of slip, over the largest value.
+    """
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
 

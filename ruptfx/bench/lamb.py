@@ -36,8 +36,7 @@ SOURCE = "Lamb (1904); de Hoop (1960)"
 
 
 def case(size: float, kind: str = "strip") -> Table:
-    """Right half of the problem and of the force, so long and deep that echoes come too late; its two plates are
-    glued."""
+    """Right half of the problem and of the force, two glued plates so long and deep that echoes come too late."""
     left = [
         {"kind": "driven", "edge": f"{body}.left", "component": "x", "velocity": 0.0} for body in ("upper", "lower")
     ]

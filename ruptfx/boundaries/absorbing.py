@@ -11,9 +11,10 @@ if TYPE_CHECKING:
 
 
 class Absorbing(EdgeBoundary):
-    """Lysmer dashpots: traction = impedance times velocity, rho c_p (normal) and rho c_s (tangential) where isotropic;
-    exact for plane waves at normal incidence. Every component has its own dashpot, so the edge must be along an axis,
-    and so must the axes of an anisotropic material.
+    """Lysmer dashpots, exact for plane waves at normal incidence: traction = impedance times velocity.
+
+    The impedance is rho c_p (normal) and rho c_s (tangential) where isotropic. Every component has its own dashpot, so
+    the edge must be along an axis, and so must the axes of an anisotropic material.
 
     An interface may cross the edge and a rupture leave through it. Dashpots do not hold the static stress of the crack
     beyond, so that slip next to the edge becomes too large behind the front: keep it away from where slip is read.

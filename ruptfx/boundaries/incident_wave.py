@@ -23,13 +23,13 @@ Vector = Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")]
 
 
 class IncidentWave(EdgeBoundary):
-    """A plane wave from outside and dashpots for what leaves: traction = that of the wave + impedance times (its
-    velocity - the velocity).
+    """A plane wave from outside, and dashpots for what leaves.
 
-    The velocity of the wave is v = velocity p f(t - (d . x - d . x_0) / c) with the direction d, the motion p and the
-    history f; it reaches the bodies at time zero, x_0 being the point that d comes to first. Name every edge that the
-    wave passes, where it leaves, too: in a homogeneous body it then passes as if there were no edges, at any angle.
-    An edge must be along an axis and of one material, as for `absorbing`.
+    The traction is that of the wave + impedance times (its velocity - the velocity). The velocity of the wave is
+    v = velocity p f(t - (d . x - d . x_0) / c) with the direction d, the motion p and the history f; it reaches the
+    bodies at time zero, x_0 being the point that d comes to first. Name every edge that the wave passes, where it
+    leaves, too: in a homogeneous body it then passes as if there were no edges, at any angle. An edge must be along an
+    axis and of one material, as for `absorbing`.
     Source: Lysmer and Kuhlemeyer (1969); Joyner and Chen (1975).
     """
 

@@ -160,8 +160,11 @@ def traced(law: FrictionLaw, seed: int) -> None:
 
 
 def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
-    """At constant slip rate and stress it is exact; in steps much longer than the law's own times it is what the slip
-    rate at the traction makes of it, whatever that was before, if the law forgets."""
+    """At constant slip rate and stress it is exact.
+
+    In steps much longer than the law's own times it is what the slip rate at the traction makes of it, whatever that
+    was before, if the law forgets.
+    """
     if not law.all_state_fields():
         return "no state"
     v, sigma, state = _sliding(law, seed)

@@ -44,8 +44,10 @@ def export(
 
 
 def tables(record: Record, folder: Path) -> Iterator[Path]:
-    """A table of each field of each interface: a row for every time, a column for every position; fields without time
-    are columns of one table."""
+    """A table of each field of each interface: a row for every time, a column for every position.
+
+    Fields without time are columns of one table.
+    """
     for name, data in record.interfaces.items():
         position = data.position.values
         still = {str(key): field for key, field in data.data_vars.items() if field.dims == ("position",)}

@@ -92,14 +92,18 @@ class ContactMethod(Alternative):
     """Whether implicit steps can use it."""
 
     def sweeps_to(self) -> tuple[float, int] | None:
-        """Of explicit steps where neighbouring points depend on each other: the change of the tractions over the
-        largest one at which their sweeps end, and their largest number; None where a method cannot be used there, or,
-        as compliant contact, needs no sweeps."""
+        """When the sweeps of explicit steps end, where neighbouring points depend on each other.
+
+        The change of the tractions over the largest one, and the largest number of sweeps; None where a method cannot
+        be used there, or, as compliant contact, needs no sweeps.
+        """
         return None
 
     def multiplier_tolerance(self) -> float | None:
-        """Change of the tractions over the largest one at which the outer iterations of implicit steps end; None
-        where the trial does not depend on multipliers."""
+        """Change of the tractions over the largest one at which the outer iterations of implicit steps end.
+
+        None where the trial does not depend on multipliers.
+        """
         return None
 
     def trial(self, point: Point) -> Trial:

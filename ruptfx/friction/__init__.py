@@ -87,8 +87,10 @@ class FrictionLaw(Alternative):
         raise NotImplementedError
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        """Shear traction [Pa] the interface carries while it slides at `slip_rate` >= 0 [m/s]; at 0, the most it
-        carries without sliding. Never negative."""
+        """Shear traction [Pa] the interface carries while it slides at `slip_rate` >= 0 [m/s].
+
+        At 0, the most it carries without sliding. Never negative.
+        """
         raise NotImplementedError
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
@@ -101,13 +103,17 @@ class FrictionLaw(Alternative):
         return inner.given_slip_rate() if inner is not None else None
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        """Slip rate [m/s] at which the interface carries a stress below its strength at rest: zero, unless the law
-        lets it creep."""
+        """Slip rate [m/s] at which the interface carries a stress below its strength at rest.
+
+        Zero, unless the law lets it creep.
+        """
         return 0.0 * normal_stress
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s]; laws that have no such limit do not
-        define it."""
+        """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s].
+
+        Laws that have no such limit do not define it.
+        """
         raise NotImplementedError
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:

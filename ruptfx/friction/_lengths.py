@@ -46,8 +46,10 @@ class Breakdown:
         return fracture.static_process_zone(modulus, self.slip, self.drop)
 
     def nucleation(self, modulus: Array) -> Array:
-        """Half-length 0.579 G* D_c / drop [m] at which slow loading ends, whatever the load; `modulus` is G* [Pa]
-        (Source: Uenishi and Rice 2003)."""
+        """Half-length 0.579 G* D_c / drop [m] at which slow loading ends, whatever the load; `modulus` is G* [Pa].
+
+        Source: Uenishi and Rice (2003).
+        """
         return 0.579 * modulus * self.slip / self.drop
 
 
@@ -84,11 +86,15 @@ class RateDependence:
         return modulus * self.slip / self.evolution
 
     def wavelength(self, modulus: Array) -> Array:
-        """h* = pi G* D_c / ((b - a) sigma) [m]: longer waves of sliding grow; `modulus` is G* [Pa]
-        (Source: Rice and Ruina 1983)."""
+        """h* = pi G* D_c / ((b - a) sigma) [m]: longer waves of sliding grow; `modulus` is G* [Pa].
+
+        Source: Rice and Ruina (1983).
+        """
         return np.pi * modulus * self.slip / self.weakening
 
     def nucleation(self, modulus: Array) -> Array:
-        """Half-length b / (pi (b - a)^2) G* D_c / sigma [m] of the ageing law with a / b > 0.5
-        (Source: Rubin and Ampuero 2005)."""
+        """Half-length b / (pi (b - a)^2) G* D_c / sigma [m] of the ageing law with a / b > 0.5.
+
+        Source: Rubin and Ampuero (2005).
+        """
         return self.evolution / (np.pi * self.weakening**2) * modulus * self.slip

@@ -33,7 +33,7 @@ class RateAndStateFlashHeating(Creeping):
     def steady_coefficient(self, slip_rate: Array) -> Array:
         """f_ss(V)."""
         speed = np.maximum(slip_rate, AT_REST)
-        # The logarithm of the low-velocity law would pass zero at absurd slip rates.
+        # The logarithm of the low-velocity law falls below zero at slip rates far beyond any real one.
         low = np.maximum(self.f_0 - (self.b - self.a) * np.log(speed / self.V_0), LOWEST)
         # [1 + x^8]^(-1/8) with the larger of x and 1 taken out, so that nothing overflows.
         x = speed / self.V_w

@@ -72,8 +72,10 @@ class RateAndStatePowerLaw(FrictionLaw):
         return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((slip_rate / self.V_1) ** self.p))) * normal_stress
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
-        """Of slip at a constant rate that begins at once: theta_0 goes from theta_0_initial to L_0 / V, over some
-        lengths L_0 / A_0; the integral over them."""
+        """Of slip at a constant rate that begins at once.
+
+        theta_0 goes from theta_0_initial to L_0 / V, over some lengths L_0 / A_0; the integral over them.
+        """
         from scipy.integrate import simpson
 
         start = np.asarray(self.theta_0_initial + 0.0 * normal_stress)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 COLUMNS = 64  # right-hand sides at a time: most of the speed of one matrix product, little memory
-# A column is taken as zero where it falls below this part of its largest entry; the full residual has the last word.
+# A column is taken as zero where it falls below this part of its largest entry; the full residual decides in the end.
 SMALL = 1e-11
 
 
@@ -64,8 +64,10 @@ class Jumps:
         return force
 
     def taken_apart(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tractions at all points, shape (points, local) [Pa], and what is left of a nodal force when J' W of them is
-        taken away [N]: nothing, if it is out of balance at the interfaces only; collective."""
+        """Tractions at all points, shape (points, local) [Pa], and a nodal force without J' W of them [N]; collective.
+
+        Nothing is left of the force if it is out of balance at the interfaces only.
+        """
         found = {}
         for name, face in self._faces.items():
             nodal = force.reshape(-1, face.frame.shape[2])
@@ -152,7 +154,7 @@ class Compliance:
         for groups in batches(apart(distance, 2 * self._reach(distance)), max(1, COLUMNS // jumps.local)):
             answered = self._answer(groups)
             for column, group in enumerate(groups):
-                # What a point answers belongs to the member of the group next to it.
+                # Members of a group are so far apart that a jump is due to the nearest one alone.
                 nearest = group[np.argmin(distance[:, group], axis=1)]
                 result[np.arange(jumps.points), :, nearest, :] = answered[:, :, column, :]
         return result.reshape(jumps.points * jumps.local, -1)
@@ -164,8 +166,10 @@ class Compliance:
         return float(np.max(distance[:, sample] * (felt > SMALL * felt.max(axis=0))))
 
     def _answer(self, groups: list[np.ndarray]) -> np.ndarray:
-        """Jumps at all points for unit tractions at the points of each group, one component after another, shape
-        (points, local, groups, local) [m/Pa]; collective."""
+        """Jumps at all points for unit tractions at the points of each group, one component after another; collective.
+
+        Shape (points, local, groups, local) [m/Pa].
+        """
         jumps, model = self._jumps, self._model
         columns = len(groups) * jumps.local
         matrices = []

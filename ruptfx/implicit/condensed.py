@@ -49,8 +49,10 @@ INEXACT = 1e-3  # of its right-hand side is left of a linear system: Newton's it
 
 
 def fits(model: Model) -> bool:
-    """Whether the steps of a model can be condensed: linear bodies that are factorised anyway, few interface unknowns;
-    collective."""
+    """Whether the steps of a model can be condensed; collective.
+
+    Its bodies must be linear and factorised anyway, and the interface unknowns few.
+    """
     jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
     return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
 
@@ -162,12 +164,12 @@ class Condensed:
         now = guess(np.zeros_like(driven), begin)
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
-                # What is left when bodies follow -missing, or less: no interface is stiffer than a stuck one.
+                # Upper bound of the forces left if jumps changed by -missing: none is stiffer than a stuck one.
                 left = self._weight[:, None] * np.einsum("pij,pj->pi", stuck, now.missing)
-                # Ranks compute alike, but not to the last bit: what they decide by, and step by, is that of the first.
+                # Ranks compute the same, but not to the last bit: all decide by the numbers of rank 0.
                 forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(now.missing))))
                 self.history.append(forces)
-                # Or what rounding leaves in the jumps.
+                # Or the jumps are as good as rounding allows.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
                 if self._agreed(bool(forces <= enough or small)):
                     break
@@ -225,8 +227,10 @@ class Condensed:
 
 
 class _Changes:
-    """Solves (1 + S D) de = -f for changes of the jumps, D in blocks; made anew for every step, so that a step does not
-    depend on those before it."""
+    """Solves (1 + S D) de = -f for changes of the jumps, D in blocks.
+
+    Made anew for every step, so that a step does not depend on those before it.
+    """
 
     def __init__(self, matrix: np.ndarray) -> None:
         self._matrix = matrix

@@ -51,8 +51,8 @@ from ruptfx.state import State
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
-# What the penalty of multipliers is multiplied by, until Newton's iteration finds out which points slide: the larger
-# it is the fewer outer iterations, but the harder is that.
+# Factors of the penalty of multipliers, tried in turn until Newton's iteration finds which points slide: the larger the
+# penalty, the fewer outer iterations, but the harder is each of them.
 EASINGS = (1.0, 0.1, 0.01)
 
 

@@ -59,8 +59,9 @@ class Forces:
         return carried
 
     def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
-        """Add to the energies of a state, before `commit`, the work of loads and driven edges and what damping takes,
-        by the mean forces over the step: exact for average acceleration.
+        """Add the work of loads and driven edges, and what damping takes, to the energies of a state; before `commit`.
+
+        By the mean forces over the step: exact for average acceleration.
 
         Parameters
         ----------

@@ -143,13 +143,15 @@ class FaultResponse:
         return np.stack(stiffness, axis=1)[:, :, None] * np.eye(len(stiffness))
 
     def commit(self, state: State, new: FaultState, dt: float) -> None:
-        """Take over the fields at the end of a step, `state.time`, and count, of the points of this rank, what friction
-        and closing gaps took and nucleation gave."""
+        """Take over the fields at the end of a step, `state.time`, and count energies.
+
+        Those are what friction and closing gaps took and nucleation gave at the points of this rank.
+        """
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
         dissipated = float(area @ frictional_power(fault, old, new, dt)) * dt
-        # The mean pressure on what the gap grew.
+        # Mean pressure times growth of the gap.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
         rigid = fault.contact.stiffness()[0] == 0  # normal
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0

@@ -136,7 +136,7 @@ class Step:
             self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
         squares = [model.layout.owned_dot(part, part) for part in parts]
         stiff = equilibrium.tangent.diagonal * u
-        # Tractions are stiffness times what is left of jump and slip.
+        # Tractions are the stiffness times the difference of jump and slip, hence this rounding.
         jumped = sum(
             float(np.sum((self._stiff_area[fault.name] * fault.interface.jump(u)) ** 2)) for fault in model.faults
         )

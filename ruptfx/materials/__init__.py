@@ -16,8 +16,11 @@ Plane = Literal["stress", "strain", "antiplane", "solid"]
 
 
 class WaveSpeeds(NamedTuple):
-    """Body and Rayleigh wave speeds [m/s] along x, the usual direction of an interface, which matters in anisotropic
-    bodies only; `c_p` is the plate speed c_l in plane stress, and in antiplane both equal c_s."""
+    """Body and Rayleigh wave speeds [m/s] along x, the usual direction of an interface.
+
+    The direction matters in anisotropic bodies only. `c_p` is the plate speed c_l in plane stress, and in antiplane
+    `c_p` and `c_R` equal c_s.
+    """
 
     c_p: float
     c_s: float
@@ -44,8 +47,9 @@ class Material(Alternative):
         raise NotImplementedError
 
     def lame(self, plane: Plane) -> tuple[float, float] | None:
-        """Lamé parameters lambda and G [Pa] of a linear isotropic material, the effective lambda in plane stress; None
-        of any other.
+        """Lamé parameters lambda and G [Pa] of a linear isotropic material; None of any other.
+
+        In plane stress lambda is the effective one.
 
         Who knows isotropic bodies only, such as the `matrix_free` operator, asks here.
         """

@@ -66,8 +66,7 @@ def christoffel(stiffness: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
-    """Speed along x of the wave at a free surface with normal y [m/s]; where there is none, that of the slowest bulk
-    wave.
+    """Speed along x of the wave at a free surface with normal y [m/s], or that of the slowest bulk wave.
 
     Motion a exp(i k (x + p y - v t)) solves (Q - rho v^2 + p (R + R') + p^2 T) a = 0 with Q = C_i1k1, R = C_i1k2,
     T = C_i2k2, and exerts the traction i k (R' + p T) a. Of motions that decay away from the surface, the matrix Z from

@@ -69,8 +69,10 @@ class OrthotropicElastic(Material):
         return self.G_12 if self.G_13 is None else self.G_13, G_23
 
     def _stiffness(self, plane: Plane) -> np.ndarray:
-        """Stresses over strains along the axes of the material [Pa], in the order of `_compliance`; in plane 11, 22,
-        12. In plane stress the compliance is cut, in plane strain the stiffness."""
+        """Stresses over strains along the axes of the material [Pa], in the order of `_compliance`.
+
+        In plane 11, 22, 12: in plane stress the compliance is cut to these, in plane strain the stiffness.
+        """
         inside = np.ix_([0, 1, 5], [0, 1, 5])
         if plane == "antiplane":
             return np.diag(self._antiplane())

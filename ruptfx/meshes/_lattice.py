@@ -104,8 +104,9 @@ class Lattice:
         return np.stack([corner, corner + height, corner + 1, corner + height + 1], axis=1)
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
-        """Vertices of the cells of one of several parts, shape (cells, 4): of about the same size, short outlines, both
-        sides of an interface in the same one.
+        """Vertices of the cells of one of several parts, shape (cells, 4).
+
+        Parts have about the same size and short outlines, and hold both sides of an interface.
 
         Parameters
         ----------

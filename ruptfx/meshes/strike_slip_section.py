@@ -14,12 +14,11 @@ from ruptfx.units import Length
 
 
 class StrikeSlipSection(MeshSource):
-    """Ground on one side of a vertical fault, the other its mirror image that moves the opposite way: x is depth, y the
-    distance from the fault.
+    """Ground on one side of a vertical fault; the other is its mirror image that moves the opposite way.
 
-    The interface `main` reaches from the surface, `upper.left`, to `fault_depth`; below, the fault plane is the edge
-    `upper.below`, which a driven boundary moves at half the rate of the plates. The other edges are `upper.right` at
-    the greatest depth and `upper.top` far from the fault.
+    x is depth, y the distance from the fault. The interface `main` reaches from the surface, `upper.left`, to
+    `fault_depth`; below, the fault plane is the edge `upper.below`, which a driven boundary moves at half the rate of
+    the plates. The other edges are `upper.right` at the greatest depth and `upper.top` far from the fault.
     """
 
     example: ClassVar[str] = (

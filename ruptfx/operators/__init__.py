@@ -57,8 +57,7 @@ class Operator(Protocol):
 
 
 def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
-    """The operator that lives in `operators/<kind>.py`, in the class of the same name in CamelCase; one from outside is
-    derived from `Operator`."""
+    """The operator of a kind: the class in `operators/<kind>.py`, its name in CamelCase, or one from outside."""
     with active(plugins):
         if kind not in kinds("ruptfx.operators"):
             raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")

@@ -66,7 +66,7 @@ def _geometry(
         return upright, _pointwise(mesh, _nodes(mesh, cells), space, permutation)
     jacobian, shape = _shape(x, is_tensor(mesh))
     if kind == MULTILINEAR:
-        # The kernel divides by det J; the sign of a cell turned inside out goes with the moduli.
+        # The kernel divides by det J, which is negative in cells turned inside out; the sign is put into the moduli.
         return np.sign(np.linalg.det(jacobian)), shape.reshape(*cells.shape, -1)
     scaled = _scaled_inverse(jacobian)
     if kind == BOX:

@@ -193,7 +193,7 @@ class MatrixFree:
         count = fetch * self._cell_nodes
         place = starts[:-1, None] + np.minimum(np.arange(count), np.maximum(np.diff(starts) - 1, 0)[:, None])
         chosen = order[np.minimum(place, len(order) - 1)].astype(np.int32)
-        # One more: the last batch asks too.
+        # A row more: every batch fetches for the next one, the last one too.
         self._hold("line", np.concatenate([chosen, np.zeros((1, count), dtype=np.int32)]))
 
     def _order_cells(self, bulk: Bulk, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:

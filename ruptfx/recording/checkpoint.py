@@ -133,8 +133,9 @@ class Checkpoint:
 
     @classmethod
     def latest(cls, comm: fem.MPI.Comm, out: Path, case_hash: str) -> Checkpoint | None:
-        """The newest checkpoint of a run directory, or the one before if that is damaged; None where the run was
-        stopped before its first; collective.
+        """The newest checkpoint of a run directory, or the one before if that is damaged; collective.
+
+        None where the run was stopped before its first.
 
         Raises
         ------
@@ -157,8 +158,10 @@ class Checkpoint:
         return None if found is None else cls(*found)
 
     def restore_files(self, out: Path) -> None:
-        """Put the history files of interfaces and energies back as they were; rank 0 only. Those of the bodies are read
-        by every rank, which may be others than wrote them."""
+        """Put the history files of interfaces and energies back as they were; rank 0 only.
+
+        Those of the bodies are read by every rank, which may be others than wrote them.
+        """
         for name in self.manifest["files"]:
             if name.partition(".")[0] not in ("state", "bulk"):
                 shutil.copyfile(self.path / name, out / name)

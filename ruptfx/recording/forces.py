@@ -16,8 +16,10 @@ COLUMNS = ("time", "normal_force", "shear_force", "sticking", "sliding", "open",
 
 
 def forces(comm: fem.MPI.Comm, fault: Fault, state: FaultState) -> list[float]:
-    """Normal (positive in compression) and shear force along the mean normal and tangent [N/m], then the parts of the
-    length of the plus side that stick, slide, are open, and face nothing; collective."""
+    """Normal (positive in compression) and shear force along the mean normal and tangent [N/m]; collective.
+
+    Then the parts of the length of the plus side that stick, slide, are open, and face nothing.
+    """
     face = fault.interface
     assert isinstance(face, SlidingInterface)
     area = face.owned * face.weight

@@ -194,8 +194,10 @@ class Recorder:
 
     @phase("writing")
     def meet(self, write: Callable[[], None] = lambda: None) -> None:
-        """Write this, too, and wait until all ranks have written all; a full or vanished disk stops all of them with a
-        message; collective."""
+        """Write this, too, and wait until all ranks have written all; collective.
+
+        A full or vanished disk stops all of them with a message.
+        """
         self._writer.submit(write)
         self._writer.drain()
         parallel.raise_on_all(self.model.comm, self.failure())

@@ -24,7 +24,7 @@ from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState
 
 LOG = logging.getLogger("ruptfx.run")
-REPORTED = (1, 10, 100, 1000, 10_000)  # steps that did not settle
+REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps that did not settle at which the log says so
 
 
 class SlidingStep:
@@ -50,10 +50,10 @@ class SlidingStep:
             face.points, face.position, face.number, each, each, np.tile(np.eye(2), (n, 1, 1)), face.weight, face.owned,
             face.total, face.line, other_side="rigid",
         )  # fmt: skip
-        # What nucleation adds is added here, to what the points start from.
+        # Nucleation is left out of the points and added here, to the tractions that they start from.
         self._points = FaultStep(replace(fault, interface=points, nucleation=()), self._mobility, clock, threshold)
         self._jump, self._rate, self._unused = np.zeros(2 * n), np.zeros(2 * n), np.zeros(2 * n)
-        # The bodies' own initial stress goes on to act where it did.
+        # The initial stress of the bodies acts on the nodes where it acted at the start, wherever they slide.
         initial = np.zeros_like(inverse_mass)
         face.initial.assemble(np.column_stack([-fault.normal_stress_0, fault.shear_traction_0]), initial)
         self._initial_force = initial[face.dofs]
@@ -67,8 +67,10 @@ class SlidingStep:
         return self._rate_before[:, 0]
 
     def impact_loss(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Work of the normal stress over a step, points of this rank [J]: plastic impacts, and what follows from
-        frozen operators."""
+        """Work of the normal stress over a step, points of this rank [J].
+
+        It is that of plastic impacts, and what follows from frozen operators.
+        """
         if rate_old is None:
             return 0.0
         power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, self._face.rate(velocity)[:, 0])
@@ -145,8 +147,10 @@ class SlidingStep:
         return pull
 
     def _taken(self, traction_old: Floats, traction: Floats, state: FaultState, velocity: Floats) -> float:
-        """Work of a shear traction over the step, points of this rank [J]: in sweeps on the jump of the velocities,
-        that the budget closes however well they have settled."""
+        """Work of a shear traction over the step, points of this rank [J].
+
+        In sweeps on the jump of the velocities, so that the budget closes however well they have settled.
+        """
         if self._sweeps is None:
             before = rate = state["mean_slip_rate"]
             length = self.clock.since

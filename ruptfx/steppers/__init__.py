@@ -28,7 +28,9 @@ class Motion(Protocol):
     with its messages, until all ranks meet."""
 
     def step(self, state: State) -> None:
-        """Advance the state in place by one step. Afterwards
+        """Advance the state in place by one step.
+
+        Afterwards
 
         * `time` and `step` have gone on, and `numbers["lag"]` says how far the faults are behind `time`, if they are;
         * the arrays of nodes and faults are still the same objects, which others hold;
@@ -45,8 +47,10 @@ class Motion(Protocol):
         """
 
     def energies(self, state: State) -> dict[str, float]:
-        """Energy budget over all ranks [J], all of `fields.ENERGIES`, at the time of the velocity, where the scheme
-        balances it; collective."""
+        """Energy budget over all ranks [J], all of `fields.ENERGIES`; collective.
+
+        At the time of the velocity, where the scheme balances it.
+        """
 
 
 class Stepper(Alternative):

@@ -25,12 +25,12 @@ SchemeName = Literal["generalized_alpha", "average_acceleration", "newmark", "hh
 
 
 class GeneralizedAlpha(Stepper):
-    """M a(n+1-alpha_m) + (1 - alpha_f) f(n+1) + alpha_f f(n) = 0 with Newmark's rules; f are the forces of bodies,
-    damping and interfaces, less the loads.
+    """M a(n+1-alpha_m) + (1 - alpha_f) f(n+1) + alpha_f f(n) = 0 with Newmark's rules.
 
-    Second order, friction included (`TracedLaw`), without limit to the step: but the step must resolve what is to be
-    seen. Average acceleration conserves the energy; the others damp what the step does not resolve, and the energy
-    budget stays open by as much. A step that finds no equilibrium is halved, and doubled again when it goes well.
+    f are the forces of bodies, damping and interfaces, less the loads. Second order, friction included (`TracedLaw`),
+    without limit to the step: but the step must resolve what is to be seen. Average acceleration conserves the energy;
+    the others damp what the step does not resolve, and the energy budget stays open by as much. A step that finds no
+    equilibrium is halved, and doubled again when it goes well.
 
     PETSc's TSALPHA2 is the same scheme, but not the engine here. It evaluates forces at the displacement of the stage
     n+1-alpha_f, where an interface with memory has no traction of its own: friction is advanced from step to step, and

@@ -26,9 +26,10 @@ LOOK_EVERY = 25  # explicit steps between looks at all ranks
 
 
 class Hybrid(Stepper):
-    """One run from slow loading through ruptures to reloading: `slow` steps until the interface slides faster than
-    `fast_above` anywhere, or until they find no equilibrium; then `fast` ones, until it has not been faster than
-    `slow_below` for `calm_for`.
+    """One run from slow loading through ruptures to reloading.
+
+    `slow` steps until the interface slides faster than `fast_above` anywhere, or until they find no equilibrium; then
+    `fast` ones, until it has not been faster than `slow_below` for `calm_for`.
 
     Displacement, velocity, slip and state go on unchanged. What the schemes cannot hand over is counted as damping:
     the kinetic energy of waves that are left when equilibrium takes over, and the shift of half a step between the
@@ -64,8 +65,10 @@ class Hybrid(Stepper):
 
 
 class HybridMotion:
-    """Steps of two kinds bound to a model; which of them is under way is in `State.numbers`, as `fast`, with the time
-    since which the interface has been calm."""
+    """Steps of two kinds bound to a model.
+
+    Which of them is under way is in `State.numbers`, as `fast`, with the time since which the interface has been calm.
+    """
 
     def __init__(self, model: Model, stepper: Hybrid) -> None:
         self.model, self._stepper = model, stepper
@@ -120,7 +123,7 @@ class HybridMotion:
     def _step_fast(self, state: State) -> None:
         try:
             self._fast.step(state)
-        finally:  # a rank with an error looks with the others
+        finally:  # collective: a rank with an error takes part
             if state.step % LOOK_EVERY == 0:
                 self._look(state)
 

@@ -54,11 +54,10 @@ class Leapfrog(Stepper):
 
 
 def what_limits(model: Model, stable: float) -> str:
-    """Whether elements or the stiffness of an interface set the stable step: measured without that stiffness;
-    collective."""
+    """Whether elements or the stiffness of an interface set the stable step, as found without it; collective."""
     compliant = [fault for fault in model.faults if any(fault.contact.stiffness())]
     without = stable_time_step(model, []) if compliant else stable
-    if without < 1.05 * stable:  # no more than the highest frequencies are uncertain
+    if without < 1.05 * stable:  # within the error of the computed highest frequencies
         return "set by the elements" + " and the elastic supports of boundaries" * bool(model.loads.supports)
     first = min(compliant, key=lambda fault: stable_time_step(model, [fault])) if len(compliant) > 1 else compliant[0]
     return f"set by the contact stiffness of faults.{first.name} ({without:.4g} s without it)"
@@ -93,7 +92,7 @@ class LeapfrogMotion:
         self._dofs = dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
         mass, dashpot = masses_and_dashpots(model)
         self._mass, self._dashpot, self._driven = mass[dofs], dashpot[dofs], model.loads.prescribed[dofs].astype(float)
-        # What nodes have of their own counts where they are owned; what tied ones have together counts once.
+        # In sums of ranks `_owned` counts what each node has of its own (forces), `_once` what tied ones share (mass).
         self._owned = (dofs < model.owned_nodes * c).astype(float)
         self._once = np.repeat(model.layout.once, c)[dofs].astype(float)
         # Of every load: where its degrees of freedom are among the held ones, and its forces at those this rank counts.
@@ -129,7 +128,7 @@ class LeapfrogMotion:
             state.numbers["lag"] = self.dt
         if number == 0:
             state.numbers["started"] = 1.0
-            # Half a step from rest covers a quarter of what the new velocity covers in a step, not a half.
+            # From rest to v in half a step the way is v dt / 4; the sum of the steps has counted v dt / 2.
             beyond = 0.25 * self.dt * state.velocity
             state.energy["boundary_work"] -= sum(
                 fault.preload_work(beyond) for fault in self.model.faults if not fault.contact.traction_ends_slip
@@ -162,7 +161,8 @@ class LeapfrogMotion:
             )
             state.energy["boundary_work"] += fault.work
             state.energy["impact"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
-        self.model.layout.equalise(state.velocity)  # an interface has only one of its ends at tied edges
+        # Tied nodes move together; an interface that ends there has changed the velocity of one of them only.
+        self.model.layout.equalise(state.velocity)
         self._load_work(state, kick, factors)
         self._library.drift(
             n, pointer(self._dofs), ctypes.c_double(self.dt), ctypes.c_double(kick.length), pointer(self._mass),
@@ -276,7 +276,7 @@ class _Kick:
         nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
         self.plain_mass = self.length / dt / (1 + lost)
         self.plain_push = self.plain_mass * nodal
-        # Contact feels the mass with the dashpots in it, and cannot move what is driven.
+        # For contact, mass includes the dashpots, and nodes whose motion is prescribed cannot be moved.
         inverse_mass = np.where(prescribed, 0.0, effective)
         threshold = model.case.output.rupture_threshold
         self.faults = [

@@ -104,7 +104,7 @@ class PetscTsMotion:
     def _set_up_second_order(self) -> None:
         """F(t, u, v, a) = 0 and its Jacobian."""
         matrix = self._equilibrium.tangent.matrix
-        self._unit = self._mean_mass()  # driven rows say a = a_D, in the size of the others
+        self._unit = self._mean_mass()  # times this mass, rows a = a_D of driven edges are as large as the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
         self._ts.setI2Function(self._residual, matrix.createVecLeft())
         self._ts.setI2Jacobian(self._jacobian, matrix, matrix)

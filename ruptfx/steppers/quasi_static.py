@@ -166,8 +166,10 @@ class QuasiStaticMotion:
         return parallel.largest(self.model.comm, worst)
 
     def _strength_error(self, fault: Fault, state: State, solution: Solution) -> float:
-        """Half of what it makes whether the state advances with the slip rate of this step or of the one before, over
-        the normal stress; the largest of the points of this rank in contact."""
+        """Estimated error of the strength over the normal stress, largest of the points of this rank in contact.
+
+        Half of what it makes whether the state advances with the slip rate of this step or of the one before.
+        """
         old, new, law = state.faults[fault.name], solution.faults[fault.name], fault.friction
         before, rate = (
             np.linalg.norm(fault.components(fields, name), axis=1)
@@ -223,14 +225,18 @@ class QuasiStaticMotion:
 
 
 def stepped(factor: float) -> float:
-    """A factor rounded down to a quarter of an octave, so that rounding of the error, which depends on the number of
-    ranks, hardly ever shows in the size of a step."""
+    """A factor rounded down to a quarter of an octave.
+
+    Rounding of the error, which depends on the number of ranks, then hardly ever shows in the size of a step.
+    """
     return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
 
 
 def slip_to_resolve(model: Model, fault: Fault) -> float:
-    """A fiftieth of the shortest length in the friction law [m]; without one, of the slip that relaxes a hundredth of
-    the normal stress over the whole interface; collective."""
+    """A fiftieth of the shortest length in the friction law [m]; collective.
+
+    Without one, of the slip that relaxes a hundredth of the normal stress over the whole interface.
+    """
     shortest = -parallel.largest(model.comm, -min(_lengths(fault.friction), default=np.inf))
     if not np.isfinite(shortest):
         softest = min(m.density * m.wave_speeds(model.case.plane).c_s ** 2 for m in model.materials)

@@ -53,7 +53,7 @@ def _energies(record: Record) -> dict[str, float]:
 
     found = budget(record.energy)
     work = found["boundary_work"]
-    parts = [name for name in PARTS if name in found]  # runs of older versions have fewer
+    parts = [name for name in PARTS if name in found]  # runs of older versions have fewer parts
     # Where nothing drives the bodies, the initial stress does the work.
     scale = work if work > 0 else max(sum(abs(found[name]) for name in parts), 1e-300)
     return {f"energy_{name}": found[name] for name in (*parts, "boundary_work")} | {
