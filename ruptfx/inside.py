@@ -82,8 +82,11 @@ class Inside:
         return found
 
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What a nodal field is multiplied with to become the sum of `value` times coefficients, shape (1 + dim,
-        components): local degrees of freedom, and their weights on this rank."""
+        """Local degrees of freedom and their weights on this rank, for a sum of `value` times coefficients.
+
+        The sum of a nodal field times the weights is that of its `value` times coefficients of shape
+        (1 + dim, components).
+        """
         c = coefficients.shape[1]
         empty = np.zeros(0, dtype=np.int64)
         dofs = [(nodes[:, None] * c + np.arange(c)).ravel() for nodes, _ in self._cells]

@@ -104,10 +104,9 @@ class Sensed:
         ]
 
     def forces(self, name: str, key: str) -> list[tuple[str, list[Share], float]]:
-        """Force from outside on an edge, along every axis: its name, shares and what the initial stress gives [N, in
-        2D N/m]; collective.
+        """Force from outside on an edge, along every axis [N, in 2D N/m]; collective.
 
-        The sum over the nodes of the edge of K u + M a is, as K is symmetric, the sum of (K w + M a w) with w, one at
+        Its name, its shares, and what the initial stress gives. The sum over the nodes of the edge of K u + M a is, as K is symmetric, the sum of (K w + M a w) with w, one at
         these nodes and zero elsewhere.
 
         Raises
@@ -192,8 +191,11 @@ class SensedPoint:
         return self._plates.initial_stress(label)
 
     def reading(self, coefficients: np.ndarray, source: Literal["displacement", "velocity"] = "displacement") -> Share:
-        """Any sum of the components of a field (row 0) and their derivatives along x, y ... (rows 1, 2 ...) times
-        coefficients, shape (1 + dim, components)."""
+        """Any sum of the components of a field and of their derivatives times coefficients.
+
+        Coefficients have shape (1 + dim, components); row 0 is for the field, rows 1, 2 ... for derivatives along x,
+        y ...
+        """
         return Share(source, *self._place.weights(coefficients))
 
 
