@@ -106,8 +106,8 @@ class Sensed:
     def forces(self, name: str, key: str) -> list[tuple[str, list[Share], float]]:
         """Force from outside on an edge, along every axis [N, in 2D N/m]; collective.
 
-        Its name, its shares, and what the initial stress gives. The sum over the nodes of the edge of K u + M a is, as K is symmetric, the sum of (K w + M a w) with w, one at
-        these nodes and zero elsewhere.
+        Its name, its shares, and what the initial stress gives. The sum over the nodes of the edge of K u + M a is, as
+        K is symmetric, the sum of (K w + M a w) with w, one at these nodes and zero elsewhere.
 
         Raises
         ------
