@@ -88,8 +88,9 @@ class Fault:
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
         rate = creep[:, None] * direction
         start = {
-            "normal_stress": self.normal_stress_0, "opening": self.opening(np.zeros(n)), "slip": np.zeros_like(rate),
-            "slip_rate": rate, "mean_slip_rate": rate, "shear_traction": self.driving_shear(0.0),
+            "normal_stress": self.normal_stress_0, "opening": self.opening(self.interface.resting_jump),
+            "slip": np.zeros_like(rate), "slip_rate": rate, "mean_slip_rate": rate,
+            "shear_traction": self.driving_shear(0.0),
         }  # fmt: skip
         state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
         if self.slides:

@@ -28,6 +28,8 @@ class Field:
         One array per tangent: `slip` in 2D, `slip_1` and `slip_2` in 3D.
     recorded : bool
         Whether the interface file has it; checkpoints have all.
+    meanings : tuple of str
+        Of the values 0, 1, 2 ... where it is a state and no quantity.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Field:
     long_name: str
     tangential: bool = False
     recorded: bool = True
+    meanings: tuple[str, ...] = ()
 
     def names(self, tangents: int) -> list[str]:
         """Of its arrays."""
@@ -109,6 +112,15 @@ FIELDS = (
 )
 DERIVED = (Field("displacement_jump", "m", "tangential displacement jump", tangential=True),)
 """Not of the state, but of the file."""
+OF_SLIDING = (
+    Field("contact", "1", "state of contact", meanings=("open", "sticking", "sliding", "uncovered")),
+    Field("facing_position", "m", "position on the facing surface, where nothing has moved, of what a point faces"),
+    Field("deformed_x", "m", "x of the point, displaced"),
+    Field("deformed_y", "m", "y of the point, displaced"),
+    Field("facing_x", "m", "x of what the point faces, displaced"),
+    Field("facing_y", "m", "y of what the point faces, displaced"),
+)
+"""Of the file, of interfaces that slide; what is missing where nothing is faced is NaN."""
 MONITORS = (
     Monitor("peak_slip_rate", "m/s", "largest slip rate of all steps while closed", update=_peak),
     Monitor(
@@ -136,5 +148,5 @@ def component_names(name: str, tangents: int) -> list[str]:
 
 def reserved_names() -> frozenset[str]:
     """Every name that an interface and its file use, for any number of tangents."""
-    fields = (*FIELDS, *DERIVED, *MONITORS)
+    fields = (*FIELDS, *DERIVED, *OF_SLIDING, *MONITORS)
     return frozenset(name for field in fields for tangents in (1, 2) for name in field.names(tangents))

@@ -136,6 +136,11 @@ class Interface:
         return self
 
     @property
+    def resting_jump(self) -> np.ndarray:
+        """Normal jump before anything moves, shape (n,) [m]."""
+        return np.zeros(len(self.plus))
+
+    @property
     def has_normal(self) -> bool:
         """False in antiplane, where nothing moves normal to the interface."""
         return self.frame.shape[2] > 1

@@ -12,10 +12,10 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from ruptfx import fem, stages
-from ruptfx.analysis import fracture
+from ruptfx.analysis import fracture, rough_contact
 from ruptfx.case import Case, FaultCase
 from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED, ENERGIES, FIELDS
+from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.inside import Inside
@@ -31,6 +31,7 @@ from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.sampling import Samples
 from ruptfx.schema import Part, unit_of
 from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.sliding.roughness import Roughness, roughness
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import leapfrog
 from ruptfx.stopping import StopRules
@@ -38,6 +39,7 @@ from ruptfx.stopping import StopRules
 NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
 STEEP = 0.2
+FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 
@@ -85,7 +87,10 @@ def preflight(case: Case) -> Iterator[Row]:
     for fault in model.faults:
         if len(fault.interface.plus):
             yield from _fault_rows(model, fault)
-            yield from _sliding_rows(fault)
+            if isinstance(fault.interface, SlidingInterface):
+                yield from _sliding_rows(model, fault.name, fault.interface)
+                ends = motion.ends if isinstance(motion, stages.Staged) else [(case.duration, model.loads)]
+                yield from _rough_rows(f"faults.{fault.name}", roughness(model, fault, ends))
             yield from _without_effect(model, fault)
             if steps is not None:
                 yield from _shortest_time(model, fault, motion.dt)
@@ -306,11 +311,9 @@ def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)
 
 
-def _sliding_rows(fault: Fault) -> Iterator[Row]:
+def _sliding_rows(model: Model, name: str, face: SlidingInterface) -> Iterator[Row]:
     """What the surfaces of an interface that slides are like, and how far they reach."""
-    face, label = fault.interface, f"faults.{fault.name}"
-    if not isinstance(face, SlidingInterface):
-        return
+    label = f"faults.{name}"
     sides = face.geometry.plus, face.geometry.minus
     ratio = sides[0].spacing / sides[1].spacing
     coarse = "; the finer side had better carry the points: swap plus and minus" if ratio > COARSER else ""
@@ -328,6 +331,50 @@ def _sliding_rows(fault: Fault) -> Iterator[Row]:
         f"{label}: slip until an end leaves", max(0.0, min(margins)), "m",
         f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing",
     )  # fmt: skip
+    if model.case.impact_speed > 0:
+        yield Row(
+            f"{label}: updates of what points face", model.case.impact_speed * model.case.duration / face.limit, "",
+            f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",
+        )  # fmt: skip
+
+
+def _rough_rows(label: str, found: Roughness | None) -> Iterator[Row]:
+    """What theory says of the contact of rough surfaces, and whether nodes resolve that."""
+    if found is None:
+        return
+    if found.shortest is not None:
+        note = f"shortest wavelength {found.shortest:.4g} m"
+        yield _nodes_row(f"{label}: nodes along the shortest wave", found.shortest / max(found.spacing), note)
+    yield Row(f"{label}: E*", found.modulus, "Pa", "of the two bodies in contact")
+    yield Row(f"{label}: root mean square slope", found.slope, "", "of the distance of the surfaces")
+    if found.wave is not None:
+        yield from _wave_rows(label, found, *found.wave)
+    if found.pressure is None or found.pressure <= 0:
+        why = "the motion of edges presses" if found.pressure is None else "nothing presses"
+        yield Row(f"{label}: contact fraction", "not known", "", why)
+    elif found.wave is None:
+        touch = rough_contact.rough(found.pressure, found.modulus, found.slope)
+        yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {found.pressure:.4g} Pa (Persson 2001)")
+        yield Row(f"{label}: mean pressure of contacts", touch.pressure, "Pa")
+
+
+def _wave_rows(label: str, found: Roughness, amplitude: float, wavelength: float) -> Iterator[Row]:
+    full = rough_contact.full_contact_pressure(found.modulus, amplitude, wavelength)
+    note = f"full contact; the distance of the surfaces has an amplitude of {amplitude:.4g} m over {wavelength:.4g} m"
+    yield Row(f"{label}: p*", full, "Pa", note)
+    if found.pressure is None or found.pressure <= 0:
+        return
+    touch = rough_contact.waves(found.pressure, full)
+    yield Row(f"{label}: contact fraction", touch.fraction, "", f"under {found.pressure:.4g} Pa (Westergaard 1939)")
+    yield Row(f"{label}: peak pressure", touch.pressure, "Pa")
+    width = touch.fraction * wavelength
+    yield _nodes_row(f"{label}: nodes across one contact", width / found.spacing[0], f"width {width:.4g} m")
+
+
+def _nodes_row(quantity: str, nodes: float, note: str) -> Row:
+    if nodes >= FEWEST_NODES:
+        return Row(quantity, nodes, "", note)
+    return Row(quantity, nodes, "", f"{note}; too few, {FEWEST_NODES} or more resolve it", "warning")
 
 
 def _range(*ends: float) -> str:
@@ -471,7 +518,8 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
         records = min(records + steps / (output.interface_steps or np.inf), steps + 1)
     numbers = 0.0
     for fault in model.faults:
-        names = [n for field in (*FIELDS, *DERIVED) if field.recorded for n in field.names(fault.tangents)]
+        recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
+        names = [name for field in recorded for name in field.names(fault.tangents)]
         numbers += records * fault.interface.total * (len(names) + len(fault.friction.all_state_fields()))
     snapshots = min(duration / (output.bulk_interval or duration / 6), steps or np.inf)
     dim, c = model.coordinates.shape[1], model.components

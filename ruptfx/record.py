@@ -19,6 +19,8 @@ import numpy as np
 from ruptfx import RuptfxError, Table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray  # imported on first use: slow, and a run writes before it reads
 
 # Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
@@ -57,6 +59,8 @@ class Record:
         Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
     instruments : dict of xarray.Dataset
         What each instrument measured against its `time` [s], by its name; empty without instruments.
+    forces : xarray.Dataset
+        Of the first interface that slides: forces [N/m] and parts of its length against `time` [s].
 
     Raises
     ------
@@ -184,26 +188,13 @@ class Record:
 
     @cached_property
     def energy(self) -> xarray.Dataset:
-        import xarray
+        return _read_table(self._existing("energy.csv"), lambda name: "1" if name == "closure" else "J")
 
-        path = self._existing("energy.csv")
-        lines = path.read_text(encoding="utf-8").splitlines()
-        notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
-        names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
-        try:
-            # The last row of a killed run may be cut.
-            whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
-            table = np.array(whole, dtype=float).reshape(-1, len(names))
-            columns = dict(zip((name.strip() for name in names), table.T, strict=True))
-            time = xarray.Variable("time", columns.pop("time"), {"units": "s", "long_name": "time"})
-        except (ValueError, KeyError) as error:
-            raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
-        units = {name: "1" if name == "closure" else "J" for name in columns}
-        variables = {
-            name: ("time", values, {"units": units[name], "long_name": name.replace("_", " ")})
-            for name, values in columns.items()
-        }
-        return xarray.Dataset(variables, coords={"time": time}, attrs={"units": notes})
+    @cached_property
+    def forces(self) -> xarray.Dataset:
+        found = sorted(path.name for path in self.path.glob("forces*.csv"))
+        path = self._existing(found[0] if found else "forces.csv")
+        return _read_table(path, lambda name: "N/m" if name.endswith("_force") else "1")
 
     def close(self) -> None:
         """Close the files; the record opens them again when asked."""
@@ -244,6 +235,28 @@ def _written(time: np.ndarray) -> int:
     """How many saved times are real: a killed run may leave fill values behind."""
     good = np.isfinite(time) & np.append(True, np.diff(time) > 0)
     return int(good.argmin()) if not good.all() else len(time)
+
+
+def _read_table(path: Path, unit: Callable[[str], str]) -> xarray.Dataset:
+    """A CSV file of a run against time; `unit` is that of a column."""
+    import xarray
+
+    lines = path.read_text(encoding="utf-8").splitlines()
+    notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
+    names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
+    try:
+        # The last row of a killed run may be cut.
+        whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
+        table = np.array(whole, dtype=float).reshape(-1, len(names))
+        columns = dict(zip((name.strip() for name in names), table.T, strict=True))
+        time = xarray.Variable("time", columns.pop("time"), {"units": "s", "long_name": "time"})
+    except (ValueError, KeyError) as error:
+        raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
+    variables = {
+        name: ("time", values, {"units": unit(name), "long_name": name.replace("_", " ")})
+        for name, values in columns.items()
+    }
+    return xarray.Dataset(variables, coords={"time": time}, attrs={"units": notes})
 
 
 def _bulk_variable(name: str, stored: xarray.Variable) -> xarray.Variable:

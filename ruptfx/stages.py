@@ -66,6 +66,12 @@ class Staged:
         self._motion: Motion | None = None
         self._number = -1
 
+    @property
+    def ends(self) -> list[tuple[float, Loads]]:
+        """When the stages end [s], and what acts then."""
+        given = zip(self.starts, self._models, strict=True)
+        return [(start + view.case.stages[number].duration, view.loads) for number, (start, view) in enumerate(given)]
+
     def step(self, state: State) -> None:
         self._of(state).step(state)
 
@@ -135,10 +141,10 @@ def _falling(start: float, rise: float) -> Callable[[float], float]:
     return lambda time: 1 - ramp(time - start, rise)
 
 
-def _later(motion: Prescribed, start: float, speed: float, rise: float) -> Prescribed:
+def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float) -> Prescribed:
     """A motion from some time on, besides a speed [m/s] that vanishes over its ramp."""
 
-    def rest(time: float) -> float:
+    def rest(time: float) -> float | Floats:
         """What the vanishing speed adds to the displacement [m]."""
         return speed * (time - 0.5 * time**2 / rise if time < rise else 0.5 * rise)
 

@@ -98,8 +98,10 @@ def write_run(
     snapshots: int = 6,
     summary: dict | None = None,
     V_imp: float = V_IMP,
+    slides: bool = False,
 ) -> Path:
-    """Write a run directory with this slip rate; everything else follows from it or is simple and known."""
+    """Write a run directory with this slip rate; everything else follows from it or is simple and known. An interface
+    that slides has surfaces, states of contact and forces, too."""
     path.mkdir(parents=True)
     case = {
         "title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"},
@@ -108,7 +110,9 @@ def write_run(
     }  # fmt: skip
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
     (path / "run.log").write_text("synthetic\n", encoding="utf-8")
-    _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp)
+    _write_interface(path / "interface.h5", slip_rate, time, position, plane, complete, V_imp, slides)
+    if slides:
+        _write_forces(path / "forces.csv", time)
     _write_bulk(path / "bulk.h5", np.linspace(time[0], time[-1], snapshots), plane)
     _write_energy(path / "energy.csv", time)
     _write_instruments(path / "instruments.h5", time)
@@ -118,7 +122,7 @@ def write_run(
 
 
 def _write_interface(
-    path: Path, slip_rate: Array, time: Array, position: Array, plane: str, complete: bool, V_imp: float
+    path: Path, slip_rate: Array, time: Array, position: Array, plane: str, complete: bool, V_imp: float, slides: bool
 ) -> None:
     slid = np.abs(slip_rate) > 1e-3
     slip = np.vstack([np.zeros_like(position), np.cumsum(slip_rate[1:] * np.diff(time)[:, None], axis=0)])
@@ -131,6 +135,16 @@ def _write_interface(
         "opening": np.zeros_like(slip_rate),
         "theta": np.exp(-slip / 1e-5),
     }
+    if slides:
+        # What slides has slid over a wave of 10 um; the last tenth faces nothing, the tenth before it is open.
+        height = 1e-5 * np.cos(2 * np.pi * position / 0.02) * np.ones_like(slip)
+        uncovered = position > 0.9 * position[-1]
+        states = np.select([uncovered, position > 0.8 * position[-1], slid], [3, 0, 2], 1)
+        histories |= {
+            "deformed_x": position + slip, "deformed_y": height, "contact": states.astype(np.int8),
+            "facing_x": np.where(uncovered, np.nan, position + slip), "facing_y": np.where(uncovered, np.nan, height),
+            "facing_position": np.where(uncovered, np.nan, position + slip),
+        }  # fmt: skip
     along = {
         "peak_slip_rate": np.abs(slip_rate).max(axis=0),
         "rupture_time": np.where(slid.any(axis=0), time[slid.argmax(axis=0)], np.nan),
@@ -151,7 +165,7 @@ def _write_interface(
         },
     )
     for name in (*histories, *along):
-        data[name].attrs = {"units": UNITS[name], "long_name": name.replace("_", " ")}
+        data[name].attrs = {"units": UNITS.get(name, "m"), "long_name": name.replace("_", " ")}
     data.to_netcdf(path, engine="h5netcdf")
 
 
@@ -194,6 +208,16 @@ def _write_instruments(path: Path, time: Array) -> None:
             {"time": ("time", time, {"units": "s"})},
         )
         data.to_netcdf(path, engine="h5netcdf", group=name, mode="a" if path.exists() else "w")
+
+
+def _write_forces(path: Path, time: Array) -> None:
+    """1 MN/m of normal force; shear force up to 0.4 of it in a ramp with a knee at 0.3, a drop to 0.2 and a ramp."""
+    at = np.array([0, 0.3, 0.5, 0.55, 1.0]) * (time[-1] or 1.0)
+    shear = np.interp(time, at, [0, 0.3e6, 0.4e6, 0.2e6, 0.35e6])
+    parts = np.outer(np.ones_like(time), [0.5, 0.3, 0.1, 0.1])
+    table = np.column_stack([time, np.full_like(time, 1e6), shear, parts])
+    rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
+    path.write_text(f"# s, N/m, parts\ntime,normal_force,shear_force,sticking,sliding,open,uncovered\n{rows}\n")
 
 
 def _write_energy(path: Path, time: Array) -> None:

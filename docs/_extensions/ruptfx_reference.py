@@ -22,7 +22,7 @@ from sphinx.application import Sphinx
 
 from ruptfx import bench, describe
 from ruptfx.cli import app
-from ruptfx.fields import DERIVED, FIELDS, MONITORS
+from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 
 
 def paragraph(text: str) -> nodes.paragraph:
@@ -132,6 +132,10 @@ class Fields(Directive):
 
     def run(self) -> list[nodes.Node]:
         rows = [(item.name, item.unit, item.long_name) for item in (*FIELDS, *DERIVED, *MONITORS) if item.recorded]
+        for item in OF_SLIDING:
+            meanings = ", ".join(f"{number} {text}" for number, text in enumerate(item.meanings))
+            text = f"{item.long_name} ({meanings})" if meanings else item.long_name
+            rows.append((item.name, item.unit, f"where interfaces slide: {text}"))
         return [table(("field", "unit", "what it is"), rows, (25, 10, 65))]
 
 

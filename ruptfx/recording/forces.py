@@ -1,4 +1,4 @@
-"""Forces between two bodies that slide, and how much of the interface sticks, slides, is open: `forces.csv`."""
+"""Forces between two bodies that slide, what of the interface sticks, slides, is open, and where it is."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 
 from ruptfx import fem, parallel
 from ruptfx.fault import Fault
+from ruptfx.fields import OF_SLIDING
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.state import FaultState
 
+OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
 COLUMNS = ("time", "normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
 
 
@@ -26,12 +28,29 @@ def forces(comm: fem.MPI.Comm, fault: Fault, state: FaultState) -> list[float]:
     local = np.stack([-state["normal_stress"], state["shear_traction"]], axis=1)
     force = np.einsum("i,ik,ikc->c", area, local, face.frame)
     tangent = area @ face.frame[:, 1]
-    closed, moves = face.covered & (state["normal_stress"] > 0), state["mean_slip_rate"] != 0
-    status = [area @ chosen for chosen in (closed & ~moves, closed & moves, face.covered & ~closed, ~face.covered)]
+    states = contact_states(fault, state)
+    status = [area @ (states == each) for each in (STICKING, SLIDING, OPEN, UNCOVERED)]
     force, tangent, parts = np.split(parallel.total(comm, [*force, *tangent, *status]), [2, 4])
     tangent /= np.linalg.norm(tangent)
     normal = np.array([-tangent[1], tangent[0]])
     return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist()]
+
+
+def contact_states(fault: Fault, state: FaultState) -> np.ndarray:
+    """What every point does, by its place among the meanings of `contact`."""
+    face = fault.interface
+    assert isinstance(face, SlidingInterface)
+    closed, moves = state["normal_stress"] > 0, state["mean_slip_rate"] != 0
+    return np.select([~face.covered, ~closed, ~moves], [UNCOVERED, OPEN, STICKING], SLIDING)
+
+
+def sliding_fields(fault: Fault, state: FaultState, displacement: np.ndarray) -> dict[str, np.ndarray]:
+    """What the file has of an interface that slides besides the state of its points, at their time."""
+    face = fault.interface
+    assert isinstance(face, SlidingInterface)
+    faced, here, there = face.places(displacement)
+    values = [contact_states(fault, state).astype(float), faced, *here.T, *there.T]
+    return {field.name: value for field, value in zip(OF_SLIDING, values, strict=True)}
 
 
 class ForcesFile:

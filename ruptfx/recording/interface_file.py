@@ -11,7 +11,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED, FIELDS, MONITORS
+from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 
 FLUSH_EVERY = 5.0  # seconds of wall-clock time a record may wait in memory
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
@@ -45,9 +45,9 @@ class InterfaceFile:
             text = f"position along the interface: {fault.interface.line.meaning}" if key == "position" else key
             _variable(file, key, ("position",), "m", text, values)
         _variable(file, "time", ("time",), "s", "time")
-        for field in (*FIELDS, *DERIVED):
+        for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())):
             for name in field.names(fault.tangents) if field.recorded else ():
-                _variable(file, name, ("time", "position"), field.unit, field.long_name)
+                _variable(file, name, ("time", "position"), field.unit, field.long_name, meanings=field.meanings)
         for name, unit in fault.friction.all_state_fields().items():
             _variable(file, name, ("time", "position"), unit, f"state variable {name}")
         for monitor in MONITORS:
@@ -105,10 +105,15 @@ class InterfaceFile:
 
 
 def _variable(
-    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str, values: np.ndarray | None = None
+    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str,
+    values: np.ndarray | None = None, meanings: tuple[str, ...] = (),
 ) -> None:
-    missing = np.nan if values is None else None
-    variable = file.create_variable(name, dimensions, np.float64, fillvalue=missing)
+    """A quantity, or a state of a few meanings as the CF conventions have them."""
+    missing = np.nan if values is None and not meanings else None
+    variable = file.create_variable(name, dimensions, np.int8 if meanings else np.float64, fillvalue=missing)
+    if meanings:
+        variable.attrs["flag_values"] = np.arange(len(meanings), dtype=np.int8)
+        variable.attrs["flag_meanings"] = " ".join(meanings)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = text
     if values is not None:

@@ -22,7 +22,7 @@ from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields, Topology
-from ruptfx.recording.forces import ForcesFile, forces
+from ruptfx.recording.forces import ForcesFile, forces, sliding_fields
 from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.sampling import Samples
@@ -271,6 +271,8 @@ class Recorder:
         face = fault.interface
         _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
+        if fault.slides:
+            fields |= sliding_fields(fault, state.faults[fault.name], state.at_faults()[1])
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 

@@ -53,6 +53,7 @@ class Geometry:
         n = len(plus.nodes)
         self.frame, self.weight, self.offset = np.zeros((n, 2, 2)), np.zeros(n), np.zeros((n, 2))
         self.nearest = np.zeros(n, dtype=np.int64)
+        self._coupling = sparse.csr_matrix((n, len(minus.nodes)))
         self.jump, self.covered = sparse.csr_matrix((0, 0)), np.zeros(0, dtype=bool)
         self.revision = 0
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
@@ -78,13 +79,20 @@ class Geometry:
             return
         found = self._mortar.find(self.plus.points + displacement[:n], self.minus.points + displacement[n:])
         self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
-        self.weight[:], self.covered = found.weight, found.covered
+        self.weight[:], self.covered, self._coupling = found.weight, found.covered, found.coupling
         self.jump = self._rows(found)
         apart = np.einsum("ikc,ic->ik", self.frame, self.plus.points - found.coupling @ self.minus.points)
         linear = (self.jump @ displacement.ravel()).reshape(n, 2)
         self.offset[:, 0] = np.where(self.covered, apart[:, 0], self._far)
         self.offset[:, 1] = np.where(self.covered, slip - linear[:, 1], slip)
         self.nearest[:] = self.minus.nodes[np.asarray(found.coupling.argmax(axis=1)).ravel()]
+
+    def faced(self, values: Floats) -> Floats:
+        """What is given at the nodes of the minus side, shape (facing nodes, ...), as the points face it; NaN where
+        they face nothing."""
+        found: Floats = self._coupling @ values
+        found[~self.covered] = np.nan
+        return found
 
     @property
     def _far(self) -> float:
@@ -138,11 +146,25 @@ class SlidingInterface(Interface):
         return (2 * self.nodes[:, None] + np.arange(2)).ravel()
 
     @property
+    def resting_jump(self) -> Floats:
+        return np.maximum(self.initial.geometry.offset[:, 0], 0.0)
+
+    @property
     def covered(self) -> NDArray[np.bool_]:
         return self.geometry.covered
 
     def jump(self, field: Floats) -> Floats:
         return self.geometry.offset + self.rate(field)
+
+    def places(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
+        """Position of what every point faces along the surface that faces, where nothing has moved, shape (n,); where
+        the points are and what they face is, displaced, shapes (n, 2) [m]."""
+        n, minus = len(self.plus), self.geometry.minus.points
+        now = self.surface_points + displacement[self.dofs].reshape(-1, 2)
+        along = minus[:, 0]
+        if self.line.measure != "x":
+            along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(minus, axis=0), axis=1))])[: len(minus)]
+        return self.geometry.faced(along), now[:n], self.geometry.faced(now[n:])
 
     def rate(self, field: Floats) -> Floats:
         found: Floats = self.geometry.jump @ field[self.dofs]

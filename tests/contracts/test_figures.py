@@ -27,14 +27,16 @@ def write(path, kind):
         return synthetic.write_run(path, np.concatenate([field for field, _ in steps]), time, POSITION)
     if kind in SAVED:
         count = SAVED[kind]
-        return synthetic.write_run(path, crack[:count], TIME[:count], POSITION, complete=False, snapshots=count)
+        early = {"complete": False, "snapshots": count, "slides": True}
+        return synthetic.write_run(path, crack[:count], TIME[:count], POSITION, **early)
     fields = {"train": np.maximum(synthetic.train(TIME, POSITION), 0), "at rest": 0 * crack}
     plane = "antiplane" if kind == "antiplane" else "stress"
-    return synthetic.write_run(path, fields.get(kind, crack), TIME, POSITION, plane=plane)
+    field = fields.get(kind, crack)
+    return synthetic.write_run(path, field, TIME, POSITION, plane=plane, slides=kind == "slides far")
 
 
 SAVED = {"killed at once": 1, "killed early": 2}
-KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane"]
+KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "slides far"]
 
 
 @pytest.fixture(scope="module")

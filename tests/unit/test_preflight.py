@@ -50,6 +50,58 @@ def test_surfaces_that_slide() -> None:
     assert "swap plus and minus" in found[": spacing of nodes, plus / minus"].note
 
 
+def test_theory_of_two_waves() -> None:
+    """Opposed waves, together 20 um over 0.6 mm, E* 2.206 GPa: p* 231 MPa, of which the edge brings 20 MPa. In contact
+    are (2 / pi) asin(sqrt(20 / 231.0)) = 0.1903 of 0.6 mm, with nodes every 50 um; the peak is 2 sqrt(20 * 231)."""
+    found = rows(rough())
+    assert found[": p*"].value == pytest.approx(231.0e6, rel=1e-3)
+    assert found[": contact fraction"].value == pytest.approx(0.1903, rel=1e-3)
+    assert found[": peak pressure"].value == pytest.approx(2e6 * math.sqrt(20 * 231.0), rel=1e-3)
+    across = found[": nodes across one contact"]
+    assert across.value == pytest.approx(0.1903 * 12, rel=1e-2) and across.verdict == "warning"
+    # 12 nodes of the upper, 9 of the lower body.
+    assert found[": nodes along the shortest wave"].value == pytest.approx(9, rel=1e-2)
+    assert found["generalized Rayleigh speed"].verdict == "warning"
+    # 10 m/s for 2 us, found again every 2.5 um.
+    assert found[": updates of what points face"].value == pytest.approx(8, rel=1e-2)
+    # Half of the force where waves are in phase by a quarter: amplitudes 10 and 10 i make 14.1 um.
+    shifted = rough({"mesh.upper.profile": {**wave(1), "phase": math.pi / 2}})
+    assert rows(shifted)[": p*"].value == pytest.approx(231.0e6 / math.sqrt(2), rel=1e-3)
+
+
+def test_pressure_of_stages_and_of_driven_edges() -> None:
+    table = rough()
+    fixed, pressed, driven = table["boundaries"][:2], table["boundaries"][2], table["boundaries"][3]
+    less = {**pressed, "traction": [0.0, -5e6]}
+    stages = [{"duration": 1e-6, "boundaries": [*fixed, each, driven]} for each in (pressed, less)]
+    # 20 MPa at the end of the first stage, 1 us and as long as the ramp.
+    found = rows({**table, "stages": stages, "boundaries": []})
+    assert "under 2e+07 Pa" in found[": contact fraction"].note
+    down = {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -1.0}
+    found = rows({**table, "boundaries": [*fixed, down]})[": contact fraction"]
+    assert (found.value, found.note) == ("not known", "the motion of edges presses")
+    # A load on the lower body where the upper one is held.
+    up = [{**each, "edge": "upper.top"} for each in fixed]
+    push = {"kind": "traction", "edge": "lower.bottom", "traction": [0.0, 3e6]}
+    # 3 MPa on 2.4 mm press 1.2 mm.
+    assert "under 6e+06 Pa" in rows({**table, "boundaries": [*up, push]})[": contact fraction"].note
+
+
+def test_theory_of_a_self_affine_surface() -> None:
+    """A root mean square slope s: erf(sqrt(2) p / (E* s)) of it touch."""
+    profile = {"kind": "self_affine", "rms": 2e-6, "hurst": 0.8, "length": 1.2e-3, "longest": 1.2e-3,
+               "shortest": 0.3e-3, "seed": 2}  # fmt: skip
+    found = rows(rough({"mesh.upper.profile": profile, "mesh.lower.profile": 0.0}))
+    slope, fraction = found[": root mean square slope"].value, found[": contact fraction"].value
+    # Between that of waves of the longest and of the shortest wavelength, 2 pi rms / wavelength.
+    assert 0.0105 < slope < 0.0419
+    assert fraction == pytest.approx(math.erf(math.sqrt(2) * 20e6 / (2.206e9 * slope)), rel=1e-3)
+    assert found[": mean pressure of contacts"].value == pytest.approx(20e6 / fraction, rel=1e-3)
+    assert found[": nodes along the shortest wave"].verdict == "warning"  # 6 of the upper, 4.4 of the lower body
+    flat = rows(rough({"mesh.upper.profile": 0.0, "mesh.lower.profile": 0.0}))
+    assert ": contact fraction" not in flat and ": E*" not in flat
+
+
 def test_isotropic_formulas_are_estimates_for_other_bodies() -> None:
     fibres = {"kind": "orthotropic_elastic", "E_1": 30e9, "E_2": 5e9, "nu_12": 0.3, "nu_23": 0.3, "G_12": 2e9}
     table = slip_weakening({"materials": {"default": fibres | {"density": 1200.0}}, "operator": "ufl_form"})

@@ -59,6 +59,32 @@ def test_forces_of_a_run(alone: Path) -> None:
     assert 0.15 < pressed[:, 2].mean() / pressed[:, 1].mean() < 0.45
 
 
+def test_states_and_surfaces_of_a_run(alone: Path) -> None:
+    """What carries nothing is open; what is closed is where it faces; what is faced goes back as the points slide."""
+    with Record(alone) as record:
+        data = record.interface.load()
+        table = record.forces
+    assert data.contact.attrs["flag_meanings"].split() == ["open", "sticking", "sliding", "uncovered"]
+    states, closed = data.contact.values, data.normal_stress.values > 0
+    np.testing.assert_array_equal(states == 0, ~closed)
+    assert np.isin(states[closed], [1, 2]).all() and (states == 2).any()
+    rate = np.abs(data.slip_rate.values)
+    assert np.median(rate[states == 1]) == 0 and np.median(rate[states == 2]) > 0.1
+    # Records without a sticking point in the forces have none here, and the other way round.
+    np.testing.assert_array_equal((states == 1).any(axis=1), table.sticking.values > 0)
+    # What a point faces is a mean, up to 2.4 um beside it, on slopes up to 0.105.
+    beside, above = (data.deformed_x - data.facing_x).values, (data.deformed_y - data.facing_y).values
+    assert np.abs(above[closed]).max() < 0.25e-6 and np.abs(beside[closed]).max() < 2.5e-6
+    apart = ~closed & (data.opening.values > 0)
+    np.testing.assert_allclose(np.hypot(beside, above)[apart], data.opening.values[apart], atol=1.5e-6)
+    assert data.opening.values[0].max() > 39e-6 and data.opening.values[-1].max() > 25e-6
+    np.testing.assert_allclose(data.deformed_x[0], data.x, atol=1e-9)
+    # What is faced goes back by the slip, but for what it is beside the point.
+    gone = (data.facing_position - data.facing_position[0]).values
+    np.testing.assert_allclose(gone, data.displacement_jump, atol=5e-6)
+    assert gone.max() > 10e-6
+
+
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     """All ranks that own a part of the interface compute all its points, from the same bits."""

@@ -1,0 +1,24 @@
+"""States of contact in figures: which there are, and their colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from ruptfx.record import Record
+
+COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "uncovered": "#fbf3d5"}
+"""By meaning, in the order of the values 0, 1, 2 ... of the field `contact`."""
+
+
+def has_states(record: Record) -> bool:
+    """Whether an interface of the run slides far."""
+    return bool(record.interfaces) and "contact" in record.interface and record.interface.sizes["time"] > 0
+
+
+def explain(ax: Axes, **options: Any) -> None:
+    """A legend of the colours."""
+    ax.legend(handles=[Patch(fc=colour, ec="#555555", lw=0.3, label=name) for name, colour in COLOURS.items()],
+              ncols=len(COLOURS), **options)  # fmt: skip

@@ -1,0 +1,69 @@
+"""Figure of the forces between two bodies that slide, and of what their interface does meanwhile."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ruptfx.analysis.force_drops import averaged, drops, knees
+from ruptfx.figure_style import empty_figure, letter, new_figure, note, remark, scale, styled
+from ruptfx.plots._states import COLOURS, explain
+from ruptfx.record import Record
+
+DROP, BEND = 0.05, 0.01  # of the normal force: what counts as a drop, and how closely broken lines follow
+
+
+def suits(record: Record) -> bool:
+    """Whether an interface slides far."""
+    return any(record.path.glob("forces*.csv"))
+
+
+@styled
+def forces(record: Record, window: float | None = None) -> Figure:
+    """Normal and shear force against time with the drops and knees of the latter; parts of the interface by state.
+
+    Parameters
+    ----------
+    record : Record
+    window : float, optional
+        Time over which forces are averaged before drops are looked for [s]. Default: 1/200 of the run.
+    """
+    table = record.forces
+    time = table["time"].values
+    if len(time) < 2:
+        return empty_figure("fewer than two times were saved", "Time (s)", "Force (N/m)")
+    window = (time[-1] - time[0]) / 200 if window is None else window
+    normal, shear = (table[name].values for name in ("normal_force", "shear_force"))
+    (t_size, t_unit), (f_size, f_unit) = scale(time, "s"), scale(np.array([normal, shear]), "N/m")
+    figure, axes = new_figure(2, 1, 4.2, sharex=True, height_ratios=[1.5, 1])
+    above, below = axes[:, 0]
+    mean = averaged(time, shear, window)
+    turned = -1.0 if mean[np.argmax(np.abs(mean))] < 0 else 1.0
+    typical = float(np.median(normal))
+    above.plot(time / t_size, normal / f_size, color="#3a7d44", lw=0.6, label="normal force")
+    above.plot(time / t_size, shear / f_size, color="#bbbbbb", lw=0.6)
+    above.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
+    found = drops(time, turned * mean, DROP * typical) if typical > 0 else []
+    bends = knees(time, turned * mean, found, BEND * typical) if typical > 0 else []
+    for number, drop in enumerate(found):
+        above.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
+                      label="drops" if number == 0 else None)  # fmt: skip
+    at = np.array([bend.time for bend in bends])
+    if len(at):
+        above.plot(at / t_size, np.interp(at, time, mean) / f_size, "o", mfc="white", color="#b5382a", label="knees")
+    else:
+        note(above, "" if len(found) else "no drops, no knees")
+    above.set_ylabel(f"Force per thickness ({f_unit})")
+    above.legend(loc="best", ncols=2)
+    below.stackplot(time / t_size, [table[name] for name in COLOURS], colors=list(COLOURS.values()), lw=0)
+    below.set(xlabel=f"Time ({t_unit})", ylabel="Fraction of the length", ylim=(0, 1))
+    below.set_xlim(time[0] / t_size, time[-1] / t_size)
+    explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    letter(axes.ravel())
+    size, unit = scale(window, "s")
+    remark(
+        figure, f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
+        f"Drops: falls by more than {DROP:.0%} of the median normal force; knees: bends of a broken line that follows "
+        f"within {BEND:.0%} of it.",
+    )  # fmt: skip
+    return figure

@@ -1,0 +1,130 @@
+"""How rough the surfaces of an interface that slides are, and how strongly they are pressed, before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.analysis import fracture
+from ruptfx.meshes.rough_plates import RoughPlates
+from ruptfx.profiles import Constant, SelfAffine, Sinusoid
+from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.sliding.surface import Floats, Surface
+
+if TYPE_CHECKING:
+    from ruptfx.fault import Fault
+    from ruptfx.loading import Loads
+    from ruptfx.model import Model
+
+SMOOTH = 1e-9  # root mean square slope: that of rounding
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Two surfaces, one above the other.
+
+    Attributes
+    ----------
+    modulus : float
+        E* of the two bodies [Pa].
+    slope : float
+        Root mean square slope of their distance.
+    wave : (float, float), or None
+        Amplitude and wavelength of their distance [m], where that is a sinusoid.
+    shortest : float or None
+        Shortest wavelength of a profile, where it has one [m].
+    spacing : (float, float)
+        Median distance of nodes of the plus and the minus side [m].
+    pressure : float or None
+        Largest mean pressure [Pa]; None where the motion of edges gives it.
+    """
+
+    modulus: float
+    slope: float
+    wave: tuple[float, float] | None
+    shortest: float | None
+    spacing: tuple[float, float]
+    pressure: float | None
+
+
+def roughness(model: Model, fault: Fault, loads: Sequence[tuple[float, Loads]]) -> Roughness | None:
+    """Of an interface, None where it is smooth or a body is not isotropic.
+
+    Parameters
+    ----------
+    model : Model
+        On one rank.
+    fault : Fault
+    loads : sequence of (float, Loads)
+        What acts on the bodies, and the times when it is to be looked at [s].
+    """
+    face = fault.interface
+    assert isinstance(face, SlidingInterface)
+    sides = face.geometry.plus, face.geometry.minus
+    slope = _slope(*sides)
+    moduli = [_modulus(model, side) for side in sides]
+    if slope < SMOOTH or None in moduli:
+        return None
+    modulus = 1 / sum(1 / each for each in moduli if each is not None)
+    spacing = sides[0].spacing, sides[1].spacing
+    wave, shortest = _waves(model)
+    return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
+
+
+def _slope(plus: Surface, minus: Surface) -> float:
+    """Root mean square slope of the distance of two surfaces where both are, between nodes of either."""
+    along = plus.points[-1] - plus.points[0]
+    along /= np.linalg.norm(along)
+    (here, above), (there, below) = (
+        (side.points @ along, side.points @ np.array([-along[1], along[0]])) for side in (plus, minus)
+    )
+    low, high = max(here[0], there[0]), min(here[-1], there[-1])
+    s = np.unique(np.clip(np.concatenate([here, there]), low, high))
+    apart = np.interp(s, here, above) - np.interp(s, there, below)
+    step = np.diff(s)
+    return float(np.sqrt(np.sum(np.diff(apart) ** 2 / step) / step.sum()))
+
+
+def _modulus(model: Model, side: Surface) -> float | None:
+    """E / (1 - nu^2) in plane strain, E in plane stress [Pa]."""
+    material = model.materials[model.layout.body[side.nodes[0]]]
+    if material.lame(model.case.plane) is None:
+        return None
+    speeds = material.wave_speeds(model.case.plane)
+    return 2 * fracture.effective_modulus(material.density * speeds.c_s**2, speeds.c_p, speeds.c_s)
+
+
+def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
+    """The sinusoid that the distance of the surfaces is, if it is one; the shortest wavelength of their profiles."""
+    mesh = model.case.mesh
+    if not isinstance(mesh, RoughPlates):
+        return None, None
+    profiles = mesh.upper.profile, mesh.lower.profile
+    lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
+               if isinstance(p, Sinusoid | SelfAffine)]  # fmt: skip
+    shortest = min(lengths, default=None)
+    plain = all(isinstance(p, Sinusoid | Constant | float | int) for p in profiles)
+    if shortest is None or not plain or max(lengths) > shortest * (1 + 1e-9):
+        return None, shortest
+    upper, lower = (p.amplitude * np.exp(1j * p.phase) if isinstance(p, Sinusoid) else 0.0 for p in profiles)
+    return (float(abs(upper - lower)), shortest), shortest
+
+
+def _pressure(
+    model: Model, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
+) -> float | None:
+    """Its initial stress and what edges add to a body that nothing else holds across the interface."""
+    area: Floats = (face.weight[:, None] * face.frame[:, 0]).sum(axis=0)
+    length = float(np.linalg.norm(area))
+    initial = float(face.weight @ fault.normal_stress_0) / length
+    across = int(np.argmax(np.abs(area)))
+    for side, sign in ((face.geometry.plus, -1.0), (face.geometry.minus, 1.0)):
+        nodes = np.flatnonzero(model.layout.body == model.layout.body[side.nodes[0]])
+        if any(each.prescribed.reshape(-1, 2)[nodes, across].any() or each.supports for _, each in loads):
+            continue
+        pushes = [each.force(time).reshape(-1, 2)[nodes].sum(axis=0) @ area for time, each in loads]
+        return initial + max(sign * float(push) for push in pushes) / length**2
+    return None
