@@ -65,6 +65,15 @@ class Edge:
         number = 0 if self.model.components == 1 else "xyz".index(component)
         return nodes * self.model.components + number
 
+    def along(self) -> np.ndarray:
+        """x of every local node where the edge is longer than high, else y [m]; collective."""
+        x, comm = self.model.coordinates[self.nodes], self.model.comm
+        extent = [
+            parallel.largest(comm, column.max(initial=-np.inf)) + parallel.largest(comm, -column.min(initial=np.inf))
+            for column in x.T[:2]
+        ]
+        return self.model.coordinates[:, int(extent[1] > extent[0])]
+
     def force(self, traction: Sequence[float], limits: Limits = ()) -> np.ndarray:
         """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
         test = self._loaded_cells(limits) * fem.ufl.TestFunction(self.model.space)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     VaryingCoefficient = Varying
     VaryingExponent = Varying
     VaryingRatio = Varying
+    VaryingFactor = Varying
     VaryingLength = Varying
     VaryingGap = Varying
     VaryingHeight = Varying
@@ -59,6 +60,7 @@ else:
     VaryingCoefficient = varying(NonNegative, "1")
     VaryingExponent = varying(Positive, "1")
     VaryingRatio = varying(NonNegative, "1")
+    VaryingFactor = varying(float, "1")
     VaryingLength = varying(Positive, "m")
     VaryingGap = varying(NonNegative, "m")
     VaryingHeight = varying(float, "m")

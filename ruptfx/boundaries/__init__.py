@@ -26,20 +26,20 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 @dataclass(frozen=True)
 class Motion:
-    """Prescribed motion of some degrees of freedom, the same for all.
+    """Prescribed motion of some degrees of freedom: a number for all of them, or an array.
 
     Attributes
     ----------
     dofs : ndarray of int, shape (n,)
         Local ones.
-    displacement, velocity, acceleration : callable, time -> float
+    displacement, velocity, acceleration : callable, time -> float or ndarray of shape (n,)
         Since time zero [m], [m/s], [m/s2].
     """
 
     dofs: np.ndarray
-    displacement: Callable[[float], float]
-    velocity: Callable[[float], float]
-    acceleration: Callable[[float], float]
+    displacement: Callable[[float], float | np.ndarray]
+    velocity: Callable[[float], float | np.ndarray]
+    acceleration: Callable[[float], float | np.ndarray]
 
 
 @dataclass(frozen=True)

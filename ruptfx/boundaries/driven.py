@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
+from ruptfx import parallel
 from ruptfx.boundaries import Action, Motion
 from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import ramp
-from ruptfx.units import Time, Velocity
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError
+from ruptfx.units import Time, VaryingFactor, Velocity
 
 if TYPE_CHECKING:
     from ruptfx.edges import Edge
@@ -18,10 +24,12 @@ class Driven(EdgeMotion):
 
     example: ClassVar[str] = '{ kind = "driven", edge = "upper.left", component = "x", velocity = 2.0, ramp = 4e-6 }'
 
-    amounts: ClassVar[tuple[str, ...]] = ("velocity", "ramp")
+    amounts: ClassVar[tuple[str, ...]] = ("velocity", "profile", "ramp")
 
     velocity: Velocity
     """Of the edge, once the ramp is over."""
+    profile: VaryingFactor = 1.0
+    """What the velocity is multiplied with along the edge, by x, or by y where the edge is higher than long."""
     ramp: Time = 0.0
     """Time over which the velocity grows linearly from zero."""
 
@@ -45,4 +53,17 @@ class Driven(EdgeMotion):
 
     def act_on(self, edge: Edge, key: str) -> Action:
         dofs = edge.dofs(self.component, (self.x_range, self.y_range))
-        return Action(motion=Motion(dofs, self.travelled, self.speed, self.accelerated))
+        if not callable(self.profile) and self.profile == 1:
+            return Action(motion=Motion(dofs, self.travelled, self.speed, self.accelerated))
+        factor, error = np.ones(len(dofs)), None
+        along = edge.along()[dofs // edge.model.components]
+        try:
+            factor = evaluate(self.profile, along)
+        except CaseError as caught:
+            error = CaseError(f"{key}.profile: {caught}")
+        parallel.raise_on_all(edge.model.comm, error)
+
+        def scaled(course: Callable[[float], float]) -> Callable[[float], np.ndarray]:
+            return lambda time: factor * course(time)
+
+        return Action(motion=Motion(dofs, scaled(self.travelled), scaled(self.speed), scaled(self.accelerated)))

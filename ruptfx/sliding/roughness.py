@@ -10,7 +10,9 @@ import numpy as np
 
 from ruptfx.analysis import fracture
 from ruptfx.meshes.rough_plates import RoughPlates
-from ruptfx.profiles import Constant, SelfAffine, Sinusoid
+from ruptfx.profiles.constant import Constant
+from ruptfx.profiles.self_affine import SelfAffine
+from ruptfx.profiles.sinusoid import Sinusoid
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats, Surface
 

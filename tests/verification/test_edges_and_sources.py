@@ -251,3 +251,73 @@ def test_places_of_sources() -> None:
     ):
         with pytest.raises(CaseError, match=message):
             Model(case({"boundaries": [{**force, **changes}]}))
+
+
+# -- gravity -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plane, acceleration", [("strain", [3e5, -4e5]), ("antiplane", [2e5])])
+def test_what_is_free_falls(plane: str, acceleration: list[float]) -> None:
+    """Every node by g t^2 / 2, which explicit steps take exactly."""
+    falling = case({
+        "plane": plane, "order": 3, "boundaries": [{"kind": "gravity", "acceleration": acceleration}],
+    })  # fmt: skip
+    model = Model(falling)
+    motion, state = falling.stepper.bind(model), model.initial_state()
+    advance(motion, state, 5e-6)
+    wanted = np.tile(0.5 * np.array(acceleration) * state.time**2, model.nodes)
+    np.testing.assert_allclose(state.displacement, wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.7])
+def test_a_block_on_an_incline(mu: float) -> None:
+    """On a rigid base turned by 30 degrees: a = g (sin - mu cos), or nothing where mu is above tan(30) = 0.577."""
+    g, angle = 1e5, np.pi / 6
+    weight = {"kind": "gravity", "acceleration": [g * np.sin(angle), -g * np.cos(angle)], "ramp": 20e-6}
+    block = case({
+        "order": 2, "mesh": {"kind": "block_on_rigid", "length": 12e-3, "height": 4e-3, "element_size": 2e-3},
+        "faults.main.contact": SPLIT, "faults.main.friction": {"kind": "coulomb", "mu_d": mu},
+        "faults.main.initial_stress.normal": 0.0, "boundaries": [weight],
+        "damping": {"kelvin_voigt": {"fraction": 0.2}},
+    })  # fmt: skip
+    model = Model(block)
+    motion, state = block.stepper.bind(model), model.initial_state()
+    speeds = []
+    for _ in range(2):  # until 30 us, and 80 us more
+        advance(motion, state, 30e-6 if not speeds else 80e-6)
+        speeds.append(float(model.mass[::2] @ state.velocity[::2] / model.mass[::2].sum()))
+    gained = (speeds[1] - speeds[0]) / 80e-6
+    if mu < np.tan(angle):
+        assert gained == pytest.approx(g * (np.sin(angle) - mu * np.cos(angle)), rel=5e-3)
+    else:
+        # At the upper end, where it would lift, points slip a little; what slides goes 200 um.
+        slip = state.faults["main"]["slip"]
+        assert slip.min() == 0 and slip.max() < 0.2e-6 and abs(gained) < 5e-3 * g
+
+
+# -- driven, by a profile ----------------------------------------------------------------------------------------------
+
+
+def test_an_edge_that_turns() -> None:
+    """The top goes down by a linear profile of x, the left side to the right by one of y."""
+    line = {"kind": "table", "positions": [0.0, 12e-3], "values": [1.0, -1.0]}
+    side = {"kind": "table", "positions": [0.0, 4e-3], "values": [0.0, 2.0]}
+    model = Model(case({"order": 2, "boundaries": [
+        {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -3.0, "ramp": 2e-6, "profile": line},
+        {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 5.0, "profile": side},
+    ]}))  # fmt: skip
+    x, y = model.coordinates.T
+    top, left = np.isclose(y, 4e-3), np.isclose(x, 0) & (model.layout.body == model.bodies.names.index("upper"))
+    velocity = np.zeros(2 * model.nodes)
+    model.loads.drive(velocity, 1e-6)  # half of the ramp
+    np.testing.assert_allclose(velocity[1::2][top], -1.5 * (1 - x[top] / 6e-3), atol=1e-12)
+    np.testing.assert_allclose(velocity[::2][left], 5.0 * 2 * y[left] / 4e-3, atol=1e-12)
+    moved = model.loads.moved(np.zeros_like(velocity), 0.0, 4e-6)
+    # 3 m/s for 4 us less half of the ramp.
+    np.testing.assert_allclose(moved[1::2][top], -9e-6 * (1 - x[top] / 6e-3), atol=1e-15)
+    assert model.case.impact_speed == 5.0
+    short = {**line, "positions": [0.0, 10e-3]}
+    with pytest.raises(CaseError, match=r"boundaries\.0\.profile: the table from 0 to 0\.01 m does not cover"):
+        Model(case({"boundaries": [
+            {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 1.0, "profile": short},
+        ]}))  # fmt: skip

@@ -91,6 +91,23 @@ def test_from_the_old_amount_to_the_new_one() -> None:
     np.testing.assert_allclose(slope, [motion.acceleration(x) for x in t], atol=1.0)
 
 
+def test_a_profile_goes_on_from_the_old_one() -> None:
+    """Pressed evenly at 1 m/s, then turned: over its ramp the edge goes from the even speed to the linear one."""
+    line = {"kind": "table", "positions": [0.0, 12e-3], "values": [0.0, 2.0]}
+    top = {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -1.0}
+    given = parse_case(plates({**COMMON, "duration": 6e-6, "stages": [
+        {"duration": 2e-6, "boundaries": [top]},
+        {"duration": 4e-6, "boundaries": [{**top, "velocity": -3.0, "profile": line, "ramp": 2e-6}]},
+    ]}))  # fmt: skip
+    model = Model(given)
+    staged = stages.bind(model)
+    assert isinstance(staged, Staged)
+    (motion,) = staged._models[1].loads.motions
+    x = model.coordinates[motion.dofs // 2, 0]
+    for time, even, turned in ((2e-6, -1.0, 0.0), (3e-6, -0.5, -1.5), (4e-6, 0.0, -3.0)):
+        np.testing.assert_allclose(motion.velocity(time), even + turned * x / 6e-3, atol=1e-12)
+
+
 def test_goes_on_within_a_stage_with_the_same_bits(tmp_path: Path) -> None:
     given = case({**COMMON, "duration": 6e-6, "output.checkpoint_steps": 45, "stages": [
         {"duration": 2e-6, "boundaries": loads(0.0, -1e6, 1e-6), "damping": {"mass": 1e5}},

@@ -1,0 +1,40 @@
+"""Weight of the bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from ruptfx.boundaries import Action, Boundary, Force, check_vector
+from ruptfx.boundaries._history import ramp
+from ruptfx.materials import Plane
+from ruptfx.schema import Unit
+from ruptfx.units import Time
+
+if TYPE_CHECKING:
+    from ruptfx.loading import Loads
+
+
+class Gravity(Boundary):
+    """A force on all bodies, their density times an acceleration, on top of what the initial stress carries.
+
+    It is integrated as the mass is, so that what is free falls as a rigid body.
+    """
+
+    example: ClassVar[str] = '{ kind = "gravity", acceleration = [1e5, -3e5], ramp = 2e-6 }'
+    amounts: ClassVar[tuple[str, ...]] = ("acceleration", "ramp")
+
+    acceleration: Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s2")]
+    """One component for each direction in which the plane moves; [0, -9.81] on Earth."""
+    ramp: Time = 0.0
+    """Time over which it grows linearly from zero."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        check_vector(f"{key}.acceleration", self.acceleration, components)
+
+    def act(self, loads: Loads, key: str) -> Action:
+        mass = loads.model.mass.reshape(-1, loads.model.components)
+        weight = (mass * np.array(self.acceleration)).ravel()
+        return Action(force=Force.of(weight, lambda time: ramp(time, self.ramp)))
