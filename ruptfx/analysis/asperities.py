@@ -60,8 +60,9 @@ def _asperity(points: slice, position: Array, arrival: Array) -> Asperity:
 
 
 def first_slip(time: Array, slip_rate: Array, since: float, threshold: float) -> Array:
-    """When every point first slides faster than a threshold after some time [s], linear between records; NaN where it
-    does not, zero time after it where it does so already.
+    """When every point first slides faster than a threshold after some time [s].
+
+    Linear between records; NaN where it does not, the first record where it does so already.
 
     Parameters
     ----------

@@ -88,8 +88,7 @@ class Geometry:
         self.nearest[:] = self.minus.nodes[np.asarray(found.coupling.argmax(axis=1)).ravel()]
 
     def faced(self, values: Floats) -> Floats:
-        """What is given at the nodes of the minus side, shape (facing nodes, ...), as the points face it; NaN where
-        they face nothing."""
+        """What is given at the nodes of the minus side, as the points face it; NaN where they face nothing."""
         found: Floats = self._coupling @ values
         found[~self.covered] = np.nan
         return found
@@ -157,8 +156,14 @@ class SlidingInterface(Interface):
         return self.geometry.offset + self.rate(field)
 
     def places(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
-        """Position of what every point faces along the surface that faces, where nothing has moved, shape (n,); where
-        the points are and what they face is, displaced, shapes (n, 2) [m]."""
+        """Where the points and what they face are [m].
+
+        Returns
+        -------
+        tuple of ndarray, shapes (n,), (n, 2) and (n, 2)
+            Position of what they face along its surface where nothing has moved; places of the points and of what they
+            face, displaced.
+        """
         n, minus = len(self.plus), self.geometry.minus.points
         now = self.surface_points + displacement[self.dofs].reshape(-1, 2)
         along = minus[:, 0]
