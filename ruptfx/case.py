@@ -6,7 +6,7 @@ import shlex
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -21,7 +21,19 @@ from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.plugins import CaseFile, active, named
-from ruptfx.schema import CaseError, Name, Part, Unit, check_tables, find, json_schema, kinds, nearest, shown_key
+from ruptfx.schema import (
+    CaseError,
+    Name,
+    Part,
+    Unit,
+    check_tables,
+    find,
+    json_schema,
+    kinds,
+    nearest,
+    set_key,
+    shown_key,
+)
 from ruptfx.sliding import Sliding
 from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
@@ -68,6 +80,14 @@ class Output(Part):
     """Also save the interface every so many steps: where steps vary, records follow what happens."""
     bulk_interval: Duration | None = None
     """Time between snapshots of the bodies; duration / 6 without it."""
+    bulk_fields: Annotated[list[Literal["velocity", "displacement", "stress", "fringe"]], Field(min_length=1)] = [
+        "velocity", "displacement", "stress", "fringe"
+    ]
+    """What snapshots hold; `fringe` is sigma_1 - sigma_2 in the plane of x and y."""
+    bulk_precision: Literal["double", "single"] = "double"
+    """Of the numbers in snapshots: 15 digits, or 7 in half the space."""
+    bulk_compression: Annotated[int, Field(ge=0, le=9)] = 0
+    """Of snapshots, without loss: 0 is none, 9 the most work (gzip)."""
     checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
     """Wall-clock time between checkpoints."""
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
@@ -341,27 +361,6 @@ def override(table: Table, item: str) -> None:
         set_key(table, key.strip(), value)
     except CaseError as error:
         raise CaseError(f"--set {item}: {error}") from None
-
-
-def set_key(table: Table, key: str, value: object) -> None:
-    """Set the value of one dotted key in place; list entries are addressed by number.
-
-    Raises
-    ------
-    CaseError
-        The key does not lead to a value.
-    """
-    *parents, last = key.split(".")
-    node: Any = table
-    try:
-        for name in parents:
-            node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
-        if isinstance(node, list):
-            node[int(last)] = value
-        else:
-            node[last] = value
-    except (ValueError, IndexError, TypeError, AttributeError):
-        raise CaseError(f"{shown_key(key)}: does not lead to a value of the case") from None
 
 
 def case_schema() -> Table:

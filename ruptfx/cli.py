@@ -10,7 +10,7 @@ import typer
 from ruptfx import __version__
 
 COMMANDS = {
-    "Begin": ("new", "demos", "describe"),
+    "Begin": ("new", "convert", "demos", "describe"),
     "Compute": ("check", "mesh", "run", "resume", "study"),
     "Look at it": ("list", "plot", "compare", "events", "export"),
     "Trust and extend": ("bench", "check_law", "cite"),

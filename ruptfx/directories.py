@@ -104,7 +104,7 @@ def _case_hash(out: Path) -> str | None:
         return None
 
 
-def prepare(out: Path, again: CaseFile | None = None) -> None:
+def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -> None:
     """Refuse a reserved directory that is not empty.
 
     Parameters
@@ -112,6 +112,8 @@ def prepare(out: Path, again: CaseFile | None = None) -> None:
     out : Path
     again : case, optional
         Begin this case again where it was stopped early: what it left in `out` goes.
+    overwrite : bool
+        What a run of any case left in `out` goes.
 
     Raises
     ------
@@ -119,15 +121,22 @@ def prepare(out: Path, again: CaseFile | None = None) -> None:
         The directory holds something else already, or what is there cannot be removed.
     """
     left = [path for path in out.iterdir() if path.name != LOCK]
-    if again is None or _case_hash(out) != again.hash:
+    known = _holds_a_run(out) if overwrite else again is not None and _case_hash(out) == again.hash
+    if not known:
         if left:
-            raise RuptfxError(f"{out}: exists already; choose another --out, or remove it")
+            why = "exists already and is no run" if overwrite else "exists already"
+            raise RuptfxError(f"{out}: {why}; choose another --out, or remove it")
         return
     try:
         for path in left:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
     except OSError as error:
         raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
+
+
+def _holds_a_run(out: Path) -> bool:
+    """Whether a run began here: it had the directory for itself."""
+    return (out / "case.toml").is_file() and any((out / name).is_file() for name in ("run.log", "result.nc"))
 
 
 def write_json(path: Path, content: Table) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import wraps
+from io import BytesIO
 from typing import Any
 
 import matplotlib
@@ -82,7 +83,16 @@ def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **o
 
 def blank_figure(width: float, height: float) -> Figure:
     """A figure without axes [inches]."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return NotebookFigure(figsize=(width, height), layout="constrained")
+
+
+class NotebookFigure(Figure):
+    """A figure that shows itself at the end of a notebook's cell: without pyplot nothing else does it."""
+
+    def _repr_png_(self) -> bytes:
+        with BytesIO() as buffer:
+            self.savefig(buffer, format="png", dpi=self.dpi)
+            return buffer.getvalue()
 
 
 def letter(axes: Iterable[Axes]) -> None:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ruptfx import RuptfxError, fem
 from ruptfx.case import Case
 from ruptfx.fault import Fault
-from ruptfx.figure_style import styled
+from ruptfx.figure_style import blank_figure, styled
 from ruptfx.meshes import RawMesh
 from ruptfx.model import Model
 from ruptfx.places import patches
@@ -32,7 +32,7 @@ def draw(case: Case) -> Figure:
     if raw.points.shape[1] != 2:
         raise RuptfxError("ruptfx mesh draws two dimensions; run a few steps and open bulk.xdmf in ParaView instead")
     extent = np.ptp(raw.points, axis=0)
-    figure = Figure(figsize=(7.0, float(np.clip(7.0 * extent[1] / extent[0] + 1.0, 2.0, 9.0))), layout="constrained")
+    figure = blank_figure(7.0, float(np.clip(7.0 * extent[1] / extent[0] + 1.0, 2.0, 9.0)))
     axes = figure.add_subplot()
     _draw_bodies(axes, raw)
     for name, facets in raw.edges.items():

@@ -23,7 +23,18 @@ import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
 from ruptfx import Table
-from ruptfx.schema import Alternative, CaseError, Part, home, installed, kind_in, load_error, own_kinds, plugged
+from ruptfx.schema import (
+    Alternative,
+    CaseError,
+    Part,
+    home,
+    installed,
+    kind_in,
+    load_error,
+    own_kinds,
+    plugged,
+    set_key,
+)
 
 FOLDER = "plugins"
 """Where a run directory keeps the copies."""
@@ -228,6 +239,30 @@ class CaseFile(Part):
         # With the code it was read with, whatever became of the files.
         kept = {"plugins": list(self._plugins)} if update and self._plugins else {}
         return super().model_copy(update={**kept, **update} if update else None, deep=deep)
+
+    def changed(self, key: str, value: object) -> Self:
+        """The same case with another value of one key, checked as if it came from a file.
+
+        Parameters
+        ----------
+        key : str
+            Dotted, entries of lists by number: ``"boundaries.0.velocity"``.
+        value : object
+            A number, text with a unit, a table, an array, or a part such as ``Coulomb(mu_d=0.3)``.
+
+        Raises
+        ------
+        CaseError
+        """
+        table = {**self.table(), "plugins": self.plugin_files()}
+        table.pop("kind", None)  # of a lumped model: its class
+        set_key(table, key, value)
+        return type(self)(**table)
+
+    def _repr_html_(self) -> str:
+        from ruptfx.notebook import shown_part
+
+        return shown_part(self)
 
     def plugin_files(self) -> list[Plugin]:
         """Plug-ins of the case and, of objects given in Python, the files that define their classes.

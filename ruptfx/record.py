@@ -212,6 +212,11 @@ class Record:
     def __exit__(self, *raised: object) -> None:
         self.close()
 
+    def _repr_html_(self) -> str:
+        from ruptfx.notebook import shown_record
+
+        return shown_record(self)
+
     def __repr__(self) -> str:
         parts = {
             "case": lambda: f"{self.case.get('title', '')}, {self.case.get('plane', '')}".strip(", "),

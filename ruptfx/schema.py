@@ -98,6 +98,34 @@ def check_tables(table: Mapping[str, object]) -> None:
         todo += [(f"{key}.{name}", depth + 1, item) for name, item in items]
 
 
+def plain(value: object) -> object:
+    """Arrays and numbers of NumPy, also in lists, as those of Python, which is all that a case holds."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [plain(item) for item in value] if isinstance(value, list) else value
+
+
+def set_key(table: Table, key: str, value: object) -> None:
+    """Set the value of one dotted key in place; list entries are addressed by number.
+
+    Raises
+    ------
+    CaseError
+        The key does not lead to a value.
+    """
+    *parents, last = key.split(".")
+    node: Any = table
+    try:
+        for name in parents:
+            node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
+        if isinstance(node, list):
+            node[int(last)] = value
+        else:
+            node[last] = value
+    except (ValueError, IndexError, TypeError, AttributeError):
+        raise CaseError(f"{shown_key(key)}: does not lead to a value of the case") from None
+
+
 def nearest(word: str, known: Iterator[str] | list[str]) -> str:
     """`did you mean 'x'?` for the closest known word, or the list of known ones."""
     known = sorted(known)
@@ -173,12 +201,18 @@ class Part(BaseModel, metaclass=_Reworded):
     @classmethod
     def _known_keys(cls, values: object) -> object:
         if isinstance(values, Mapping):
+            values = {key: plain(value) for key, value in values.items()}
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
                 known = list(cls.model_fields)
                 hints = "; ".join(f"unknown key '{shown_key(key)}', {nearest(key, known)}" for key in unknown)
                 raise PydanticCustomError("unknown_key", "{hints}", {"hints": hints})
         return values
+
+    def __dir__(self) -> list[str]:
+        """Keys and methods of its own, as completion shows them: without those of pydantic."""
+        hidden = set(dir(BaseModel)) - {"model_copy"}
+        return sorted(name for name in super().__dir__() if not name.startswith("__") and name not in hidden)
 
     def at(self, position: np.ndarray) -> Self:
         """The same part with every profile evaluated at the points.

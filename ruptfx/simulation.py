@@ -44,20 +44,20 @@ class Interrupted(RuptfxError):  # noqa: N818
 @overload
 def simulate(
     case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False,
-    complete: Callable[[], None] = lambda: None,
+    complete: Callable[[], None] = lambda: None, overwrite: bool = False,
 ) -> Record: ...
 
 
 @overload
 def simulate(
     case: LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
-    resume: bool = False, complete: Callable[[], None] = lambda: None,
+    resume: bool = False, complete: Callable[[], None] = lambda: None, overwrite: bool = False,
 ) -> xarray.Dataset: ...  # fmt: skip
 
 
 def simulate(
     case: Case | LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
-    resume: bool = False, complete: Callable[[], None] = lambda: None,
+    resume: bool = False, complete: Callable[[], None] = lambda: None, overwrite: bool = False,
 ) -> Record | xarray.Dataset:  # fmt: skip
     """Run a case and leave a complete run directory.
 
@@ -76,6 +76,8 @@ def simulate(
         before the first; not at all if it is complete. It must be a run of the same case.
     complete : callable
         Called on rank 0 when the run is complete, before its figures are drawn.
+    overwrite : bool
+        Replace the run that `out` holds, of whatever case; what is no run is not touched.
 
     Returns
     -------
@@ -88,9 +90,11 @@ def simulate(
         On all ranks. Files written so far are kept and readable.
     """
     comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
+    if resume and overwrite:
+        raise RuptfxError("resume goes on with a run that overwrite would remove; give one of them")
     if isinstance(case, LumpedModel):
         with Progress(progress) as bar:
-            return lumped.simulate(case, out, bar.update, resume)
+            return lumped.simulate(case, out, bar.update, resume, overwrite)
     same = parallel.on_root(comm, lambda: case.hash) == case.hash
     parallel.raise_on_all(comm, None if same else RuptfxError(
         f"rank {comm.rank} read another case than rank 0: are the case file and its plug-ins the same on all machines?"
@@ -101,14 +105,15 @@ def simulate(
         return Record(out)
     with run_directory.reserved(comm, out):
         checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
-        if checkpoint is None and not resume:
+        if not (resume or overwrite):
             run_directory.prepare(comm, out)
         began = time.perf_counter()
         with phase("model"):
             model = Model(case, comm)
-        if checkpoint is None and resume:  # the case is known to run: only now may older files be removed
-            run_directory.prepare(comm, out, again=case)
-        _run(model, out, progress, checkpoint, began)
+            motion = stages.bind(model)
+        if checkpoint is None and (resume or overwrite):  # the case is known to run: only now may older files go
+            run_directory.prepare(comm, out, again=case, overwrite=overwrite)
+        _run(model, motion, out, progress, checkpoint, began)
         if comm.rank == 0:
             complete()
         if case.output.figures:
@@ -116,11 +121,12 @@ def simulate(
     return Record(out)
 
 
-def _run(model: Model, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
+def _run(
+    model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float
+) -> None:
     """The time loop, in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):
-        motion = stages.bind(model)
         state = model.initial_state()
         if checkpoint:
             checkpoint.restore(model, state)

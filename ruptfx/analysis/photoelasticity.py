@@ -19,6 +19,19 @@ def principal_difference(xx: Array, yy: Array, xy: Array) -> Array:
     return np.hypot(xx - yy, 2 * xy)
 
 
+def difference_of(stress: Array) -> Array:
+    """sigma_1 - sigma_2 in the plane of x and y [Pa]; in antiplane twice the shear stress.
+
+    Parameters
+    ----------
+    stress : ndarray, shape (n, components)
+        xz and yz, or xx, yy and xy, or xx, yy, zz, xy, yz and xz.
+    """
+    if stress.shape[1] == 2:
+        return 2 * np.hypot(stress[:, 0], stress[:, 1])
+    return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])
+
+
 def fringe_order(difference: Array, fringe_constant: Array | float, thickness: float) -> Array:
     """Number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
 

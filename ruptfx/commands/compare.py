@@ -71,13 +71,11 @@ def _change(a: object, b: object) -> str:
 
 def overlay(one: Record, other: Record) -> Figure:
     """Arrival of the rupture, final slip, and slip rate in the middle, of both runs."""
-    from matplotlib.figure import Figure
-
-    from ruptfx.figure_style import styled
+    from ruptfx.figure_style import blank_figure, styled
 
     @styled
     def draw() -> Figure:
-        figure = Figure(figsize=(7.0, 2.4), layout="constrained")
+        figure = blank_figure(7.0, 2.4)
         arrival, slip, rate = figure.subplots(1, 3)
         for record, line in ((one, "-"), (other, "--")):
             data, name = record.interface, record.path.name

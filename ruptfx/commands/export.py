@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
 if TYPE_CHECKING:
@@ -24,22 +23,28 @@ class Format(StrEnum):  # older Typers know no Literal
     csv = "csv"
     netcdf = "netcdf"
     vtk = "vtk"
+    vtkhdf = "vtkhdf"
 
 
 def export(
     run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
-    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf or vtk.")] = Format.csv,
+    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk or vtkhdf.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
 ) -> None:
-    """Write a run for other programs: interfaces as tables (csv), all as NetCDF, or snapshots of the bodies as VTU."""
+    """Write a run for other programs: interfaces as tables (csv), all as NetCDF, snapshots of the bodies as VTU files
+    (vtk), or bodies and interfaces with all times as VTKHDF."""
     with reported():
+        from ruptfx import vtk_files
         from ruptfx.record import Record
 
         folder = out or run / "export"
         with Record(run) as record:
             folder.mkdir(parents=True, exist_ok=True)
-            write = {Format.csv: tables, Format.netcdf: datasets, Format.vtk: snapshots}[format_]
-            for path in write(record, folder):
+            write = {
+                Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
+                Format.vtkhdf: vtk_files.whole,
+            }  # fmt: skip
+            for path in write[format_](record, folder):
                 screen.print(str(path), soft_wrap=True)
 
 
@@ -75,41 +80,3 @@ def datasets(record: Record, folder: Path) -> Iterator[Path]:
     if (record.path / "bulk.h5").exists():
         record.bulk.to_netcdf(folder / "bulk.nc", engine="h5netcdf", invalid_netcdf=False)
         yield folder / "bulk.nc"
-
-
-def snapshots(record: Record, folder: Path) -> Iterator[Path]:
-    """One VTU file for each snapshot, with vectors of three components, and a PVD file that names their times.
-
-    Raises
-    ------
-    RuptfxError
-        meshio is not installed.
-    """
-    try:
-        import meshio
-    except ModuleNotFoundError:
-        raise RuptfxError("export --format vtk: meshio is not installed; install it with: pip install meshio") from None
-    bulk = record.bulk
-    points, cells = bulk.points.values, bulk.cells.values
-    kind = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}[points.shape[1], cells.shape[1]]
-    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-    lines = []
-    for number, time in enumerate(bulk.time.values):
-        found = {str(name): field.isel(time=number) for name, field in bulk.data_vars.items() if "time" in field.dims}
-        values = {name: _vectors(field.values, "component" in field.dims) for name, field in found.items()}
-        path = folder / f"bulk_{number:04d}.vtu"
-        meshio.Mesh(points, [(kind, cells)], {**values, "body": bulk.body.values}).write(path)
-        lines.append(f'<DataSet timestep="{float(time)!r}" file="{path.name}"/>')
-        yield path
-    path = folder / "bulk.pvd"
-    text = "\n".join(lines)
-    path.write_text(f'<VTKFile type="Collection" version="0.1">\n<Collection>\n{text}\n</Collection>\n</VTKFile>\n')
-    yield path
-
-
-def _vectors(values: np.ndarray, vector: bool) -> np.ndarray:
-    """Vectors with three components, as VTK knows them; the one of antiplane is z."""
-    if not vector or values.shape[1] == 3:
-        return values
-    before = 2 if values.shape[1] == 1 else 0
-    return np.pad(values, ((0, 0), (before, 3 - before - values.shape[1])))

@@ -56,8 +56,11 @@ def run(
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate
 
-        told = {} if quiet else {"complete": lambda: _show_summary(out)}
-        simulate(parsed, out, comm, progress=not quiet, resume=resume, **told)
+        def complete() -> None:
+            if not quiet:
+                _show_summary(out)
+
+        simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete)
         if comm.rank == 0 and not quiet:
             _show_pictures(out)
 

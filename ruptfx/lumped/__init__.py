@@ -68,7 +68,7 @@ def variable(dims: object, values: object, units: str, long_name: str) -> tuple[
 
 
 def simulate(
-    model: LumpedModel, out: str | Path, progress: Progress = silent, resume: bool = False
+    model: LumpedModel, out: str | Path, progress: Progress = silent, resume: bool = False, overwrite: bool = False
 ) -> xarray.Dataset:
     """Run a model and write its directory: case, result, figures and, last, the summary that marks it complete.
 
@@ -81,6 +81,8 @@ def simulate(
         See `LumpedModel.run`.
     resume : bool
         Leave a finished run of this model as it is; begin one that was stopped again.
+    overwrite : bool
+        Replace the run that `out` holds, of whatever case.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def simulate(
     if resume and is_finished(out, model):
         return read_result(out)
     with reserved(out):
-        prepare(out, again=model if resume else None)
+        prepare(out, again=model if resume else None, overwrite=overwrite)
         return _run(model, out, progress)
 
 

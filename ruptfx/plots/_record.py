@@ -136,6 +136,7 @@ def is_uneven(record: Record) -> bool:
     return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
 
 
-def has_pictures(record: Record) -> bool:
-    """Whether fields of the bodies were saved, in two dimensions."""
-    return (record.path / "bulk.h5").is_file() and record.bulk["points"].shape[1] == 2
+def has_pictures(record: Record, field: str) -> bool:
+    """Whether a field of the bodies was saved, in two dimensions."""
+    there = (record.path / "bulk.h5").is_file()
+    return there and record.bulk["points"].shape[1] == 2 and field in record.bulk

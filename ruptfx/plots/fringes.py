@@ -79,7 +79,7 @@ def most_fringes(record: Record) -> float:
 
 def suits(record: Record) -> bool:
     """Whether there are fringes, and not too many to be seen."""
-    return has_pictures(record) and 0 < most_fringes(record) < MOST_FRINGES
+    return has_pictures(record, "fringe") and 0 < most_fringes(record) < MOST_FRINGES
 
 
 @styled

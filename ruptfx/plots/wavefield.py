@@ -16,7 +16,7 @@ from ruptfx.record import Record
 
 def suits(record: Record) -> bool:
     """Whether there are pictures of the bodies."""
-    return has_pictures(record)
+    return has_pictures(record, "velocity")
 
 
 @styled

@@ -49,6 +49,9 @@ _GRID = Template("""\
       <Geometry GeometryType="$geometry">
         <DataItem Dimensions="$points $dim" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/points</DataItem>
       </Geometry>
+      <Attribute Name="body" AttributeType="Scalar" Center="Node">
+        <DataItem Dimensions="$points" NumberType="Int" Format="HDF">bulk.h5:/body</DataItem>
+      </Attribute>
 $attributes
     </Grid>
 """)
@@ -56,7 +59,7 @@ _ATTRIBUTE = Template("""\
       <Attribute Name="$name" AttributeType="Scalar" Center="Node">
         <DataItem ItemType="HyperSlab" Dimensions="$points" Type="HyperSlab">
           <DataItem Dimensions="3 $rank" Format="XML">$start $stride $count</DataItem>
-          <DataItem Dimensions="$total" NumberType="Float" Precision="8" Format="HDF">bulk.h5:/$field</DataItem>
+          <DataItem Dimensions="$total" NumberType="Float" Precision="$bytes" Format="HDF">bulk.h5:/$field</DataItem>
         </DataItem>
       </Attribute>""")
 
@@ -83,6 +86,8 @@ class BulkFields:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self._fields = [name for name in _UNITS if name in model.case.output.bulk_fields]
+        self._type = np.dtype({"double": "f8", "single": "f4"}[model.case.output.bulk_precision])
         self.initial_stress, self.initial_stress_from = self._initial_stress()
         self._stress_forms: list[Any] | None = None
 
@@ -129,7 +134,7 @@ class BulkFields:
         model = self.model
         nodes, (_, self._dim) = model.total_nodes, topology.points.shape
         self._out, self._cells = out, (topology.number_of_cells, topology.cells.shape[1])
-        self._file = file = SharedFile(model.comm, out / "bulk.h5")
+        self._file = file = SharedFile(model.comm, out / "bulk.h5", model.case.output.bulk_compression)
         file.write("points", topology.points, nodes, units="m")
         file.write("cells", topology.cells, topology.number_of_cells, units="1")
         file.write("body", topology.body, nodes, units="1")
@@ -138,6 +143,7 @@ class BulkFields:
             file.whole.attrs["bodies"] = model.bodies.names
             file.whole.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
             file.whole.attrs["initial_stress"] = self.initial_stress_from
+            file.whole.attrs["initial_stress_values"] = self.initial_stress
         file.flush()
 
     def restore(self, saved: Path) -> None:
@@ -145,7 +151,7 @@ class BulkFields:
         with h5py.File(saved, locking=False) as file:
             for row, time in enumerate(file["time"][:]):
                 here = self.model.layout.slabs.here
-                self.append(float(time), {name: file[name][row, here] for name in _UNITS})
+                self.append(float(time), {name: file[name][row, here] for name in self._fields})
 
     def settle(self) -> list[Path]:
         """What this rank has written, which may then be copied."""
@@ -154,13 +160,21 @@ class BulkFields:
         return [*self._file.paths, *[descriptor] * (self._file.whole is not None and descriptor.exists())]
 
     def gather(self, state: State) -> dict[str, np.ndarray]:
-        """All fields at the points of this rank's slab; collective."""
+        """The fields that are wanted, at the points of this rank's slab; collective."""
         model, c = self.model, self.model.components
         _, displacement = state.at_velocity()
-        stress = self._stress(displacement)
-        columns = np.column_stack([state.velocity.reshape(-1, c), displacement.reshape(-1, c), stress])
-        velocity, displacement, stress = np.split(model.layout.collect(columns.ravel()), [c, 2 * c], axis=1)
-        return {"velocity": velocity, "displacement": displacement, "stress": stress, "fringe": fringe(stress)}
+        found = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}
+        found = {name: values for name, values in found.items() if name in self._fields}
+        if {"stress", "fringe"} & set(self._fields):
+            found["stress"] = self._stress(displacement)
+        ends = np.cumsum([values.shape[1] for values in found.values()])
+        rows = model.layout.collect(np.column_stack(list(found.values())).ravel())
+        found = dict(zip(found, np.split(rows, ends[:-1], axis=1), strict=True))
+        if "fringe" in self._fields:
+            from ruptfx.analysis.photoelasticity import difference_of
+
+            found["fringe"] = difference_of(found["stress"])
+        return {name: found[name].astype(self._type, copy=False) for name in self._fields}
 
     def append(self, time: float, fields: dict[str, np.ndarray]) -> None:
         """Write this rank's part of one snapshot."""
@@ -255,7 +269,7 @@ class BulkFields:
                     attributes.append(_ATTRIBUTE.substitute(
                         name=f"{field}{label}", points=points, rank=len(whole), start=start,
                         stride=" ".join("1" * len(whole)),
-                        count=count, total=" ".join(map(str, whole)), field=field,
+                        count=count, total=" ".join(map(str, whole)), field=field, bytes=self._type.itemsize,
                     ))  # fmt: skip
             grids.append(_GRID.substitute(
                 time=repr(float(time)), shape=shape, cells=cells, corners=corners, points=points, dim=dim,
@@ -309,12 +323,3 @@ def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: 
     local = np.diag([-pressure] + [0.0] * (len(frame) - 1))
     local[0, 1:] = local[1:, 0] = shear
     return frame.T @ local @ frame
-
-
-def fringe(stress: np.ndarray) -> np.ndarray:
-    """sigma_1 - sigma_2 in the plane of x and y [Pa]; in antiplane twice the shear stress."""
-    if stress.shape[1] == 2:
-        return 2 * np.hypot(stress[:, 0], stress[:, 1])
-    from ruptfx.analysis.photoelasticity import principal_difference
-
-    return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])

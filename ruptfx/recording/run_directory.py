@@ -39,12 +39,13 @@ def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
     return parallel.on_root(comm, lambda: directories.is_finished(out, case))
 
 
-def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None) -> None:
-    """Refuse a reserved directory that is not empty, unless it holds the beginning of the case `again`; collective.
+def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None, overwrite: bool = False) -> None:
+    """Refuse a reserved directory that is not empty, unless it holds the beginning of the case `again`, or any run
+    that is to be overwritten; collective.
 
     Raises
     ------
     RuptfxError
         On all ranks: the directory holds something else already, or what is there cannot be removed.
     """
-    parallel.on_root(comm, lambda: directories.prepare(out, again))
+    parallel.on_root(comm, lambda: directories.prepare(out, again, overwrite))

@@ -28,6 +28,8 @@ class SharedFile:
     comm : MPI communicator
     path : Path
         The file; it and its parts are made anew.
+    compression : int
+        Of what is appended: level of gzip, 0 for none.
 
     Attributes
     ----------
@@ -37,7 +39,8 @@ class SharedFile:
         What this rank writes.
     """
 
-    def __init__(self, comm: Comm, path: Path) -> None:
+    def __init__(self, comm: Comm, path: Path, compression: int = 0) -> None:
+        self._filters = {"compression": compression, "shuffle": True} if compression else {}
         self._alone, self._size = comm.size == 1, comm.size
         self._names = [f"{path.stem}.{rank}{path.suffix}" for rank in range(comm.size)]
         part = path if self._alone else path.with_name(self._names[comm.rank])
@@ -58,7 +61,8 @@ class SharedFile:
         """One more moment of such a data set."""
         if name not in self._part:
             shape = slab.shape
-            self._part.create_dataset(name, (0, *shape), slab.dtype, maxshape=(None, *shape), chunks=(1, *shape))
+            chunks = {"maxshape": (None, *shape), "chunks": (1, *shape)}
+            self._part.create_dataset(name, (0, *shape), slab.dtype, **chunks, **self._filters)
             self._show(name, slab, total, True, attributes)
         data = self._part[name]
         data.resize(len(data) + 1, axis=0)

@@ -17,8 +17,8 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from ruptfx import Table
-from ruptfx.case import Case, override, parse_case, read_toml, set_key
-from ruptfx.schema import CaseError, CasePath, Name, Part, nearest
+from ruptfx.case import Case, override, parse_case, read_toml
+from ruptfx.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of
 from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Axis(Part):
     label: str = ""
     """How figures call it."""
     unit: str = "1"
-    """Of the values, for figures."""
+    """Of the values, for figures; without it, that of the key."""
     values: Annotated[list[Any], Field(min_length=1)] | None = None
     """The values, of any type the key takes."""
     labels: list[str] | list[float] | None = None
@@ -333,7 +333,34 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     except ValidationError as error:
         lines = str(CaseError.from_validation(error)).splitlines()
         raise CaseError("\n".join(f"{path}: {line}" for line in lines)) from None
-    return study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}}) if changes else study
+    if changes:
+        study = study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}})
+    return _with_units(study)
+
+
+def _with_units(study: Study) -> Study:
+    """The same with the unit of its key for every axis that names none; as it is where its first point is refused."""
+    try:
+        case = study.point(next(study.combinations())).case
+    except CaseError:  # whoever asks for the points is told
+        return study
+    units = [axis.unit if axis.unit != "1" or axis.labels else _unit_of_key(case, axis.keys[0]) for axis in study.axes]
+    axes = [axis.model_copy(update={"unit": unit}) for axis, unit in zip(study.axes, units, strict=True)]
+    return study.model_copy(update={"axes": axes})
+
+
+def _unit_of_key(case: Part, key: str) -> str:
+    """Unit of a dotted key of a case; 1 where it leads to no number of a part."""
+    *parents, last = key.split(".")
+    node: Any = case
+    for name in parents:
+        if isinstance(node, Mapping):
+            node = node.get(name)
+        elif isinstance(node, list):
+            node = node[int(name)]
+        else:
+            node = getattr(node, name, None)
+    return unit_of(type(node), last) if isinstance(node, Part) and last in type(node).model_fields else "1"
 
 
 def _astray(key: str, table: object) -> str:

@@ -1,7 +1,8 @@
 """The map of a study: its mode over two axes, with speeds, slip and energy beside it; as a figure and as a page.
 
-The page is one file without links, so that it works from a disk or an attachment: a pointer over a point shows its
-numbers, a click its pictures and its summary, and buttons change what the colour means.
+The page is one file that needs no other, so that it works from a disk or an attachment: a pointer over a point shows
+its numbers, a click its pictures, its summary and the command that runs it again, and buttons change what the colour
+means. Only the link to the files of a point needs the study directory around it.
 """
 
 from __future__ import annotations
@@ -272,14 +273,18 @@ def _cells(ax: Axes, shown: Map, rows: Sequence[Row], values: Sequence[object] |
 
 
 def _edges(values: np.ndarray, logarithmic: bool) -> np.ndarray:
-    """Half-way between neighbours; the outer cells are symmetric."""
+    """Half-way between neighbours; the outer cells are symmetric, but none of positive values reaches below zero."""
     v = np.log(values) if logarithmic else values
     if len(v) == 1:
         edges = np.array([v[0] - 0.5, v[0] + 0.5])
     else:
         mid = (v[1:] + v[:-1]) / 2
         edges = np.concatenate([[2 * v[0] - mid[0]], mid, [2 * v[-1] - mid[-1]]])
-    return np.exp(edges) if logarithmic else edges
+    if logarithmic:
+        return np.exp(edges)
+    if values[0] >= 0:
+        edges[0] = max(edges[0], 0.0)
+    return edges
 
 
 def _draw_modes(ax: Axes, shown: Map, rows: Sequence[Row]) -> None:
@@ -372,13 +377,22 @@ def page(shown: Map) -> str:
 def _page_point(shown: Map, row: Row) -> Table:
     x, y = _coordinates(shown, [row])
     directory = shown.directory / "points" / str(row["point"])
-    saved = {name: directory / f"{name}.png" for name in PICTURES}
+    saved = {name: directory / f"{name}.webp" for name in PICTURES}
     pictures = {name: base64.b64encode(f.read_bytes()).decode() for name, f in saved.items() if f.is_file()}
     return {
         "x": float(x[0]), "y": float(y[0]), "mode": shown.mode(row), "doubtful": shown.doubtful(row),
         "row": {key: _json(value) for key, value in row.items() if value is not None},
-        "pictures": pictures,
+        "pictures": pictures, "command": _command(shown, row),
     }  # fmt: skip
+
+
+def _command(shown: Map, row: Row) -> str:
+    """Runs a point again, in the study directory; empty where its case is not there."""
+    case = Path("points", str(row["point"]), "case.toml")
+    if not (shown.directory / case).is_file():
+        return ""
+    figures = " --set output.figures=true" if "[output]" in (shown.directory / case).read_text(encoding="utf-8") else ""
+    return f"ruptfx run {case} --out runs/{row['point']}{figures}"
 
 
 def _json(value: object) -> object:

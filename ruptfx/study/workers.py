@@ -14,6 +14,8 @@ import threading
 import time
 from pathlib import Path
 
+import tomli_w
+
 from ruptfx import RuptfxError, Table, launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
@@ -116,6 +118,7 @@ def run_point(
         message = f"{here}: a worker cannot write there ({error.strerror}): is it on a shared file system?"
         raise RuptfxError(message) from None
     began = time.perf_counter()
+    _save_case(table, directory)
     try:
         result = _on_child(ranks, {"case": table, "directory": str(directory), "keep": keep}, time_limit)
     except ChildError as error:
@@ -124,6 +127,13 @@ def run_point(
         shutil.rmtree(directory, ignore_errors=True)
         raise RuptfxError(result.get("error", "the study is stopping"))
     return commit(here, point, directory, {**result, "seconds": time.perf_counter() - began})
+
+
+def _save_case(table: Table, directory: Path) -> None:
+    """The case of a point, so that it can be run again by itself; its plug-ins are those of the study."""
+    named = [os.path.relpath(path, directory) for path in table.get("plugins", [])]
+    whole = {**table, "plugins": named} if named else table
+    (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
 
 
 def _on_child(ranks: int, job: Table, time_limit: float | None) -> Result:

@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import tomli_w
@@ -142,11 +143,61 @@ def test_export_vtk(runs: Path, tmp_path: Path) -> None:
     assert ruptfx("export", runs / "one", "--format", "vtk", "--out", tmp_path).exit_code == 0
     files = sorted(tmp_path.glob("*.vtu"))
     with Record(runs / "one") as record:
-        last, snapshot = meshio.read(files[-1]), record.bulk.isel(time=-1)
-        assert len(files) == record.bulk.sizes["time"]
+        first, last, snapshot = meshio.read(files[0]), meshio.read(files[-1]), record.bulk.isel(time=-1)
+        assert len(files) == record.bulk.sizes["time"] + 1  # the initial state, too
         np.testing.assert_array_equal(last.point_data["velocity"][:, :2], snapshot.velocity)
         assert last.point_data["velocity"].shape[1] == 3 and not last.point_data["velocity"][:, 2].any()
         assert f'timestep="{float(snapshot.time)!r}" file="{files[-1].name}"' in (tmp_path / "bulk.pvd").read_text()
+        # xx, yy, zz, xy, yz, xz; the plates are pressed with 6 MPa, and zz is none of the fields of a run.
+        np.testing.assert_array_equal(last.point_data["stress"][:, [0, 1, 3]], snapshot.stress)
+        np.testing.assert_allclose(first.point_data["stress"][0], [0, -6e6, np.nan, 0, np.nan, np.nan], atol=1e-3)
+        np.testing.assert_allclose(first.point_data["fringe"], 6e6)
+        assert not first.point_data["displacement"].any() and not first.point_data["velocity"].any()
+        # The upper plate is body 0, above y = 0.
+        middle = first.points[first.cells[0].data].mean(axis=1)
+        np.testing.assert_array_equal(first.cell_data["body"][0] == 0, middle[:, 1] > 0)
+
+
+def test_export_vtkhdf(runs: Path, tmp_path: Path) -> None:
+    """Read as VTK does: rows of a field from its offset at every step."""
+    assert ruptfx("export", runs / "one", "--format", "vtkhdf", "--out", tmp_path).exit_code == 0
+    with h5py.File(tmp_path / "bulk.vtkhdf") as file, Record(runs / "one") as record:
+        root, bulk = file["VTKHDF"], record.bulk
+        assert root.attrs["Type"] == b"UnstructuredGrid" and list(root.attrs["Version"]) == [2, 0]
+        np.testing.assert_array_equal(root["Steps/Values"], [0, *bulk.time.values])
+        points, cells = int(root["NumberOfPoints"][0]), int(root["NumberOfCells"][0])
+        assert len(root["Offsets"]) == cells + 1 and root["Offsets"][-1] == len(root["Connectivity"]) == 4 * cells
+        for number in range(bulk.sizes["time"]):
+            begin = root["Steps/PointDataOffsets/displacement"][number + 1]
+            rows = root["PointData/displacement"][begin : begin + points]
+            np.testing.assert_array_equal(rows[:, :2], bulk.displacement.isel(time=number))
+    with h5py.File(tmp_path / "main.vtkhdf") as file, Record(runs / "one") as record:
+        root, data = file["VTKHDF"], record.interface
+        assert set(root["Types"]) == {3} and len(root["Types"]) == data.sizes["position"] - 1  # lines
+        np.testing.assert_array_equal(root["Points"][:, 0], data.x)
+        np.testing.assert_array_equal(root["PointData/slip_rate"][:].reshape(data.slip_rate.shape), data.slip_rate)
+
+
+def test_vtk_reads_it(runs: Path, tmp_path: Path) -> None:
+    reading = pytest.importorskip("vtkmodules.vtkIOHDF")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    assert ruptfx("export", runs / "one", "--format", "vtkhdf", "--out", tmp_path).exit_code == 0
+    with Record(runs / "one") as record:
+        for name, data, field in (("bulk", record.bulk, "velocity"), ("main", record.interface, "slip_rate")):
+            reader = reading.vtkHDFReader()
+            reader.SetFileName(str(tmp_path / f"{name}.vtkhdf"))
+            reader.UpdateInformation()
+            steps = reader.GetNumberOfSteps()
+            assert steps == data.sizes["time"] + (name == "bulk")
+            reader.SetStep(steps - 1)
+            reader.Update()
+            grid = reader.GetOutput()
+            read = vtk_to_numpy(grid.GetPointData().GetArray(field))
+            expected = data[field].isel(time=-1).values
+            np.testing.assert_array_equal(read[:, : expected.shape[1]] if expected.ndim == 2 else read, expected)
+            assert grid.GetNumberOfCells() > 0
+        assert read.ndim == 1
 
 
 def test_a_finished_run_is_extended(runs: Path, tmp_path: Path) -> None:

@@ -51,6 +51,38 @@ def test_the_log_is_that_of_the_run_while_it_lasts(tmp_path, caplog):
     assert "after the run" not in (tmp_path / "run" / "run.log").read_text()
 
 
+def test_snapshots_hold_what_is_asked_for_in_the_space_that_is_asked_for(tmp_path):
+    """The same numbers in half the space, and compressed in less; what is not asked for is neither there nor drawn."""
+    keys = {"duration": 4e-6, "output.bulk_interval": 1e-6, "output.checkpoint_steps": 30}
+    plain = case(keys)
+    small = case({
+        **keys, "output.bulk_fields": ["stress", "displacement"], "output.bulk_precision": "single",
+        "output.bulk_compression": 4, "output.figures": True, "output.plate_thickness": 5e-3,
+        "materials.default.fringe_constant": 22e3,
+    })  # fmt: skip
+    one = simulate(plain, tmp_path / "plain", progress=False)
+    with one, simulate(small, tmp_path / "small", progress=False) as other:
+        assert {"velocity", "fringe"} & set(other.bulk) == set()
+        for name in ("stress", "displacement"):
+            assert other.bulk[name].dtype == np.float32
+            np.testing.assert_array_equal(other.bulk[name], one.bulk[name].values.astype(np.float32))
+        drawn = {path.stem for path in other.figures}
+        assert "space_time" in drawn and not {"wavefield", "fringes"} & drawn
+    with h5py.File(tmp_path / "small" / "bulk.h5") as file:
+        stress = file["stress"]
+        assert (stress.compression, stress.compression_opts) == ("gzip", 4)
+        assert stress.id.get_storage_size() < 0.6 * stress.size * 4
+    assert 'Precision="4"' in (tmp_path / "small" / "bulk.xdmf").read_text()
+    # A checkpoint has them as they are, and goes on.
+    import shutil
+
+    shutil.copytree(tmp_path / "small", tmp_path / "stopped")
+    (tmp_path / "stopped" / "summary.json").unlink()
+    again = simulate(small, tmp_path / "stopped", progress=False, resume=True)
+    with again, h5py.File(tmp_path / "small" / "bulk.h5") as file:
+        np.testing.assert_array_equal(again.bulk["stress"], file["stress"])
+
+
 def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
     """What fails while figures are drawn takes nothing away: the summary is there, and was told."""
     from ruptfx import RuptfxError, plots

@@ -69,6 +69,7 @@ def page(tmp_path_factory) -> Path:
 
 def made(out: Path, text: str) -> Path:
     """A study directory by construction: 24 points, one failed; pictures of a single colour."""
+    out.mkdir(exist_ok=True)
     (out / "study.toml").write_text(text)
     study = read_study(out / "study.toml")
     known = []
@@ -86,7 +87,8 @@ def made(out: Path, text: str) -> Path:
         directory = out / "points" / point.hash
         directory.mkdir(parents=True)
         for name in ("space_time", "wavefield"):
-            Image.new("RGB", (40, 20), "red").save(directory / f"{name}.png")
+            Image.new("RGB", (40, 20), "red").save(directory / f"{name}.webp")
+        (directory / "case.toml").write_text("[output]\nfigures = false\n")
     write_csv(out / "table.csv", rows(study, known, {}))
     write_json(out / "study.json", {"study": study.model_dump(mode="json", exclude_none=True)})
     paths = mode_map.save(out)
@@ -114,6 +116,23 @@ def test_what_is_not_resolved_has_a_colour_of_its_own_and_no_speed(page):
     speeds = next(ax for ax in figure.axes if ax.collections and ax.get_title() == "A" and ax.get_facecolor()[0] < 1)
     # Of the three compressions those at 8 m/s, and the failed point, have no speed.
     assert np.ma.count(np.ma.masked_invalid(speeds.collections[0].get_array())) == 3 * 4 - 3 - 1
+
+
+def test_no_cell_reaches_below_zero(page):
+    """Speeds of 2 to 8 m/s in steps of 2: the first cell ends at 1 m/s. Of 1, 10 and 40 at 0 instead of -3.5."""
+    np.testing.assert_allclose(mode_map._edges(np.array([2.0, 4.0, 8.0]), False), [1, 3, 6, 10])
+    np.testing.assert_allclose(mode_map._edges(np.array([1.0, 10.0, 40.0]), False), [0, 5.5, 25, 55])
+    np.testing.assert_allclose(mode_map._edges(np.array([-1.0, 10.0]), False), [-6.5, 4.5, 15.5])
+    np.testing.assert_allclose(mode_map._edges(np.array([0.2]), False), [0, 0.7])
+
+
+def test_axes_without_a_unit_have_that_of_their_key(tmp_path):
+    bare = STUDY.replace('unit = "Pa"\n', "").replace('unit = "m/s"\n', "")
+    assert bare != STUDY
+    (tmp_path / "study.toml").write_text(bare)
+    assert [axis.unit for axis in read_study(tmp_path / "study.toml").axes] == ["Pa", "m/s", "1"]
+    labels = [ax.get_ylabel() for ax in mode_map.draw(mode_map.read_map(made(tmp_path / "out", bare).parent)).axes]
+    assert "Impact speed (m/s)" in labels
 
 
 def test_antiplane_maps_compare_with_the_shear_wave(page):
@@ -217,6 +236,16 @@ def test_hover_click_and_toggle(page, tmp_path):
         fills = "[...document.querySelectorAll('#map .point')].map(n => n.getAttribute('fill'))"
         modes = await tab.value(fills)
         assert len(set(modes)) == 3  # crack, pulse, failed
+
+        # Before the first click: the point of the mark, 4 MPa and 4 m/s, with its pictures and how to run it again.
+        heading = "document.querySelector('#detail h2').textContent"
+        assert "Compression 4 MPa, Impact speed 4 m/s" in await tab.value(heading)
+        assert await tab.value("document.querySelectorAll('#detail img').length") == 2
+        point = await tab.value("chosen.row.point")
+        again = await tab.value("document.querySelector('.again').textContent")
+        assert f"ruptfx run points/{point}/case.toml --out runs/{point} --set output.figures=true" in again
+        link = await tab.value("document.querySelector('.again a').href")
+        assert link == f"{page.parent.as_uri()}/points/{point}/" and (page.parent / "points" / point).is_dir()
 
         # A pointer over the last point: 16 MPa, 8 m/s.
         last = "#map .point:nth-of-type(12)"
