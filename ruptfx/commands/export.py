@@ -31,8 +31,11 @@ def export(
     format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk or vtkhdf.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
 ) -> None:
-    """Write a run for other programs: interfaces as tables (csv), all as NetCDF, snapshots of the bodies as VTU files
-    (vtk), or bodies and interfaces with all times as VTKHDF."""
+    """Write a run for other programs.
+
+    csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
+    bodies and interfaces with all their times, for ParaView.
+    """
     with reported():
         from ruptfx import vtk_files
         from ruptfx.record import Record

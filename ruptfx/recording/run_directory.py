@@ -40,8 +40,9 @@ def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
 
 
 def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None, overwrite: bool = False) -> None:
-    """Refuse a reserved directory that is not empty, unless it holds the beginning of the case `again`, or any run
-    that is to be overwritten; collective.
+    """Refuse a reserved directory that is not empty; collective.
+
+    Unless it holds the beginning of the case `again`, or any run that is to be overwritten.
 
     Raises
     ------
