@@ -12,13 +12,12 @@ the residual of the whole system decides, and is brought down once more if it mu
 interfaces, too.
 
 Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised where they are small; larger ones are solved by
-GMRES, preconditioned point by point or, where that is too slow, by the factors of an iteration before.
+GMRES, preconditioned by their diagonal or, where that is too slow, by the factors of an iteration before.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -234,6 +233,7 @@ class _Changes:
 
     def __init__(self, matrix: np.ndarray) -> None:
         self._matrix = matrix
+        self._rows = np.zeros(0, dtype=np.int64)
         self._factors: tuple[np.ndarray, np.ndarray] | None = None
 
     def solve(self, slope: np.ndarray, f: np.ndarray) -> np.ndarray:
@@ -246,31 +246,33 @@ class _Changes:
         f : ndarray, shape (points, local)
             [m]
         """
-        shape, n, matrix = f.shape, f.size, self._matrix
+        # y = D de: rows of D that are zero, as where points stick, drop out of (1 + D S) y = -D f.
+        rows, y = np.flatnonzero(np.any(slope != 0, axis=2)), np.zeros(f.size)
+        right = -np.einsum("pij,pj->pi", slope, f).ravel()[rows]
+        point, component = np.divmod(rows, f.shape[1])
+        whole = np.eye(len(rows))
+        for k, factor in enumerate(slope[point, component].T):
+            if np.any(factor):
+                whole += factor[:, None] * self._matrix[np.ix_(point * f.shape[1] + k, rows)]
+        if not np.array_equal(rows, self._rows):
+            self._rows, self._factors = rows, None
+        y[rows] = self._solve(whole, right)
+        return np.asarray(-f - (self._matrix @ y).reshape(f.shape))
 
-        def stressed(y: np.ndarray) -> np.ndarray:
-            return np.einsum("pij,pj->pi", slope, y.reshape(shape)).ravel()
+    def _solve(self, whole: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """By iterations, preconditioned row by row or by the factors of an earlier matrix; by factors of this one where
+        that takes no longer."""
+        if len(right) > SMALL:
+            last, diagonal = self._factors, np.diagonal(whole)
 
-        # y = D de: points that stick, where D is zero, drop out of (1 + D S) y = -D f.
-        y, right, failed = np.zeros(n), -stressed(f.ravel()), True
-        if n > SMALL:
-            product = LinearOperator((n, n), lambda y: y + stressed(matrix @ y), dtype=float)
-            inverse = LinearOperator((n, n), self._inverse(slope), dtype=float)
-            y, failed = gmres(product, right, M=inverse, rtol=INEXACT, restart=MAX_KRYLOV, maxiter=1)
-        if failed:
-            whole = np.einsum("pij,pjm->pim", slope, matrix.reshape(*shape, n)).reshape(n, n)
-            whole[np.diag_indices(n)] += 1.0
-            self._factors = lu_factor(whole, overwrite_a=True, check_finite=False)
-            y = lu_solve(self._factors, right, check_finite=False)
-        return np.asarray(-f - (matrix @ y).reshape(shape))
+            def inverse(y: np.ndarray) -> np.ndarray:
+                return np.asarray(y / diagonal if last is None else lu_solve(last, y, check_finite=False))
 
-    def _inverse(self, slope: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """What preconditions: the factors of an earlier iteration, without them every point by itself."""
-        if self._factors is not None:
-            factors = self._factors
-            return lambda y: np.asarray(lu_solve(factors, y, check_finite=False))
-        points, local = slope.shape[:2]
-        here = np.arange(points)
-        own = self._matrix.reshape(points, local, points, local)[here, :, here, :]
-        blocks = np.linalg.inv(np.eye(local) + slope @ own)
-        return lambda y: np.einsum("pij,pj->pi", blocks, y.reshape(points, local)).ravel()
+            found, failed = gmres(
+                whole, right, M=LinearOperator(whole.shape, inverse, dtype=float), rtol=INEXACT, restart=MAX_KRYLOV,
+                maxiter=1,
+            )  # fmt: skip
+            if not failed:
+                return np.asarray(found)
+        self._factors = lu_factor(whole, overwrite_a=True, check_finite=False)
+        return np.asarray(lu_solve(self._factors, right, check_finite=False))

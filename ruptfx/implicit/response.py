@@ -73,6 +73,7 @@ class FaultResponse:
         self._library = self._code.compile("response", "implicit/response.c", known, macros, slopes)
         self._times, self._result = np.zeros(7), np.zeros(2 + len(FAILURE))
         self._times[5] = threshold
+        self._state: FaultState | None = None
 
     def __call__(
         self,
@@ -120,7 +121,9 @@ class FaultResponse:
             self.radiation, np.linalg.norm(fault.components(guess or state, "mean_slip_rate"), axis=1), code.fixed,
             code.numbers,
         )  # fmt: skip
-        tables = code.table(state), code.table(new)
+        if self._state is not state:  # the arrays of a run keep their place
+            self._state, self._table = state, code.table(state)
+        tables = self._table, code.table(new)
         pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *given)]
         results = [ctypes.c_void_p(array.ctypes.data) for array in (change, tangent, self._result)]
         self._library.respond(ctypes.c_long(n), *pointers, *map(ctypes.byref, tables), *results)
