@@ -100,8 +100,10 @@ class Compliance:
     ----------
     stuck : ndarray, shape (points, local, local)
         k of all points.
-    matrix : ndarray, shape (points * local, points * local)
-        S: displacement jump per traction [m/Pa].
+    blocks : ndarray, shape (local, local, points, points)
+        S: component of displacement jump per component of traction [m/Pa].
+    own : ndarray, shape (points, local, local)
+        S of each point on itself.
     """
 
     def __init__(
@@ -125,7 +127,8 @@ class Compliance:
         self._pc.setUp()
         self._factors = self._pc.getFactorMatrix()
         self._right, self._left = tangent.matrix.createVecLeft(), tangent.matrix.createVecRight()
-        self.matrix = self._assemble()
+        self.blocks = self._assemble()
+        self.own = np.moveaxis(np.diagonal(self.blocks, axis1=2, axis2=3), 2, 0)
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """A^-1 force at every local degree of freedom [m], zero where the motion is prescribed; collective.
@@ -143,21 +146,25 @@ class Compliance:
 
     def jumps_under(self, traction: np.ndarray) -> np.ndarray:
         """S traction [m], both of shape (points, local)."""
-        return (self.matrix @ traction.ravel()).reshape(traction.shape)
+        jumps = np.zeros(traction.shape[::-1])
+        for k, component in enumerate(traction.T):
+            if np.any(component):
+                jumps += self.blocks[:, k] @ component
+        return jumps.T
 
     def _assemble(self) -> np.ndarray:
         """S, from as many right-hand sides as needed; collective."""
         jumps = self._jumps
         points = jumps.gather({fault.name: fault.interface.points for fault in self._model.faults})
         distance = cdist(points, points)
-        result = np.zeros((jumps.points, jumps.local, jumps.points, jumps.local))
+        result = np.zeros((jumps.local, jumps.local, jumps.points, jumps.points))
         for groups in batches(apart(distance, 2 * self._reach(distance)), max(1, COLUMNS // jumps.local)):
             answered = self._answer(groups)
             for column, group in enumerate(groups):
                 # Members of a group are so far apart that a jump is due to the nearest one alone.
                 nearest = group[np.argmin(distance[:, group], axis=1)]
-                result[np.arange(jumps.points), :, nearest, :] = answered[:, :, column, :]
-        return result.reshape(jumps.points * jumps.local, -1)
+                result[:, :, np.arange(jumps.points), nearest] = np.moveaxis(answered[:, :, column, :], 0, 2)
+        return result
 
     def _reach(self, distance: np.ndarray) -> float:
         """How far a traction is felt [m], by those of a few points; collective."""

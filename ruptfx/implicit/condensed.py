@@ -44,6 +44,7 @@ MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
 SMALL = 500  # unknowns up to which a factorisation takes next to no time
 MAX_KRYLOV = 30  # iterations from which on it takes less than they do
+ROUNDING = 8 * np.finfo(float).eps
 INEXACT = 1e-3  # of its right-hand side is left of a linear system: Newton's iteration is hardly slower for it
 
 
@@ -151,20 +152,23 @@ class Condensed:
         jumps, stuck = self._jumps, compliance.stuck
         start = jumps.of(step.displacement)
         begin = self._gather(step)
-        changes = _Changes(compliance.matrix)
+        changes = _Changes(compliance)
         enough = 0.01 * step.enough(TOLERANCE)
 
         def guess(e: np.ndarray, t: _Tractions | None) -> _Guess | None:
             if t is None:
                 return None
-            q = t.value - begin.value - np.einsum("pij,pj->pi", stuck, e)
+            held = _times(stuck, e)
+            q = t.value - begin.value - held
+            # What only rounding makes of tractions that follow the jump costs no product.
+            q[np.abs(q) <= ROUNDING * (np.abs(t.value) + np.abs(begin.value) + np.abs(held))] = 0.0
             return _Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
 
         now = guess(np.zeros_like(driven), begin)
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
                 # Upper bound of the forces left if jumps changed by -missing: none is stiffer than a stuck one.
-                left = self._weight[:, None] * np.einsum("pij,pj->pi", stuck, now.missing)
+                left = self._weight[:, None] * _times(stuck, now.missing)
                 # Ranks compute the same, but not to the last bit: all decide by the numbers of rank 0.
                 forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(now.missing))))
                 self.history.append(forces)
@@ -231,9 +235,9 @@ class _Changes:
     Made anew for every step, so that a step does not depend on those before it.
     """
 
-    def __init__(self, matrix: np.ndarray) -> None:
-        self._matrix = matrix
-        self._rows = np.zeros(0, dtype=np.int64)
+    def __init__(self, compliance: Compliance) -> None:
+        self._compliance = compliance
+        self._active = np.zeros((0, 0), dtype=bool)
         self._factors: tuple[np.ndarray, np.ndarray] | None = None
 
     def solve(self, slope: np.ndarray, f: np.ndarray) -> np.ndarray:
@@ -247,32 +251,48 @@ class _Changes:
             [m]
         """
         # y = D de: rows of D that are zero, as where points stick, drop out of (1 + D S) y = -D f.
-        rows, y = np.flatnonzero(np.any(slope != 0, axis=2)), np.zeros(f.size)
-        right = -np.einsum("pij,pj->pi", slope, f).ravel()[rows]
-        point, component = np.divmod(rows, f.shape[1])
-        whole = np.eye(len(rows))
-        for k, factor in enumerate(slope[point, component].T):
-            if np.any(factor):
-                whole += factor[:, None] * self._matrix[np.ix_(point * f.shape[1] + k, rows)]
-        if not np.array_equal(rows, self._rows):
-            self._rows, self._factors = rows, None
-        y[rows] = self._solve(whole, right)
-        return np.asarray(-f - (self._matrix @ y).reshape(f.shape))
-
-    def _solve(self, whole: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """By iterations, preconditioned row by row or by the factors of an earlier matrix; by factors of this one where
-        that takes no longer."""
+        active, y = np.any(slope != 0, axis=2), np.zeros(f.shape)
+        if not np.array_equal(active, self._active):
+            self._active, self._factors = active, None
+        right, failed = -_times(slope, f)[active], True
         if len(right) > SMALL:
-            last, diagonal = self._factors, np.diagonal(whole)
+            found, failed = self._iterate(slope, right)
+        if failed:
+            self._factors = lu_factor(self._matrix(slope), overwrite_a=True, check_finite=False)
+            found = lu_solve(self._factors, right, check_finite=False)
+        y[active] = found
+        return -f - self._compliance.jumps_under(y)
 
-            def inverse(y: np.ndarray) -> np.ndarray:
-                return np.asarray(y / diagonal if last is None else lu_solve(last, y, check_finite=False))
+    def _iterate(self, slope: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, bool]:
+        """y, and whether it takes too long, by iterations that are preconditioned with the diagonal, or with the
+        factors of an earlier iteration."""
+        active, last, compliance = self._active, self._factors, self._compliance
+        diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[active]
 
-            found, failed = gmres(
-                whole, right, M=LinearOperator(whole.shape, inverse, dtype=float), rtol=INEXACT, restart=MAX_KRYLOV,
-                maxiter=1,
-            )  # fmt: skip
-            if not failed:
-                return np.asarray(found)
-        self._factors = lu_factor(whole, overwrite_a=True, check_finite=False)
-        return np.asarray(lu_solve(self._factors, right, check_finite=False))
+        def product(y: np.ndarray) -> np.ndarray:
+            traction = np.zeros(active.shape)
+            traction[active] = y
+            return y + _times(slope, compliance.jumps_under(traction))[active]
+
+        def inverse(y: np.ndarray) -> np.ndarray:
+            return np.asarray(y / diagonal if last is None else lu_solve(last, y, check_finite=False))
+
+        shape = 2 * right.shape
+        operators = (LinearOperator(shape, function, dtype=float) for function in (product, inverse))
+        found, failed = gmres(next(operators), right, M=next(operators), rtol=INEXACT, restart=MAX_KRYLOV, maxiter=1)
+        return np.asarray(found), bool(failed)
+
+    def _matrix(self, slope: np.ndarray) -> np.ndarray:
+        """1 + D S in the active rows and columns."""
+        point, component = np.nonzero(self._active)
+        whole = np.eye(len(point))
+        for k, i in np.ndindex(slope.shape[1:]):
+            factor, columns = slope[point, component, k], component == i
+            if np.any(factor):
+                whole[:, columns] += factor[:, None] * self._compliance.blocks[k, i][np.ix_(point, point[columns])]
+        return whole
+
+
+def _times(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Of every point, shapes (points, local, local) and (points, local)."""
+    return np.asarray(np.einsum("pij,pj->pi", blocks, vectors))

@@ -134,7 +134,7 @@ def test_points_that_do_not_feel_each_other_share_a_right_hand_side(monkeypatch:
                             or groups)  # fmt: skip
         _, equilibrium = march(model, [dt], True, True)
         (kept,) = equilibrium._solver._kept.values()
-        matrices.append(kept.matrix)
+        matrices.append(kept.blocks)
     assert len(sizes[0]) < 0.7 * len(sizes[1])
     np.testing.assert_allclose(matrices[0], matrices[1], atol=1e-9 * np.abs(matrices[1]).max())
 
