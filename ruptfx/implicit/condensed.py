@@ -264,8 +264,7 @@ class _Changes:
         return -f - self._compliance.jumps_under(y)
 
     def _iterate(self, slope: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, bool]:
-        """y, and whether it takes too long, by iterations that are preconditioned with the diagonal, or with the
-        factors of an earlier iteration."""
+        """y, and whether it takes too long, by GMRES preconditioned with the diagonal or with earlier factors."""
         active, last, compliance = self._active, self._factors, self._compliance
         diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[active]
 
