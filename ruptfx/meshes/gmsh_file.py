@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -19,14 +20,15 @@ from ruptfx.units import Positive
 if TYPE_CHECKING:
     from meshio import Mesh
 
-# meshio name, DOLFINx name, vertices in DOLFINx order, facet name
+# meshio name, DOLFINx name, nodes in DOLFINx order, facet name
 _CELLS = [
     ("hexahedron", "hexahedron", [0, 1, 3, 2, 4, 5, 7, 6], "quad"),
     ("tetra", "tetrahedron", [0, 1, 2, 3], "triangle"),
+    ("quad9", "quadrilateral", [0, 1, 3, 2, 4, 7, 5, 6, 8], "line3"),
     ("quad", "quadrilateral", [0, 1, 3, 2], "line"),
     ("triangle", "triangle", [0, 1, 2], "line"),
 ]
-_DIMENSION = {"hexahedron": 3, "tetra": 3, "quad": 2, "triangle": 2, "line": 1}
+_DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 
 OneOrMore = Annotated[
     list[str], Field(min_length=1), BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
@@ -54,7 +56,8 @@ class GmshFile(MeshSource):
     with `matching = false`, where they like.
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
-    where they cross or branch they are refused.
+    where they cross or branch they are refused. Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
+    outlines with parabolas.
     """
 
     example: ClassVar[str] = (
@@ -71,8 +74,9 @@ class GmshFile(MeshSource):
     """Let a .geo file run commands, write files and read from outside of its directory: it can do what you can."""
 
     def build(self) -> RawMesh:
-        points, cell, cells, bodies, cell_body, named = _read(Path(self.file), self.trust)
-        points = points[:, : 3 if cell in ("hexahedron", "tetrahedron") else 2] * self.scale
+        points, cell, cells, bodies, cell_body, named, middle = _read(Path(self.file), self.trust)
+        dim = 3 if cell in ("hexahedron", "tetrahedron") else 2
+        points = points[:, :dim] * self.scale
         for name, sides in self.interfaces.items():
             _check_names(self.file, name, sides, named, bodies)
         known = Facets(cells, FACETS[cell])
@@ -93,7 +97,7 @@ class GmshFile(MeshSource):
         for name, facets in named.items():
             if self._is_edge(raw, name, found[name], facets):
                 raw.edges[name] = on(facets, found[name][:, 0])
-        return raw
+        return _curved(raw, middle[..., :dim] * self.scale) if middle.shape[1] else raw
 
     def _interface(
         self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
@@ -146,6 +150,24 @@ class GmshFile(MeshSource):
         return bool(outside.all())
 
 
+def _curved(raw: RawMesh, middle: np.ndarray) -> RawMesh:
+    """Second-order cells: with a node on every side, two where bodies were cut apart, and one inside.
+
+    Parameters
+    ----------
+    raw : RawMesh
+        Of the vertices.
+    middle : ndarray, shape (cells, 5, 2)
+        Where these nodes are, in the order of DOLFINx.
+    """
+    sides = np.sort(raw.cells[:, FACETS[raw.cell]], axis=2).reshape(-1, 2)
+    different, first, number = np.unique(sides, axis=0, return_index=True, return_inverse=True)
+    on_sides = len(raw.points) + number.reshape(-1, 4)
+    inside = len(raw.points) + len(different) + np.arange(len(raw.cells))[:, None]
+    points = np.concatenate([raw.points, middle[:, :4].reshape(-1, 2)[first], middle[:, 4]])
+    return replace(raw, points=points, cells=np.concatenate([raw.cells, on_sides, inside], axis=1), order=2)
+
+
 def _place(raw: RawMesh, facet: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in raw.points[facet].mean(axis=0)) + ") m"
 
@@ -187,7 +209,7 @@ def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus:
 
 
 def _read(path: Path, trust: bool) -> tuple[Any, ...]:
-    """Points, cell type, cells, names of the bodies, body of every cell, and the named facets."""
+    """Vertices, cell type, cells, names of bodies, body of every cell, named facets, and the other nodes of cells."""
     import meshio
 
     if not path.exists():
@@ -206,16 +228,21 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     known = [entry for entry in _CELLS if entry[0] in kinds]
     if not known:
         found = ", ".join(sorted(kinds))
-        raise RuptfxError(f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra; it has: {found}")
+        raise RuptfxError(
+            f"{path}: no linear quadrilaterals, triangles, hexahedra or tetrahedra, and no quadrilaterals of nine "
+            f"nodes; it has: {found}"
+        )
     type_, cell, order, facet = known[0]
-    if (cell == "quadrilateral" and "triangle" in kinds) or (cell == "hexahedron" and "tetra" in kinds):
+    mixed = "triangle" if cell == "quadrilateral" else "tetra" if cell == "hexahedron" else None
+    if mixed and any(kind.startswith(mixed) for kind in kinds):
         raise RuptfxError(f"{path}: mixes cell types ({', '.join(sorted(kinds))}); mesh it with one")
     groups = _groups(mesh, type_)
     if not groups:
         raise RuptfxError(
             f"{path}: no physical groups; name the bodies and the interface (Physical Surface, Physical Curve)"
         )
-    all_cells, bodies = mesh.cells_dict[type_][:, order].astype(np.int64), sorted(groups)
+    all_nodes, bodies = mesh.cells_dict[type_][:, order].astype(np.int64), sorted(groups)
+    all_cells, others = np.split(all_nodes, [1 + max(map(max, FACETS[cell]))], axis=1)
     times = np.bincount(np.concatenate(list(groups.values())), minlength=len(all_cells))
     for wrong, what in ((times == 0, "no named body"), (times > 1, "more than one named body")):
         if wrong.any():
@@ -226,9 +253,9 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     used, cells = np.unique(all_cells, return_inverse=True)
     renumber = np.full(len(mesh.points), -1)
     renumber[used] = np.arange(len(used))
-    facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64))
+    facets = mesh.cells_dict.get(facet, np.zeros((0, 2), dtype=np.int64))[:, : len(FACETS[cell][0])]
     named = {name: renumber[np.unique(facets[chosen], axis=0)] for name, chosen in _groups(mesh, facet).items()}
-    return mesh.points[used], cell, cells.reshape(-1, len(order)), bodies, cell_body, named
+    return mesh.points[used], cell, cells.reshape(all_cells.shape), bodies, cell_body, named, mesh.points[others]
 
 
 def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:

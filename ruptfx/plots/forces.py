@@ -45,6 +45,7 @@ def forces(record: Record, window: float | None = None) -> Figure:
     above.plot(time / t_size, mean / f_size, color="#1a1a1a", label="shear force")
     found = drops(time, turned * mean, DROP * typical) if typical > 0 else []
     bends = knees(time, turned * mean, found, BEND * typical) if typical > 0 else []
+    bends = [bend for bend in bends if turned * np.interp(bend.time, time, mean) > DROP * typical]
     for number, drop in enumerate(found):
         above.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
                       label="drops" if number == 0 else None)  # fmt: skip

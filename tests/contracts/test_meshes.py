@@ -67,11 +67,15 @@ every_mesh = pytest.mark.parametrize("mesh", MESHES)
 def interface_of(mesh: str, folder: Path, components: int | None = None) -> tuple[Any, Interface]:
     """Displacement space and first interface; as many components as the mesh has dimensions, or as asked for."""
     make, order, _ = MESHES[mesh]
-    raw = make(folder).build()
+    return interface_in(make(folder), order, components)
+
+
+def interface_in(mesh: MeshSource, order: int, components: int | None = None) -> tuple[Any, Interface]:
+    raw = mesh.build()
     if not raw.interfaces:
         pytest.skip("has no interface")
     name = next(iter(raw.interfaces))
-    bodies = distribute(fem.MPI.COMM_WORLD, make(folder), sliding=raw.facing)
+    bodies = distribute(fem.MPI.COMM_WORLD, mesh, sliding=raw.facing)
     space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
     nodes = Nodes(space, bodies)
     return space, build_sliding(nodes, name, 0.05) if name in raw.facing else build_interface(nodes, name)
@@ -191,6 +195,58 @@ def test_arc_length_and_normal_of_an_inclined_interface(tmp_path: Path) -> None:
     assert face.position[0] == 0 and np.isclose(face.position[-1], 10e-3, rtol=1e-9)
     # Lower is the minus body; turned by 0.6 rad, the normal from minus to plus is (-sin, cos).
     np.testing.assert_allclose(face.frame[:, 0], np.tile([-np.sin(0.6), np.cos(0.6)], (face.total, 1)), atol=1e-9)
+
+
+# Two quarters of a ring between 8 and 10, and 10 and 13 mm, 1 rad wide; they share their nodes, or have their own.
+RING = """
+Mesh.ElementOrder = {order}; own = {own}; t = 1.0;
+Point(1) = {{0, 0, 0}}; Point(2) = {{8, 0, 0}}; Point(3) = {{10, 0, 0}}; Point(4) = {{13, 0, 0}};
+Point(5) = {{8 * Cos(t), 8 * Sin(t), 0}}; Point(6) = {{10 * Cos(t), 10 * Sin(t), 0}};
+Point(7) = {{13 * Cos(t), 13 * Sin(t), 0}};
+Circle(1) = {{2, 1, 5}}; Circle(2) = {{3, 1, 6}}; Circle(3) = {{4, 1, 7}};
+Line(4) = {{2, 3}}; Line(5) = {{5, 6}}; outer = 2; low = 3; high = 6;
+If (own)
+  Point(8) = {{10, 0, 0}}; Point(9) = {{10 * Cos(t), 10 * Sin(t), 0}}; Circle(8) = {{8, 1, 9}};
+  outer = 8; low = 8; high = 9;
+EndIf
+Line(6) = {{low, 4}}; Line(7) = {{high, 7}};
+Curve Loop(1) = {{4, 2, -5, -1}}; Curve Loop(2) = {{6, 3, -7, -outer}};
+Plane Surface(1) = {{1}}; Plane Surface(2) = {{2}};
+Transfinite Curve{{1, 2}} = 5; Transfinite Curve{{outer, 3}} = 5 + 2 * own; Transfinite Curve{{4, 5, 6, 7}} = 3;
+Transfinite Surface{{1, 2}}; Recombine Surface{{1, 2}};
+Physical Surface("inner") = {{1}}; Physical Surface("outer") = {{2}}; Physical Curve("outer.side") = {{3}};
+If (own)
+  Physical Curve("main") = {{2, 8}};
+Else
+  Physical Curve("main") = {{2}};
+EndIf
+"""
+
+
+@pytest.mark.parametrize("own", [0, 1])
+def test_second_order_cells_follow_an_arc(own: int, tmp_path: Path) -> None:
+    """A radius of 10 mm and 1 rad on four elements: chords are together 1 - 0.25^2 / 24 of the arc, parabolas nearly
+    all."""
+    pytest.importorskip("gmsh")
+    for order, length in ((1, 1 - 0.25**2 / 24), (2, 1.0)):
+        path = tmp_path / f"ring_{order}.geo"
+        path.write_text(RING.format(order=order, own=own))
+        sides = {"plus": "outer", "minus": "inner", "matching": not own}
+        mesh = GmshFile.model_validate({"file": str(path), "interfaces": {"main": sides}, "scale": 1e-3})
+        raw = mesh.build()
+        assert raw.order == order and len(np.unique(raw.cells)) == len(raw.points)
+        used = [set(raw.cells[raw.cell_body == body].ravel()) for body in (0, 1)]
+        assert not used[0] & used[1]
+        if own and order == 1:  # the chords of either side cut the other's corners
+            with pytest.raises(RuptfxError, match=r"the bodies overlap by 2\.2"):
+                interface_in(mesh, 4)
+            continue
+        _, face = interface_in(mesh, 4)
+        np.testing.assert_allclose(face.weight.sum(), 10e-3 * length, rtol=1e-4)
+        if order == 2:
+            radial = face.points / np.linalg.norm(face.points, axis=1, keepdims=True)
+            np.testing.assert_allclose(np.linalg.norm(face.points, axis=1), 10e-3, rtol=1e-4)
+            np.testing.assert_allclose(face.frame[:, 0], radial, atol=5e-3)  # from the inner to the outer body
 
 
 def test_arc_length_of_a_wavy_interface(tmp_path: Path) -> None:
