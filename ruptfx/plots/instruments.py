@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Hashable
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -10,6 +13,7 @@ from ruptfx.plots._panels import without
 from ruptfx.record import Record
 
 MOST = 12  # panels that one page takes
+_COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
 
 def suits(record: Record) -> bool:
@@ -42,7 +46,7 @@ def instruments(record: Record) -> Figure:
         size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
         for channel, line in zip(channels, values, strict=True):
             ax.plot(data.time.values / t_size, line / size, label=str(channel).replace("_", " "))
-        ax.set_ylabel(f"{_common(channels)} ({printed})")
+        ax.set_ylabel(f"{_common(channels)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:
             ax.legend(ncols=2 if len(channels) > 3 else 1)
@@ -57,7 +61,7 @@ def instruments(record: Record) -> Figure:
     return figure
 
 
-def _common(channels: list) -> str:  # type: ignore[type-arg]
-    """What the names of the channels begin with, as a label."""
-    words = dict.fromkeys(str(channel).rpartition("_")[0] or str(channel) for channel in channels)
-    return " and ".join(word.replace("_", " ") for word in words).capitalize()
+def _common(channels: list[Hashable]) -> str:
+    """What the channels are called without their components, as a label."""
+    words = list(dict.fromkeys(_COMPONENT.sub("", str(channel)).replace("_", " ") for channel in channels))
+    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + words[-1:]).capitalize()

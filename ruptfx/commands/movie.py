@@ -1,0 +1,38 @@
+"""`ruptfx movie`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ruptfx.commands._shared import reported, screen
+
+
+class Format(StrEnum):  # older Typers know no Literal
+    """Of the file."""
+
+    gif = "gif"
+    mp4 = "mp4"
+
+
+def movie(
+    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    what: Annotated[str, typer.Option(help="fringes, max_shear, slip_rate or velocity.")] = "velocity",
+    format_: Annotated[Format, typer.Option("--format", help="mp4 needs the extra movie, or ffmpeg.")] = Format.gif,
+    out: Annotated[Path | None, typer.Option(help="File; default RUN/figures/WHAT.gif.")] = None,
+    rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Frames per second.")] = 12.0,
+    frames: Annotated[int, typer.Option(min=2, help="Largest number of frames.")] = 200,
+) -> None:
+    """Show a run as a movie: a field of the bodies with the slip rate below it; needs no DOLFINx."""
+    with reported():
+        from ruptfx import movies
+        from ruptfx.progress import Progress
+        from ruptfx.record import Record
+
+        path = out or run / "figures" / f"{what}.{format_}"
+        with Record(run) as record, Progress() as bar:
+            count = movies.save(record, what, path, rate, frames, bar.update)
+        screen.print(f"{path}, {count} frames", soft_wrap=True)

@@ -1,0 +1,26 @@
+"""Isochromatic fringes, dark field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.photoelasticity import intensity
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import Array
+from ruptfx.movies import Film, assumed, bodies
+from ruptfx.plots.fringes import Plates
+from ruptfx.record import Record
+
+
+def fringes(record: Record) -> Film:
+    plates = Plates(record)
+    if plates.missing:
+        raise RuptfxError(f"{record.path}: {' '.join(plates.missing.split())}")
+
+    def light(row: int, raster: Raster) -> Array:
+        return intensity(raster(plates.order(row)))
+
+    label = f"Dark field; {plates.per_fringe()}"
+    film = bodies(record, light, label, "#d9480f", cmap="gray", vmin=0, vmax=1)
+    return replace(film, remark=assumed(record))

@@ -1,0 +1,17 @@
+"""Particle speed in the bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.analysis.raster import Raster
+from ruptfx.figure_style import WAVE_MAP, Array
+from ruptfx.movies import Film, bodies
+from ruptfx.record import Record
+
+
+def velocity(record: Record) -> Film:
+    def speed(row: int, raster: Raster) -> Array:
+        return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
+
+    return bodies(record, speed, "Particle speed (m/s)", "white", cmap=WAVE_MAP, vmin=0)

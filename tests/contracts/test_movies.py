@@ -1,0 +1,79 @@
+"""Every film of `movies/`, found by its name: it moves, says when, and is a file that others open."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import synthetic
+from PIL import Image
+
+from ruptfx import RuptfxError, movies
+from ruptfx.record import Record
+from ruptfx.schema import own_kinds
+
+TIME, POSITION = synthetic.times(61), synthetic.points(10)
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    path = tmp_path_factory.mktemp("runs") / "crack"
+    with Record(synthetic.write_run(path, synthetic.crack(TIME, POSITION), TIME, POSITION)) as record:
+        yield record
+
+
+@pytest.mark.parametrize("what", own_kinds("ruptfx.movies"))
+def test_every_film(what, record, tmp_path):
+    told = []
+    count = movies.save(record, what, tmp_path / "film.gif", most=4, told=lambda part, text: told.append(part))
+    assert count == len(told) == 4 and told == sorted(told) and told[-1] == pytest.approx(1)
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == 4 and film.info["duration"] == pytest.approx(1000 / 12, abs=10)
+        pictures = []
+        for number in range(4):
+            film.seek(number)
+            pictures.append(np.asarray(film.convert("RGB")).astype(float))
+    # The wave and the tip move: pictures differ by more than the digits of the time.
+    changed = [np.mean(np.abs(a - b).max(axis=2) > 20) for a, b in pairwise(pictures)]
+    assert min(changed) > 0.01
+
+
+def test_pictures_show_the_values_of_the_run(record):
+    """Snapshots of the plane wave: speed |sin|, and shear stress half of sqrt(6^2 + (4 sin)^2) MPa at the nodes."""
+    row, bulk = 4, record.bulk
+    for what, expected in (
+        ("velocity", np.linalg.norm(bulk["velocity"].values[row], axis=-1)),
+        ("max_shear", np.hypot(6.0, 2 * bulk["stress"].values[row][:, 2] / 1e6) / 2),
+    ):
+        image = movies.film(record, what).image(row)
+        assert np.nanmax(image) == pytest.approx(expected.max(), rel=0.02)
+        assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
+
+
+def test_mp4(record, tmp_path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    assert movies.save(record, "slip_rate", tmp_path / "film.mp4", rate=10, most=5) == 5
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))
+    assert count == 5 and seconds == pytest.approx(0.5, abs=0.11)
+
+
+@pytest.mark.parametrize("what,name,message", [
+    ("velocty", "film.gif", "did you mean 'velocity'"), ("velocity", "film.avi", "a movie is a .gif or an .mp4"),
+])  # fmt: skip
+def test_what_is_refused(what, name, message, record, tmp_path):
+    with pytest.raises(RuptfxError, match=message):
+        movies.save(record, what, tmp_path / name)
+
+
+def test_runs_with_nothing_to_show(tmp_path):
+    run = synthetic.write_run(
+        tmp_path / "rest", 0 * synthetic.crack(TIME, POSITION), TIME, POSITION, plane="antiplane", snapshots=1
+    )
+    with Record(run) as record:
+        for what, message in (
+            ("velocity", "1 snapshots .* reduce output.bulk_interval"), ("fringes", "of stresses in a plane"),
+            ("slip_rate", "nothing slid"),
+        ):
+            with pytest.raises(RuptfxError, match=message):
+                movies.save(record, what, tmp_path / "film.gif")
