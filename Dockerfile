@@ -8,7 +8,7 @@ RUN apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-ins
         python3-dolfinx libopenblas0-pthread gcc libc6-dev python3-dev python3-pip python3-setuptools \
         python3-numpy python3-scipy python3-pydantic python3-typer python3-rich python3-h5py python3-h5netcdf \
         python3-xarray python3-matplotlib python3-pil python3-tomli-w python3-dask python3-distributed python3-gmsh \
-        python3-meshio python3-pytest python3-hypothesis \
+        python3-meshio python3-pytest python3-pytest-xdist python3-hypothesis \
     && rm -rf /var/lib/apt/lists/*
 
 # Open MPI: may run as root, on more ranks than cores, without binding two jobs to the same core; shared memory only,

@@ -25,8 +25,9 @@ lint: env ## style, types, import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Two processes, each with whole files: some need a minute for what their tests share.
 test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1800 $(BIN)/python -m pytest --ignore=tests/container
+	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore=tests/container
 	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \

@@ -35,7 +35,7 @@ from ruptfx.schema import (
     shown_key,
 )
 from ruptfx.sliding import Sliding
-from ruptfx.steppers import AnyStepper
+from ruptfx.steppers import AnyStepper, able
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
 
@@ -232,8 +232,9 @@ class Case(CaseFile):
         together = sum(stage.duration for stage in self.stages)
         if abs(together - self.duration) > 1e-9 * self.duration:
             raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
-        if self.stepper.kind() != "leapfrog":
-            raise ValueError(f"stepper.kind = '{self.stepper.kind()}': stages are for explicit steps; use 'leapfrog'")
+        if not self.stepper.staged:
+            kind = self.stepper.kind()
+            raise ValueError(f"stepper.kind = '{kind}': stages are for explicit steps; use {able('staged')}")
         ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
         for number, stage in enumerate(self.stages):
             if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:

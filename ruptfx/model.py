@@ -27,6 +27,7 @@ from ruptfx.schema import CaseError, nearest
 from ruptfx.sliding.interface import build_sliding
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
+from ruptfx.steppers import able
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Model:
             key = next(iter(tied))
             raise CaseError(
                 f"{key}.kind = '{boundaries[key].kind()}': stepper.kind = '{self.case.stepper.kind()}' cannot tie "
-                "nodes; use stepper.kind = 'leapfrog'"
+                f"nodes; use {able('keeps_ties')}"
             )
         return tied
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -218,7 +219,7 @@ class Record:
         return shown_record(self)
 
     def __repr__(self) -> str:
-        parts = {
+        parts: dict[str, Callable[[], str]] = {
             "case": lambda: f"{self.case.get('title', '')}, {self.case.get('plane', '')}".strip(", "),
             "interface": lambda: _extent(self.interface, "position"),
             "bulk": lambda: _extent(self.bulk, "point"),

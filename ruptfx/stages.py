@@ -22,7 +22,6 @@ from ruptfx.model import Model
 from ruptfx.spectrum import stable_time_step
 from ruptfx.state import State
 from ruptfx.steppers import Motion
-from ruptfx.steppers.leapfrog import Leapfrog
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +38,7 @@ def bind(model: Model) -> Motion:
 
 
 class Staged:
-    """Leapfrog through the stages of a case, all with the step that the strictest of them allows.
+    """The stepper of a case through its stages, all with the step that the strictest of them allows.
 
     Parameters
     ----------
@@ -59,7 +58,6 @@ class Staged:
         for number, start in enumerate(self.starts):
             self._models.append(_in_stage(model, number, start, self._models[-1].loads if number else None))
         stepper = model.case.stepper
-        assert isinstance(stepper, Leapfrog)
         strictest = min(self._models, key=stable_time_step)
         self.dt = stepper.bind(strictest).dt
         self._stepper = stepper.model_copy(update={"time_step": self.dt})

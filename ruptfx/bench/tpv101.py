@@ -98,7 +98,7 @@ def facts(result: Rupture) -> dict[str, float]:
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, runs = converge(case, STATE, VALUE, SOURCE, fine)
-    law = RateAndStateAgeing(a=0.008, **{key: v for key, v in LAW.items() if key != "kind"})  # type: ignore[arg-type]
+    law = RateAndStateAgeing(a=0.008, **{key: v for key, v in LAW.items() if key != "kind"})
     one, sigma = np.ones(1), 1e6 * np.ones(1)
     # Velocity step from 1e-6 to 1e-3 m/s: theta = L/V2 + (L/V1 - L/V2) exp(-slip/L); hold: theta grows by its time.
     state = {"theta": 0.02 / 1e-6 * one}

@@ -36,7 +36,7 @@ def case(spacing: float) -> Table:
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     checks, runs = converge(case, STATE, VALUE, "SCEC/USGS TPV103", fine)
-    law = RateAndStateFlashHeating(a=0.01, V_w=0.1, **{k: v for k, v in LAW.items() if k != "kind"})  # type: ignore[arg-type]
+    law = RateAndStateFlashHeating(a=0.01, V_w=0.1, **{k: v for k, v in LAW.items() if k != "kind"})
     one = np.ones(1)
     first, last = law.steady_psi(1e-3 * one)[0], law.steady_psi(one)[0]
     state = {"psi": first * one}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -54,6 +54,26 @@ class Operator(Protocol):
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """force -= K displacement."""
+
+
+@runtime_checkable
+class FusedOperator(Operator, Protocol):
+    """An operator that can also make explicit steps: it moves nodes on as soon as their force is complete."""
+
+    def prepare_step(self, held: np.ndarray) -> None:
+        """Say which nodes steps leave to the caller, shape (nodes,); nodes known to other ranks in any case."""
+
+    def step_boundary(
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+    ) -> float:
+        """First part of a step, as `MatrixFree.step`: the elements at nodes that other ranks know."""
+
+    def step_interior(
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+    ) -> float:
+        """The rest of the step."""
 
 
 def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:

@@ -65,4 +65,5 @@ def _both_ways(position: Array, arrival: Array, width: float) -> Array:
     first, last = (np.searchsorted(middle, position + shift) for shift in (-width / 2, width / 2))
     later, earlier = (np.append(0, np.cumsum(way)) for way in (step > 0, step < 0))
     later, earlier = later[last] - later[first], earlier[last] - earlier[first]
-    return (later + earlier > 0) & (np.minimum(later, earlier) >= 0.1 * (later + earlier))
+    both: Array = (later + earlier > 0) & (np.minimum(later, earlier) >= 0.1 * (later + earlier))
+    return both

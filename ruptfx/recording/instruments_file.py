@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 import h5netcdf
-import h5py
 import numpy as np
 
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument
+from ruptfx.recording.growing_file import GrowingFile
 
-FLUSH_EVERY = 5.0  # seconds of wall-clock time that samples may wait in memory
 BLOCK = 1000  # samples of an instrument written at once
 
 
-class InstrumentsFile:
+class InstrumentsFile(GrowingFile):
     """Samples of every instrument against its own time; rank 0 only.
 
     Parameters
@@ -30,13 +28,10 @@ class InstrumentsFile:
     """
 
     def __init__(self, path: Path, instruments: list[tuple[Instrument, list[Channel]]], attributes: Table) -> None:
-        self.path = path
+        super().__init__(path)
         self._names = {instrument.name: [channel.name for channel in found] for instrument, found in instruments}
         self._waiting: dict[str, list[tuple[np.ndarray, list[np.ndarray]]]] = {name: [] for name in self._names}
-        self._flushed = time.monotonic()
-        resumed = path.exists()
-        self._open("a" if resumed else "w")
-        if resumed:
+        if self.resumed:
             return
         self._file.attrs.update(attributes)
         for instrument, channels in instruments:
@@ -47,26 +42,16 @@ class InstrumentsFile:
             _variable(group, "time", "s", "time of all numbers of a sample")
             for channel in channels:
                 _variable(group, channel.name, channel.unit, channel.long_name)
-        self._flush_to_disk()
-
-    def _open(self, mode: str) -> None:
-        self._disk = h5py.File(self.path, mode)
-        self._file = h5netcdf.File(self._disk, mode)
-
-    def _flush_to_disk(self) -> None:
-        self._file.flush()
-        self._disk.flush()
+        self.flush()
 
     def append(self, samples: list[tuple[str, np.ndarray, list[np.ndarray]]]) -> None:
         """Add samples of some instruments: name, times [s], values by channel."""
         for name, times, values in samples:
             self._waiting[name].append((times, values))
         longest = max(sum(len(times) for times, _ in rows) for rows in self._waiting.values())
-        if longest >= BLOCK or time.monotonic() - self._flushed > FLUSH_EVERY:
-            self.flush()
+        self.flush_if(longest >= BLOCK)
 
-    def flush(self) -> None:
-        """Write what waits in memory."""
+    def write(self) -> None:
         for name, blocks in self._waiting.items():
             if not blocks:
                 continue
@@ -78,21 +63,6 @@ class InstrumentsFile:
             for number, channel in enumerate(self._names[name]):
                 group[channel][begin:] = np.concatenate([values[number] for _, values in blocks])
             self._waiting[name] = []
-        self._flush_to_disk()
-        self._flushed = time.monotonic()
-
-    def settle(self) -> None:
-        """Close and open again: only a closed HDF5 file may be copied."""
-        self.close()
-        self._open("a")
-
-    def close(self) -> None:
-        """Write the rest."""
-        try:
-            self.flush()
-            self._file.close()
-        finally:
-            self._disk.close()
 
 
 def _variable(group: h5netcdf.Group, name: str, unit: str, text: str) -> None:

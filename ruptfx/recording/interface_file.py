@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import h5netcdf
-import h5py
 import numpy as np
 
 from ruptfx import Table
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
+from ruptfx.recording.growing_file import GrowingFile
 
-FLUSH_EVERY = 5.0  # seconds of wall-clock time a record may wait in memory
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
 
 
-class InterfaceFile:
+class InterfaceFile(GrowingFile):
     """Histories of all fields of a fault against time and position; rank 0 only.
 
     Parameters
@@ -31,12 +29,9 @@ class InterfaceFile:
     """
 
     def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: Table) -> None:
-        self.path = path
+        super().__init__(path)
         self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
-        self._flushed = time.monotonic()
-        resumed = path.exists()
-        self._open("a" if resumed else "w")
-        if resumed:
+        if self.resumed:
             return
         file = self._file
         file.dimensions = {"time": None, "position": len(place)}
@@ -53,25 +48,14 @@ class InterfaceFile:
         for monitor in MONITORS:
             _variable(file, monitor.name, ("position",), monitor.unit, monitor.long_name)
         file.attrs.update(attributes)
-        self._flush_to_disk()
-
-    def _open(self, mode: str) -> None:
-        self._disk = h5py.File(self.path, mode)
-        self._file = h5netcdf.File(self._disk, mode)
-
-    def _flush_to_disk(self) -> None:
-        # h5netcdf's own flush stops short of the disk: a killed run would leave a file that cannot be opened.
-        self._file.flush()
-        self._disk.flush()
+        self.flush()
 
     def append(self, now: float, fields: dict[str, np.ndarray]) -> None:
         """Add one record: the time [s] and every field, shape (points,)."""
         self._waiting.append((now, fields))
-        if len(self._waiting) >= BLOCK or time.monotonic() - self._flushed > FLUSH_EVERY:
-            self.flush()
+        self.flush_if(len(self._waiting) >= BLOCK)
 
-    def flush(self) -> None:
-        """Write what waits in memory."""
+    def write(self) -> None:
         if self._waiting:
             file = self._file
             begin = file.dimensions["time"].size
@@ -83,25 +67,10 @@ class InterfaceFile:
                 else:
                     file[name][begin:] = np.stack([fields[name] for _, fields in self._waiting])
             self._waiting = []
-        self._flush_to_disk()
-        self._flushed = time.monotonic()
-
-    def settle(self) -> None:
-        """Close and open again: only a closed HDF5 file may be copied."""
-        self.close()
-        self._open("a")
 
     def complete(self) -> None:
         """Say that the run came to its end."""
         self._file.attrs["complete"] = 1
-
-    def close(self) -> None:
-        """Write the rest."""
-        try:
-            self.flush()
-            self._file.close()
-        finally:
-            self._disk.close()
 
 
 def _variable(

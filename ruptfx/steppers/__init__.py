@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from ruptfx.contact import Way
-from ruptfx.schema import Alternative, alternative
+from ruptfx.schema import Alternative, alternative, alternatives
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -69,6 +69,8 @@ class Stepper(Alternative):
     """Whether it solves the equation of motion, or only equilibrium."""
     adaptive: ClassVar[bool] = False
     """Whether its steps vary."""
+    staged: ClassVar[bool] = False
+    """Whether loading may come in stages: it has a `time_step`, and goes on when it is bound anew in between."""
 
     def bind(self, model: Model) -> Motion:
         """Choose the step and prepare the arrays.
@@ -79,6 +81,11 @@ class Stepper(Alternative):
             A time step the model does not allow.
         """
         raise NotImplementedError
+
+
+def able(quality: str) -> str:
+    """Kinds of which a class attribute of the contract is true, for messages: ``able("staged")``."""
+    return " or ".join(f"'{kind}'" for kind, cls in alternatives("ruptfx.steppers").items() if getattr(cls, quality))
 
 
 if TYPE_CHECKING:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ruptfx import native, parallel
 from ruptfx.contact import require
 from ruptfx.fault_step import FaultStep
+from ruptfx.operators import FusedOperator
 from ruptfx.points import Clock
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import Follower
@@ -34,6 +35,7 @@ class Leapfrog(Stepper):
     conserving: ClassVar[dict[str, object] | None] = {}
 
     keeps_ties: ClassVar[bool] = True
+    staged: ClassVar[bool] = True
 
     safety: Fraction = 0.9
     """Time step over the stable one."""
@@ -83,10 +85,9 @@ class LeapfrogMotion:
         for tied in (model.layout.kept, model.layout.copies):
             held.reshape(-1, c)[tied] = True
         held_nodes = held.reshape(-1, c).any(axis=1)
-        operator: Any = model.operator
-        self._fused = hasattr(operator, "prepare_step")
+        self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
         if self._fused:
-            operator.prepare_step(held_nodes)
+            self._fused.prepare_step(held_nodes)
         else:
             held_nodes[:] = True
         self._dofs = dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
@@ -202,13 +203,12 @@ class LeapfrogMotion:
 
         The elements at nodes of other ranks come first; their contributions travel while the others are computed.
         """
-        operator: Any = self.model.operator
         arrays = (state.displacement, state.velocity, state.force)
         plain = 0.0
         if self._fused:
-            plain += operator.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
+            plain += self._fused.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
         else:
-            operator.add_internal_force(state.displacement, state.force)
+            self.model.operator.add_internal_force(state.displacement, state.force)
         viscosity = self.model.viscosity
         if viscosity is not None:
             force, dofs = self._viscous_force, self._viscous
@@ -218,7 +218,7 @@ class LeapfrogMotion:
             state.force[dofs] += force[dofs]
         self.model.force.begin()
         if self._fused:
-            plain += operator.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
+            plain += self._fused.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
             state.energy["damping"] += kick.plain_loss * plain
         self.model.force.end()
 

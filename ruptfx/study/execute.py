@@ -160,7 +160,8 @@ class Runner:
         """Of a task; a worker that was lost with its point is a failure of the point."""
         error = future.exception()
         if error is None:
-            return future.result()
+            found: Result = future.result()
+            return found
         if isinstance(error, RuptfxError):
             raise error
         result = {"status": "failed", "error": f"{type(error).__name__}: {error}"}

@@ -111,6 +111,7 @@ def commit(path: Path, point: str, directory: Path, result: Result) -> Result:
 
 def read_result(path: Path, point: str) -> Result | None:
     try:
-        return json.loads((path / "points" / point / "result.json").read_text())
+        found: Result = json.loads((path / "points" / point / "result.json").read_text())
     except FileNotFoundError:
         return None
+    return found

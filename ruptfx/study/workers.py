@@ -75,7 +75,8 @@ class Child:
                 raise ChildError(self._epitaph())
             answer += part
         self.served += 1
-        return json.loads(answer)
+        found: Table = json.loads(answer)
+        return found
 
     def _epitaph(self) -> str:
         """How the child ended, with its last words."""

@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError, fem, operators
 from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.operators import Bulk
+from ruptfx.operators import Bulk, FusedOperator
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import kinds
 
@@ -220,7 +220,7 @@ FUSED = [setting for setting in SETTINGS if setting.order <= 4]
 
 def steppable(kind: str, setting: Setting) -> Any:
     operator = make_operator(kind, setting)
-    if not hasattr(operator, "prepare_step"):
+    if not isinstance(operator, FusedOperator):
         pytest.skip(f"{kind} has no fused step")
     return operator
 
