@@ -10,6 +10,7 @@ step written with arrays (`tests/reference_step.py`).
 from __future__ import annotations
 
 import ctypes
+from typing import ClassVar
 
 import numpy as np
 
@@ -60,6 +61,8 @@ class FaultStep:
         What the nucleation did in the last step, points of this rank [J].
     """
 
+    sources: ClassVar[tuple[str, ...]] = ("fault_step.c",)
+
     def __init__(self, fault: Fault, inverse_mass: np.ndarray, clock: Clock, threshold: float) -> None:
         self.fault, self.clock, self.work = fault, clock, 0.0
         law, face = fault.traced_law(), fault.interface
@@ -76,7 +79,7 @@ class FaultStep:
             "shear_impedance": [symbol(f"FIXED(shear_impedance + {k})") for k in tangents],
         }
         macros = {"RADIATION": "0", "GUESS": "EACH_TANGENT guess += OLD(mean_slip_rate + k) * points->way[k][l];"}
-        self._library = self._code.compile("fault_step", "fault_step.c", known, macros)
+        self._library = self._code.compile("fault_step", self.sources, known, macros)
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
         self._result = np.zeros(2 + len(FAILURE))
@@ -87,11 +90,6 @@ class FaultStep:
         """Take over weights and inverse masses that have changed in place."""
         for name, values in _columns(self.fault, self._inverse_mass, self.clock).items():
             self._code.put(name, values)
-
-    def start_from(self, normal_stress: np.ndarray, shear_traction: np.ndarray) -> None:
-        """Stresses that the velocities contain, in place of the initial ones; shapes (n,) and (n, tangents) [Pa]."""
-        self._code.put("normal_stress_0", normal_stress)
-        self._code.put("shear_traction_0", shear_traction)
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
         """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""

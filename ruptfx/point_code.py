@@ -7,7 +7,7 @@ steps add code of their own.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from importlib.resources import files
 from itertools import accumulate
@@ -81,15 +81,17 @@ class PointCode:
         self._fault.fail(state, int(result[1]), time, values)
 
     def compile(
-        self, name: str, file: str, known: Mapping[str, Array], macros: Mapping[str, object],
+        self, name: str, sources: Sequence[str], known: Mapping[str, Array], macros: Mapping[str, object],
         at_end: Mapping[str, Expression] | None = None,
     ) -> ctypes.CDLL:  # fmt: skip
         """The compiled library of `points.c` and what goes on from there.
 
         Parameters
         ----------
-        name, file : str
-            Of the library, and of the source with the steps.
+        name : str
+            Of the library.
+        sources : sequence of str
+            Files with the steps.
         known : dict
             What else of `contact.Point` the steps know, as symbols.
         macros : dict
@@ -98,7 +100,7 @@ class PointCode:
             What else they need of the law at the slip rate that was found, by where it goes.
         """
         macros = self._sizes() | self._symbols() | self._formulas(known, at_end or {}) | dict(macros)
-        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("points.c", file))
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("points.c", *sources))
         return native.load(name, source, macros)
 
     def _sizes(self) -> dict[str, object]:

@@ -70,7 +70,7 @@ class FaultResponse:
         }  # fmt: skip
         macros = {"RADIATION": "points->radiation[l]", "GUESS": "guess = points->near[l];"}
         slopes = {f"points->{name}[l]": slope for name, slope in self._law.slopes.items()}
-        self._library = self._code.compile("response", "implicit/response.c", known, macros, slopes)
+        self._library = self._code.compile("response", ("implicit/response.c",), known, macros, slopes)
         self._times, self._result = np.zeros(7), np.zeros(2 + len(FAILURE))
         self._times[5] = threshold
         self._state: FaultState | None = None

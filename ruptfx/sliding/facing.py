@@ -16,25 +16,61 @@ gap where that is closed, sliding included, and a frozen operator does no work i
 Where a facet reaches over the end of the facing surface its nodes are taken one by one: those that face something with
 what is opposite to them; the others carry nothing.
 
+`facing.c` does the work; the tests have the same with arrays.
+
 Source: Wohlmuth (2000), Popp et al. (2009) for dual mortars; here on GLL nodes, with facing frames.
 """
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
+from importlib.resources import files
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.spatial import cKDTree
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, native
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 REACH = 10  # facets of either side: what is farther away is not faced
 OVERHANG = 0.02  # of a facet: the ends of two bodies one above the other are not beside each other because they tilt
 SLIVER = 1e-9  # of a facet: what is shorter is not integrated
+COLUMNS = 8  # rows of B are filled up to a multiple of this
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """B: what a point faces is a mean of nodes that follow each other on the other side.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (n,)
+        The first node of every row; 0 where nothing is faced.
+    values : ndarray, shape (n, columns)
+        Of the nodes from there on, zero beyond what is faced; the same number of columns in all rows.
+    nodes : int
+        Of the other side.
+    """
+
+    first: Integers
+    values: Floats
+    nodes: int
+
+    def __matmul__(self, nodal: Floats) -> Floats:
+        """B times values at the nodes of the other side, shape (nodes, ...)."""
+        columns = np.minimum(self.first[:, None] + np.arange(self.values.shape[1]), self.nodes - 1)
+        found: Floats = np.einsum("ij,ij...->i...", self.values, nodal[columns])
+        return found
+
+    def squared(self) -> Coupling:
+        """With the squares of all entries."""
+        return Coupling(self.first, self.values**2, self.nodes)
+
+    def nearest(self) -> Integers:
+        """The node that a point faces most."""
+        return self.first + np.argmax(self.values, axis=1)
 
 
 @dataclass(frozen=True)
@@ -43,8 +79,8 @@ class Facing:
 
     Attributes
     ----------
-    coupling : csr_matrix, shape (n, facing nodes)
-        B; empty rows where nothing is faced.
+    coupling : Coupling
+        B; zero where nothing is faced.
     weight : ndarray, shape (n,)
         Length of every point [m]; where nothing is faced that of its nodes.
     tangent : ndarray, shape (n, 2)
@@ -53,7 +89,7 @@ class Facing:
         Whether the point faces something.
     """
 
-    coupling: sparse.csr_matrix
+    coupling: Coupling
     weight: Floats
     tangent: Floats
     covered: NDArray[np.bool_]
@@ -74,18 +110,28 @@ class Mortar:
         # The same points here and on what faces one facet alone: nodes that match then face each other exactly.
         self._gauss = at, weights = legendre.leggauss(plus.order + -(-minus.order // 2) + 2)
         table = basis.values(at)
-        metric = self._metric(np.arange(plus.facets), np.broadcast_to(at, (plus.facets, len(at)))) * weights
+        metric = np.linalg.norm(np.einsum("gb,fbc->fgc", basis.slopes(at), corners), axis=2) * weights
         mass = np.einsum("fg,ga,gb->fab", metric, table, table)
         length = np.einsum("fg,ga->fa", metric, table)
-        self._dual = length[:, :, None] * np.linalg.inv(mass)
+        # In Legendre polynomials: of the dual basis, and of the places of the nodes.
+        self._dual = np.ascontiguousarray(length[:, :, None] * np.linalg.inv(mass) @ basis.inverse.T)
+        self._shape = np.ascontiguousarray(np.einsum("ka,fac->fck", basis.inverse, corners))
         slopes = np.einsum("gb,fbc->fgc", basis.slopes(basis.points), corners)
         self._nodal = basis.weights * np.linalg.norm(slopes, axis=2)
+        self._length = np.zeros(len(plus.points))
+        np.add.at(self._length, plus.numbers, self._nodal)
+        macros = {
+            "PLUS": plus.order, "MINUS": minus.order, "GAUSS": len(at), "REACH": REACH, "OVERHANG": OVERHANG,
+            "SLIVER": SLIVER,
+        }  # fmt: skip
+        self._library = native.load("facing", files("ruptfx.sliding").joinpath("facing.c").read_text(), macros)
+        self._library.overlaps.restype = ctypes.c_long
+        self._groups = np.zeros(3 * minus.facets)
+        self._grow(4 * (plus.facets + minus.facets))
 
-    def _metric(self, facet: Integers, at: Floats) -> Floats:
-        """ds / dxi of facets of the plus side where nothing has moved, at places of shape (facets, ...)."""
-        corners = self.plus.points[self.plus.numbers][facet]
-        found: Floats = np.linalg.norm(np.einsum("f...b,fbc->f...c", self.plus.basis.slopes(at), corners), axis=-1)
-        return found
+    def _grow(self, capacity: int) -> None:
+        """Room for pieces: facets and from where to where they overlap."""
+        self._pair, self._ends = np.zeros((2, capacity), dtype=np.int64), np.zeros((2, capacity))
 
     def find(self, plus: Floats, minus: Floats) -> Facing:
         """Who faces whom where the nodes are at these places.
@@ -100,89 +146,59 @@ class Mortar:
         RuptfxError
             A facet that faces a surface twice.
         """
-        order, other = self.plus.order, self.minus.order
-        corners, facing = plus[self.plus.numbers], minus[self.minus.numbers]
-        chord = corners[:, -1] - corners[:, 0]
-        length = np.linalg.norm(chord, axis=1)
-        along = chord / length[:, None]
-        own, faced, low, high = self._overlaps(corners, facing, along, length)
-        share = np.bincount(own, high - low, len(corners)) / length
+        plus, minus = np.ascontiguousarray(plus), np.ascontiguousarray(minus)
+        pieces, share = self._overlaps(plus, minus)
         if np.any(share > 1 + 1e-6):
-            x, y = corners[np.argmax(share)].mean(axis=0)
+            x, y = plus[self.plus.numbers][np.argmax(share)].mean(axis=0)
             raise RuptfxError(
                 f"the interface faces two parts of the other surface at ({x:.6g}, {y:.6g}) m: it must not fold back "
                 "within ten elements of an interface that slides"
             )
-        whole = share > 1 - 1e-6
-        # Distances along the chord, of the nodes of both facets of every piece.
-        here = np.einsum("kac,kc->ka", corners[own] - corners[own, :1], along[own])
-        there = np.einsum("kac,kc->ka", facing[faced] - corners[own, :1], along[own])
-        pieces = whole[own]
-        at, weights = self._dual_quadrature(own[pieces], here[pieces], low[pieces], high[pieces])
-        ends = ~pieces
-        nodes, shares = self._collocation(own[ends], here[ends], low[ends], high[ends])
-        n, m = len(plus), len(minus)
-        block = np.zeros((len(own), order + 1, other + 1))
-        tangent = np.zeros((len(own), order + 1, 2))
-        for chosen, places, given in ((pieces, at, weights), (ends, nodes, shares)):
-            wanted = np.einsum("kga,ka->kg", self.plus.basis.values(places), here[chosen])
-            targets = np.broadcast_to(there[chosen][:, None], (*wanted.shape, other + 1))
-            guess = 2 * (wanted - targets[..., 0]) / (targets[..., -1] - targets[..., 0]) - 1
-            eta = self.minus.basis.between(np.clip(guess, -1, 1), wanted, targets)
-            block[chosen] = np.einsum("kga,kgj->kaj", given, self.minus.basis.values(eta))
-            slope = np.einsum("kgj,kjc->kgc", self.minus.basis.slopes(eta), facing[faced[chosen]])
-            slope /= np.linalg.norm(slope, axis=-1, keepdims=True)
-            tangent[chosen] = np.einsum("kga,kgc->kac", given, slope)
-        rows, columns = self.plus.numbers[own], self.minus.numbers[faced]
-        coupling = sparse.csr_matrix(
-            (block.ravel(), (np.repeat(rows, other + 1), np.repeat(columns, order + 1, axis=0).ravel())), shape=(n, m)
-        )
-        weight = np.asarray(coupling.sum(axis=1)).ravel()
-        turned, nodal = np.zeros((n, 2)), np.zeros(n)
-        np.add.at(turned, rows, tangent)
-        np.add.at(nodal, self.plus.numbers, self._nodal)
-        covered = weight > SLIVER * nodal
-        turned[~covered] = self._own_tangent(plus)[~covered]
-        scale = sparse.diags(np.where(covered, 1 / np.where(covered, weight, 1.0), 0.0))
-        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-        return Facing((scale @ coupling).tocsr(), np.where(covered, weight, nodal), turned, covered)
+        first, columns = self._rows(pieces)
+        n = len(plus)
+        values, weight, tangent = np.zeros((n, columns)), np.zeros(n), np.zeros((n, 2))
+        basis, other = self.plus.basis, self.minus.basis
+        self._library.couple(
+            ctypes.c_long(pieces), *map(_pointer, (plus, minus, *self._pair, *self._ends, share)),
+            *map(_pointer, (basis.inverse, other.inverse, *self._gauss, basis.points)),
+            *map(_pointer, (self._dual, self._shape, self._nodal, first)), ctypes.c_long(columns),
+            *map(_pointer, (values, weight, tangent)),
+        )  # fmt: skip
+        covered = weight > SLIVER * self._length
+        if not covered.all():
+            values[~covered], weight[~covered] = 0.0, self._length[~covered]
+            tangent[~covered] = self._own_tangent(plus)[~covered]
+        values /= weight[:, None]
+        tangent /= np.hypot(*tangent.T)[:, None]
+        return Facing(Coupling(first, values, len(minus)), weight, tangent, covered)
 
-    def _overlaps(
-        self, corners: Floats, facing: Floats, along: Floats, length: Floats
-    ) -> tuple[Integers, Integers, Floats, Floats]:
-        """Pairs of facets that face each other, and from where to where along the chord of the first one [m]."""
-        size = np.linalg.norm(facing[:, -1] - facing[:, 0], axis=1)
-        reach = REACH * max(length.max(initial=0.0), size.max(initial=0.0))
-        near = cKDTree(0.5 * (facing[:, 0] + facing[:, -1])).query_ball_point(
-            0.5 * (corners[:, 0] + corners[:, -1]), reach, return_sorted=True
-        )
-        own = np.repeat(np.arange(len(corners)), [len(each) for each in near])
-        faced = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
-        begin, end = (np.einsum("kc,kc->k", facing[faced, i] - corners[own, 0], along[own]) for i in (0, -1))
-        begin = begin - OVERHANG * size[faced] * (faced == 0)
-        end = end + OVERHANG * size[faced] * (faced == len(size) - 1)
-        low, high = np.maximum(begin, 0.0), np.minimum(end, length[own])
-        kept = high - low > SLIVER * length[own]
-        return own[kept], faced[kept], low[kept], high[kept]
+    def _overlaps(self, plus: Floats, minus: Floats) -> tuple[int, Floats]:
+        """How many pieces there are, and how much of every facet is faced."""
+        share = np.zeros(self.plus.facets)
+        while True:
+            capacity = self._pair.shape[1]
+            pieces = self._library.overlaps(
+                ctypes.c_long(self.plus.facets), ctypes.c_long(self.minus.facets),
+                *map(_pointer, (plus, minus, self._groups)), ctypes.c_long(capacity),
+                *map(_pointer, (*self._pair, *self._ends, share)),
+            )  # fmt: skip
+            if pieces <= capacity:
+                return pieces, share
+            self._grow(pieces)
 
-    def _dual_quadrature(self, own: Integers, here: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Places on the facets and integration weights times the dual basis, shapes (k, g) and (k, g, nodes)."""
-        basis = self.plus.basis
-        first, last = (basis.between(2 * s / here[:, -1] - 1, s, here) for s in (low, high))
-        points, weights = self._gauss
-        at = 0.5 * ((first + last)[:, None] + (last - first)[:, None] * points)
-        measure = 0.5 * (last - first)[:, None] * weights * self._metric(own, at)
-        return at, np.einsum("kg,kgb,kab->kga", measure, basis.values(at), self._dual[own])
-
-    def _collocation(self, own: Integers, here: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """The nodes of facets that are partly covered, and what each piece counts of them."""
-        slack = SLIVER * here[:, -1:]
-        inside = (here > low[:, None] - slack) & (here < high[:, None] + slack)
-        times = np.zeros((self.plus.facets, self.plus.order + 1))
-        np.add.at(times, own, inside)  # a node above a facing vertex belongs to two pieces
-        counted = np.where(inside, self._nodal[own] / np.maximum(times[own], 1), 0.0)
-        places = np.broadcast_to(self.plus.basis.points, here.shape)
-        return places, counted[:, :, None] * np.eye(self.plus.order + 1)
+    def _rows(self, pieces: int) -> tuple[Integers, int]:
+        """The first column of every row, and the columns of the longest one."""
+        facets, order = self.plus.facets, self.plus.order
+        begin, end = np.full(facets, len(self.minus.nodes)), np.zeros(facets, dtype=np.int64)
+        own, faced = self._pair[:, :pieces]
+        np.minimum.at(begin, own, faced * self.minus.order)
+        np.maximum.at(end, own, (faced + 1) * self.minus.order + 1)
+        of_node = np.repeat(begin, order), np.repeat(end, order)
+        first, last = np.append(of_node[0], begin[-1]), np.append(of_node[1], end[-1])
+        inner = np.arange(1, facets) * order  # nodes of two facets
+        first[inner], last[inner] = np.minimum(begin[1:], begin[:-1]), np.maximum(end[1:], end[:-1])
+        columns = int(np.max(last - first, initial=1))
+        return np.where(last > 0, first, 0), -(-columns // COLUMNS) * COLUMNS
 
     def _own_tangent(self, plus: Floats) -> Floats:
         """Mean tangent of the plus side at its nodes, not normalised."""
@@ -190,3 +206,8 @@ class Mortar:
         tangent = np.zeros_like(plus)
         np.add.at(tangent, self.plus.numbers, slopes)
         return tangent
+
+
+def _pointer(array: Floats | Integers) -> ctypes.c_void_p:
+    assert array.flags.c_contiguous
+    return ctypes.c_void_p(array.ctypes.data)

@@ -30,7 +30,9 @@ class Follower:
     def __call__(self, state: State) -> None:
         """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
         face, field = self._face, f"followed_{self._name}"
-        followed = state.fields.setdefault(field, np.zeros_like(state.displacement))
+        if field not in state.fields:
+            state.fields[field] = np.zeros_like(state.displacement)
+        followed = state.fields[field]
         if not len(face.plus):
             return
         slip_then = state.faults[self._name]["slip_followed"]

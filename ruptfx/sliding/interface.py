@@ -11,21 +11,36 @@ tangential part what it was when B and the frames change: what sticks stays stuc
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from ruptfx import RuptfxError, fem, parallel
+from ruptfx import RuptfxError, fem, native, parallel
 from ruptfx.interface import Interface, Line, local_frame
 from ruptfx.meshes import FACETS
 from ruptfx.nodes import Nodes
-from ruptfx.sliding.facing import Facing, Mortar
+from ruptfx.sliding.facing import Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
+JUMP = files("ruptfx.sliding").joinpath("jump.c")
 OVERLAP = 0.01  # of the distance of nodes: what surfaces may overlap before anything moves
+
+
+class Table(ctypes.Structure):
+    """`struct facing` of jump.c."""
+
+    _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns")] + [
+        (name, ctypes.c_void_p) for name in ("dofs", "first", "coupling", "frame", "weight", "across", "back")
+    ]
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return native.load("jump", JUMP.read_text())
 
 
 class Geometry:
@@ -37,15 +52,20 @@ class Geometry:
 
     Attributes
     ----------
-    jump : csr_matrix, shape (2 n, degrees of freedom of both surfaces)
-        Rows: normal and tangential jump of every point.
+    coupling : Coupling
+        B.
     offset : ndarray, shape (n, 2)
         [m]
     covered : ndarray of bool, shape (n,)
         Whether a point faces anything.
     revision : int
         Grows with every update.
+    table : Table
+        All of it as the C code takes it.
     """
+
+    coupling: Coupling
+    covered: NDArray[np.bool_]
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus
@@ -53,9 +73,11 @@ class Geometry:
         n = len(plus.nodes)
         self.frame, self.weight, self.offset = np.zeros((n, 2, 2)), np.zeros(n), np.zeros((n, 2))
         self.nearest = np.zeros(n, dtype=np.int64)
-        self._coupling = sparse.csr_matrix((n, len(minus.nodes)))
-        self.jump, self.covered = sparse.csr_matrix((0, 0)), np.zeros(0, dtype=bool)
-        self.revision = 0
+        self._acting = np.zeros((n, 2, 2))  # frames, zero where nothing is faced
+        self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
+        self.coupling = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
+        self.covered = np.zeros(0, dtype=bool)
+        self.revision, self.table = 0, Table()
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
 
     def follow(self, displacement: Floats, slip: Floats) -> None:
@@ -79,17 +101,36 @@ class Geometry:
             return
         found = self._mortar.find(self.plus.points + displacement[:n], self.minus.points + displacement[n:])
         self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
-        self.weight[:], self.covered, self._coupling = found.weight, found.covered, found.coupling
-        self.jump = self._rows(found)
-        apart = np.einsum("ikc,ic->ik", self.frame, self.plus.points - found.coupling @ self.minus.points)
-        linear = (self.jump @ displacement.ravel()).reshape(n, 2)
-        self.offset[:, 0] = np.where(self.covered, apart[:, 0], self._far)
-        self.offset[:, 1] = np.where(self.covered, slip - linear[:, 1], slip)
-        self.nearest[:] = self.minus.nodes[np.asarray(found.coupling.argmax(axis=1)).ravel()]
+        self._acting[:] = self.frame * found.covered[:, None, None]
+        self.coupling, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        self._tabulate()
+        apart = self.plus.points - self.coupling @ self.minus.points
+        moved = displacement[:n] - self.coupling @ displacement[n:]
+        self.offset[:, 0] = np.where(self.covered, np.sum(self.frame[:, 0] * apart, axis=1), self._far)
+        self.offset[:, 1] = slip - np.sum(self._acting[:, 1] * moved, axis=1)
+        self.nearest[:] = self.minus.nodes[self.coupling.nearest()]
+
+    def _tabulate(self) -> None:
+        n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
+        self._across = np.zeros((2, 2, m + columns))
+        arrays = (
+            self._dofs, self.coupling.first, self.coupling.values, self._acting, self.weight, *self._across,
+        )  # fmt: skip
+        self.table = Table(n, m, columns, *(array.ctypes.data for array in arrays))
+
+    def rate(self, field: Floats) -> Floats:
+        """J field; of all degrees of freedom of this rank, shape (n, 2)."""
+        local = np.zeros((len(self.plus.nodes), 2))
+        _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
+        return local
+
+    def assemble(self, traction: Floats, out: Floats) -> None:
+        """out += J' W traction."""
+        _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
 
     def faced(self, values: Floats) -> Floats:
         """What is given at the nodes of the minus side, as the points face it; NaN where they face nothing."""
-        found: Floats = self._coupling @ values
+        found = self.coupling @ values
         found[~self.covered] = np.nan
         return found
 
@@ -98,19 +139,10 @@ class Geometry:
         """How far apart points are that face nothing [m]."""
         return 10 * self.plus.spacing
 
-    def _rows(self, found: Facing) -> sparse.csr_matrix:
-        """Rows of J; none where nothing is faced."""
-        n, m = found.coupling.shape
-        frame = self.frame * found.covered[:, None, None]
-        points, local, component = np.meshgrid(np.arange(n), [0, 1], [0, 1], indexing="ij")
-        coupling = found.coupling.tocoo()
-        i, j = (index[:, None, None] for index in (coupling.row, coupling.col))
-        shape = (len(i), 2, 2)
-        faced = np.broadcast_to(2 * i + [[0], [1]], shape), np.broadcast_to(2 * (n + j) + [0, 1], shape)
-        rows = np.concatenate([(2 * points + local).ravel(), faced[0].ravel()])
-        columns = np.concatenate([(2 * points + component).ravel(), faced[1].ravel()])
-        values = np.concatenate([frame.ravel(), (-coupling.data[:, None, None] * self.frame[coupling.row]).ravel()])
-        return sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, 2 * (n + m)))
+
+def _pointer(array: Floats) -> ctypes.c_void_p:
+    assert array.flags.c_contiguous and array.dtype == np.float64
+    return ctypes.c_void_p(array.ctypes.data)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,11 +204,10 @@ class SlidingInterface(Interface):
         return self.geometry.faced(along), now[:n], self.geometry.faced(now[n:])
 
     def rate(self, field: Floats) -> Floats:
-        found: Floats = self.geometry.jump @ field[self.dofs]
-        return found.reshape(-1, 2)
+        return self.geometry.rate(np.ascontiguousarray(field, dtype=float))
 
     def assemble(self, traction: Floats, out: Floats) -> None:
-        out[self.dofs] += self.geometry.jump.T @ (self.weight[:, None] * traction).ravel()
+        self.geometry.assemble(np.ascontiguousarray(traction, dtype=float), out)
 
     @cached_property
     def initial(self) -> SlidingInterface:

@@ -1,23 +1,27 @@
 """The explicit step of an interface that slides: the step of every point, repeated until neighbours agree.
 
-Neighbouring points share the nodes they face, so that the traction of one changes the jump of the other. The compiled
-step of a fault (`ruptfx.fault_step`) does not know: it is given jumps instead of displacements, and the diagonal of
-J M^-1 J' instead of inverse masses. Compliant contact needs the jump of the displacement alone, and one such step.
-Rigid contact is solved in sweeps (`ContactMethod.sweeps`): all points at once, from the velocities that the tractions
-of the last sweep leave, from the state at the beginning of the step. It is a Jacobi iteration, the same for any
-partition; the first sweep begins with the tractions of the step before.
+Neighbouring points share the nodes they face, so that the traction of one changes the jump of the other. Trial,
+projection and what is written back are those of the step of a fault (`ruptfx.fault_step`), from jumps instead of
+displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement alone,
+and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
+velocities that the tractions of the last sweep leave, from the state at the beginning of the step. It is a Jacobi
+iteration, the same for any partition; the first sweep begins with the tractions of the step before. All of it is C,
+`step.c`; the tests have the same with arrays (`tests/reference_sliding.py`).
 """
 
 from __future__ import annotations
 
+import ctypes
 import logging
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep
 from ruptfx.interface import Interface
+from ruptfx.point_code import LANES
 from ruptfx.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
@@ -25,6 +29,47 @@ from ruptfx.state import FaultState
 
 LOG = logging.getLogger("ruptfx.run")
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps that did not settle at which the log says so
+
+
+class _Sweeps(ctypes.Structure):
+    """`struct sweeps` of step.c."""
+
+    _fields_ = [
+        ("most", ctypes.c_long), ("tolerance", ctypes.c_double), *(
+            (name, ctypes.c_void_p) for name in (
+                "push", "initial", "begun", "pull", "frame", "jump", "load", "traction", "given", "rate", "idle",
+            )
+        ),
+    ]  # fmt: skip
+
+
+class _Points(FaultStep):
+    """The points by themselves, which are given jumps, stresses and rates."""
+
+    sources: ClassVar[tuple[str, ...]] = ("sliding/jump.c", "sliding/step.c")
+
+    def slide(
+        self, face: SlidingInterface, sweeps: _Sweeps, state: FaultState, velocity: Floats, force: Floats, time: float
+    ) -> tuple[int, float]:
+        """Advance the arrays in place; sweeps until tractions settled (0 if they did not) and dissipated energy [J].
+
+        Raises
+        ------
+        ProjectionError
+            A point without an admissible traction; `state` and `velocity` are then of no use.
+        """
+        given = (state, velocity, velocity, force)  # no displacement: `sweeps` has its jump
+        if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
+            self._bind(*given)
+        self._times[-1] = time
+        _, times, *_, velocities, forces, fixed, numbers, table, result = self._pointers
+        taken = self._library.slide(
+            ctypes.byref(face.geometry.table), ctypes.byref(sweeps), times, numbers, fixed, table, velocities, forces,
+            result,
+        )  # fmt: skip
+        if self._result[1] >= 0:
+            self._code.fail(state, time, self._result)
+        return taken, float(self._result[0])
 
 
 class SlidingStep:
@@ -41,9 +86,8 @@ class SlidingStep:
         assert isinstance(face, SlidingInterface)
         self.fault, self.clock, self._face = fault, clock, face
         self.work, self.unsettled = 0.0, 0
-        self._sweeps = fault.contact.sweeps_to()
-        n = len(face.plus)
-        self._inverse_mass = inverse_mass[face.dofs]
+        n, m = len(face.plus), len(face.geometry.minus.nodes)
+        self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
         self._mobility, self._revision = np.ones(2 * n), -1
         each = np.arange(n)
         points = Interface(
@@ -51,17 +95,35 @@ class SlidingStep:
             face.total, face.line, other_side="rigid",
         )  # fmt: skip
         # Nucleation is left out of the points and added here, to the tractions that they start from.
-        self._points = FaultStep(replace(fault, interface=points, nucleation=()), self._mobility, clock, threshold)
-        self._jump, self._rate, self._unused = np.zeros(2 * n), np.zeros(2 * n), np.zeros(2 * n)
+        self._points = _Points(replace(fault, interface=points, nucleation=()), self._mobility, clock, threshold)
         # The initial stress of the bodies acts on the nodes where it acted at the start, wherever they slide.
         initial = np.zeros_like(inverse_mass)
         face.initial.assemble(np.column_stack([-fault.normal_stress_0, fault.shear_traction_0]), initial)
-        self._initial_force = initial[face.dofs]
+        self._filled = filled = -(-n // LANES) * LANES
+        tolerance, most = fault.contact.sweeps_to() or (0.0, 0)
+        self._rigid = most > 0
+        self._frame = np.zeros((5, filled))
+        self._jump, self._load, self._given = np.zeros((2, filled)), np.zeros(filled), np.zeros((2, filled))
+        rate = np.zeros((2, filled))
+        self._rate = rate[:, :n]
+        arrays = (
+            self._nodal(clock.kick * inverse_mass[face.dofs]), self._nodal(initial[face.dofs]),
+            np.zeros((2, filled + m)), np.zeros((2, filled + m)), self._frame, self._jump, self._load,
+            np.zeros((2, filled)), self._given, rate, np.zeros(filled // LANES, dtype=np.uint8),
+        )  # fmt: skip
+        self._sweeps, self._arrays = _Sweeps(most, tolerance, *(array.ctypes.data for array in arrays)), arrays
         self._rate_before = np.zeros((n, 2))
+
+    def _nodal(self, values: Floats) -> Floats:
+        """Values at all degrees of freedom of the two sides as step.c wants them."""
+        n = len(self._face.plus)
+        x, y = values.reshape(-1, 2).T
+        space = np.zeros(self._filled - n)
+        return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
 
     def opening_rate(self, state: FaultState, velocity: Floats) -> Floats | None:
         """Opening rate of every point before the step [m/s]; None where contact is compliant and nothing collides."""
-        if self._sweeps is None:
+        if not self._rigid:
             return None
         self._rate_before = self._face.rate(velocity)
         return self._rate_before[:, 0]
@@ -73,7 +135,7 @@ class SlidingStep:
         """
         if rate_old is None:
             return 0.0
-        power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, self._face.rate(velocity)[:, 0])
+        power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, self._rate[0])
         return self._sum(power) * self.clock.kick
 
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
@@ -84,79 +146,59 @@ class SlidingStep:
         ProjectionError
             A point without an admissible traction; `state` and `velocity` are then of no use.
         """
-        face, fault, kick = self._face, self.fault, self.clock.kick
+        face, fault = self._face, self.fault
         if not len(face.plus):
             return 0.0
         if self._revision != face.geometry.revision:
-            rows = face.geometry.jump
-            self._mobility[:] = rows.multiply(rows) @ self._inverse_mass
-            # What faces nothing carries nothing, whatever its impedance.
-            own = self._inverse_mass[: 2 * len(face.plus)].reshape(-1, 2)[~face.covered]
-            self._mobility.reshape(-1, 2)[~face.covered] = np.where(own > 0, own, 1.0)
-            self._points.refresh()
-            self._revision = face.geometry.revision
-        self._jump[:] = face.jump(displacement).ravel()
-        load = fault.load(time)
-        if self._sweeps is None:
-            self._points.start_from(fault.normal_stress_0, fault.driving_shear(time))
-            dissipated = self._points(state, self._jump, self._rate, self._unused, time)
-            pull = self._pull(state, load)
-        else:
-            pull = self._solve(state, velocity[face.dofs], load, time, *self._sweeps)
-        velocity[face.dofs] += kick * self._inverse_mass * pull
-        force[face.dofs] += pull
-        if self._sweeps is not None:
-            dissipated = self._taken(state["shear_traction"], state["shear_traction"], state, velocity)
+            self._refresh()
+        n = len(face.plus)
+        self._jump[:, :n] = face.jump(displacement).T
         if fault.is_loaded:
-            self.work = self._taken(fault.load(time - self.clock.since), load, state, velocity)
+            self._load[:n] = fault.load(time)
+        if not self._rigid:
+            self._given[0, :n], self._given[1, :n] = fault.normal_stress_0, fault.driving_shear(time)[:, 0]
+        settled, dissipated = self._points.slide(face, self._sweeps, state, velocity, force, time)
+        if self._rigid:
+            if not settled:
+                self._report(time)
+            dissipated = self._taken(state["shear_traction"], state["shear_traction"], state)
+        if fault.is_loaded:
+            self.work = self._taken(fault.load(time - self.clock.since), self._load[:n], state)
         return dissipated
 
-    def _solve(
-        self, state: FaultState, velocity: Floats, load: Floats, time: float, tolerance: float, most: int
-    ) -> Floats:
-        """Tractions of all points in sweeps; the nodal force of the last ones on the degrees of freedom of the face."""
-        begun = {name: values.copy() for name, values in state.items()}
-        scale = self.clock.kick * self._inverse_mass
-        pull = self._pull(state, load)
-        for sweep in range(most):
-            last = {name: state[name].copy() for name in ("normal_stress", "shear_traction")}
-            if sweep:
-                for name, values in begun.items():
-                    state[name][:] = values
-            self._points.start_from(last["normal_stress"], last["shear_traction"][:, None])
-            self._rate[:] = self._face.geometry.jump @ (velocity + scale * pull)
-            self._points(state, self._jump, self._rate, self._unused, time)
-            pull = self._pull(state, load)
-            change = max(np.abs(state[name] - values).max() for name, values in last.items())
-            if change <= tolerance * max(np.abs(state[name]).max() for name in last):
-                return pull
+    def _refresh(self) -> None:
+        """Take over who faces whom now: the diagonal of J M^-1 J'."""
+        face, n = self._face, len(self._face.plus)
+        own, other = self._inverse_mass[:n], self._inverse_mass[n:]
+        mobility = np.einsum("ikc,ic->ik", face.frame**2, own + face.geometry.coupling.squared() @ other)
+        # What faces nothing carries nothing, whatever its impedance.
+        mobility[~face.covered] = np.where(own > 0, own, 1.0)[~face.covered]
+        self._mobility[:] = mobility.ravel()
+        acting = face.frame.reshape(n, 4) * face.covered[:, None]
+        self._frame[:, :n] = np.column_stack([acting, face.weight]).T
+        self._points.refresh()
+        self._revision = face.geometry.revision
+
+    def _report(self, time: float) -> None:
+        """A step whose tractions have not settled, now and then."""
         self.unsettled += 1
         if self.unsettled in REPORTED:
             LOG.warning(
                 "faults.%s: tractions did not settle within contact.sweeps = %d, step %d of that kind, at %.6g s; the "
-                "run goes on with what they are, which a larger contact.tolerance allows", self.fault.name, most,
-                self.unsettled, time,
+                "run goes on with what they are, which a larger contact.tolerance allows", self.fault.name,
+                self._sweeps.most, self.unsettled, time,
             )  # fmt: skip
-        return pull
 
-    def _pull(self, state: FaultState, load: Floats) -> Floats:
-        """Force of the tractions on the degrees of freedom of both surfaces [N]."""
-        traction = np.column_stack([-state["normal_stress"], state["shear_traction"] - load])
-        weighted = (self._face.weight[:, None] * traction).ravel()
-        pull: Floats = self._initial_force - self._face.geometry.jump.T @ weighted
-        return pull
-
-    def _taken(self, traction_old: Floats, traction: Floats, state: FaultState, velocity: Floats) -> float:
+    def _taken(self, traction_old: Floats, traction: Floats, state: FaultState) -> float:
         """Work of a shear traction over the step, points of this rank [J].
 
         In sweeps on the jump of the velocities, so that the budget closes however well they have settled.
         """
-        if self._sweeps is None:
+        if self._rigid:
+            before, rate, length = self._rate_before[:, 1], self._rate[1], self.clock.kick
+        else:
             before = rate = state["mean_slip_rate"]
             length = self.clock.since
-        else:
-            before, rate = self._rate_before[:, 1], self._face.rate(velocity)[:, 1]
-            length = self.clock.kick
         return self._sum(self.fault.contact.dissipated(traction_old, traction, before, rate)) * length
 
     def _sum(self, power: Floats) -> float:

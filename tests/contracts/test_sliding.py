@@ -11,6 +11,8 @@ from small_cases import HOMALITE, SPLIT, advance, case, march, plates, smooth_fi
 
 pytest.importorskip("dolfinx")
 
+from reference_sliding import slide_reference
+
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
 from ruptfx.contact import ContactMethod
@@ -18,6 +20,7 @@ from ruptfx.model import Model
 from ruptfx.operators._geometry import BOX, POINTWISE, _classify
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import alternatives
+from ruptfx.steppers.leapfrog import masses_and_dashpots
 
 pytestmark = pytest.mark.fem
 
@@ -105,6 +108,38 @@ def test_uniform_stress_passes_between_different_meshes(contact: str, order: int
     fault = state.faults["main"]
     np.testing.assert_allclose(fault["normal_stress"], 8e6, rtol=1e-9)
     np.testing.assert_allclose(fault["shear_traction"], 0.7e6, rtol=1e-8)
+
+
+@every_contact
+@pytest.mark.parametrize("friction", ["coulomb", "prakash_clifton"])
+def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> None:
+    """From a moment when asperities stick, slide and are apart, and one end has slid off."""
+    law = {"kind": "coulomb", "mu_d": 0.3}
+    if friction == "prakash_clifton":
+        law = {"kind": "prakash_clifton", "L_p": 1e-6, "law": law}
+    table = rough({
+        "faults.main.contact": CONTACTS[contact], "faults.main.friction": law, "mesh.lower.left": 0.15e-3,
+        "faults.main.nucleation": {"kind": "overstress", "extra": 1e5},
+    })  # fmt: skip
+    model, motion, state = march(parse_case(table))
+    compiled, field = motion._kicks[2].faults[0][1], state.faults["main"]
+    states = [{name: values.copy() for name, values in field.items()} for _ in range(2)]
+    arrays = [(state.velocity.copy(), np.zeros_like(state.force)) for _ in range(2)]
+    compiled.opening_rate(states[0], arrays[0][0])
+    compiled(states[0], state.displacement, *arrays[0], state.time)
+    mass, dashpot = masses_and_dashpots(model)
+    inverse_mass = np.where(model.loads.prescribed, 0.0, 1 / (mass + 0.5 * motion.dt * dashpot))
+    slide_reference(
+        model.faults[0], states[1], state.displacement, *arrays[1], inverse_mass, compiled.clock, state.time,
+        model.case.output.rupture_threshold,
+    )  # fmt: skip
+    new = states[0]
+    closed = new["normal_stress"] > 0
+    assert 0.1 < closed.mean() < 0.9 and not model.faults[0].interface.covered.all()
+    for name, values in states[1].items():
+        np.testing.assert_allclose(new[name], values, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(values)))
+    for found, expected in zip(*arrays, strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 
 
 @every_contact

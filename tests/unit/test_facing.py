@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference_facing import MortarReference
 
 from ruptfx import RuptfxError
 from ruptfx.lobatto import basis_of_order
-from ruptfx.sliding.facing import Mortar
+from ruptfx.sliding.facing import Coupling, Mortar
 from ruptfx.sliding.surface import Surface
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,28 @@ def uneven(seed: int, facets: int) -> Floats:
     return np.sort(np.concatenate([[0.0, 1.0], np.random.default_rng(seed).uniform(0.05, 0.95, facets - 1)]))
 
 
+def dense(coupling: Coupling) -> Floats:
+    """B as a matrix."""
+    return coupling @ np.eye(coupling.nodes)
+
+
+@every_order
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_compiled_is_the_same_with_arrays(orders: tuple[int, int], tilt: float) -> None:
+    """On wavy surfaces that open and turn, where one has slid off the other; the reference is NumPy."""
+    rng = np.random.default_rng(5)
+    plus = chain(uneven(6, 40), orders[0], lambda x: 0.01 * np.cos(9 * x))
+    minus = chain(0.9 * uneven(7, 31), orders[1], lambda x: -0.01 * np.cos(9 * x) - 0.02)
+    turn = np.array([[np.cos(tilt), np.sin(tilt)], [-np.sin(tilt), np.cos(tilt)]])
+    places = [(x.points + 1e-3 * rng.normal(size=2) * np.sin(3 * x.points)) @ turn for x in (plus, minus)]
+    found, expected = (kind(plus, minus).find(*places) for kind in (Mortar, MortarReference))
+    assert 0.5 < expected.covered.mean() < 1
+    np.testing.assert_array_equal(found.covered, expected.covered)
+    np.testing.assert_allclose(dense(found.coupling), expected.coupling.toarray(), atol=1e-12)
+    np.testing.assert_allclose(found.weight, expected.weight, atol=1e-14)  # of a length of 1
+    np.testing.assert_allclose(found.tangent, expected.tangent, atol=1e-12)
+
+
 @every_order
 def test_identities_on_a_straight_line(orders: tuple[int, int]) -> None:
     """Constants and polynomials of the lower order pass exactly; a constant traction is the consistent load of both."""
@@ -37,7 +60,7 @@ def test_identities_on_a_straight_line(orders: tuple[int, int]) -> None:
     for degree in range(min(orders) + 1):
         np.testing.assert_allclose(found.coupling @ y**degree, x**degree, atol=1e-13)
     # int N_j ds is the GLL weight of the node, half the length of its facets times their weights.
-    for side, load in ((plus, found.weight), (minus, found.coupling.T @ found.weight)):
+    for side, load in ((plus, found.weight), (minus, dense(found.coupling).T @ found.weight)):
         expected = np.zeros(len(side.nodes))
         sizes = np.diff(side.points[:: side.order, 0])
         np.add.at(expected, side.numbers, 0.5 * sizes[:, None] * side.basis.weights)
@@ -49,7 +72,7 @@ def test_identities_on_a_straight_line(orders: tuple[int, int]) -> None:
 def test_matching_nodes_face_each_other(order: int) -> None:
     wavy = chain(uneven(3, 5), order, lambda x: 0.02 * np.cos(5 * x))
     found = Mortar(wavy, wavy).find(wavy.points, wavy.points)
-    np.testing.assert_allclose(found.coupling.toarray(), np.eye(len(wavy.nodes)), atol=1e-12)
+    np.testing.assert_allclose(dense(found.coupling), np.eye(len(wavy.nodes)), atol=1e-12)
 
 
 def test_a_frozen_operator_is_the_gradient_of_the_gap() -> None:
@@ -68,7 +91,7 @@ def test_a_frozen_operator_is_the_gradient_of_the_gap() -> None:
         found = mortar.find(plus.points + u, minus.points + v)
         normal = np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1)
         jump = np.sum(normal * (plus.points + u - found.coupling @ (minus.points + v)), axis=1)
-        return jump, normal, found.coupling @ np.eye(len(v))
+        return jump, normal, dense(found.coupling)
 
     closed, normal, coupling = gap(np.zeros_like(plus.points), np.zeros_like(minus.points))
     left = []
@@ -88,7 +111,7 @@ def test_an_end_that_slides_off() -> None:
     assert np.all(found.covered == (plus.points[:, 0] <= 0.73)) and found.weight.min() > 0
     spacing = np.diff(plus.points[:, 0]).max()
     assert abs(found.weight[found.covered].sum() - 0.73) < spacing
-    sums = np.asarray(found.coupling.sum(axis=1)).ravel()
+    sums = found.coupling.values.sum(axis=1)
     np.testing.assert_allclose(sums, found.covered.astype(float), atol=1e-14)
     # What is covered reproduces the place.
     np.testing.assert_allclose((found.coupling @ minus.points)[found.covered], plus.points[found.covered], atol=1e-13)
@@ -109,7 +132,7 @@ def test_ends_one_above_the_other() -> None:
 def test_bodies_apart_face_nothing() -> None:
     plus, minus = chain(np.linspace(0, 1, 6), 2, lambda x: 5 + 0 * x), chain(np.linspace(0, 1, 9), 2)
     found = Mortar(plus, minus).find(plus.points, minus.points)
-    assert not found.covered.any() and found.coupling.nnz == 0
+    assert not found.covered.any() and not np.any(found.coupling.values)
     # They keep the length and the tangent of their own side.
     np.testing.assert_allclose([found.weight.sum(), found.tangent[:, 0].min()], 1.0)
 

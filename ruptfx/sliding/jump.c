@@ -1,0 +1,87 @@
+// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Every row of B is a run of neighbouring
+// nodes, filled up with zeros; nodes are those of the plus side, then those of the other one.
+#include <string.h>
+
+enum { RUN = 8 };
+
+struct facing {
+    long n, m, columns;      // points, nodes of the other side, length of the rows: a multiple of RUN
+    const long *dofs;        // first degree of freedom of every node
+    const long *first;       // of every point: the first node it faces
+    const double *coupling;  // B, n rows
+    const double *frame;     // n times 2 x 2, zero where nothing is faced
+    const double *weight;    // n
+    double *across, *back;   // x, y of what is faced, m + columns each, and of the forces on it
+};
+
+typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
+typedef double half __attribute__((vector_size(RUN / 2 * sizeof(double)), may_alias));
+typedef union { run all; half halves[2]; double each[RUN]; } row;
+
+static inline __attribute__((always_inline)) double total(run values)
+{
+    const row sum = {values};
+    row part;
+    part.halves[0] = sum.halves[0] + sum.halves[1];
+    return (part.each[0] + part.each[2]) + (part.each[1] + part.each[3]);
+}
+
+// B times x and y at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void faced(const struct facing *f, long i, double mean[2])
+{
+    const double *b = f->coupling + i * f->columns, *x = f->across + f->first[i], *y = x + f->m + f->columns;
+    run of_x = {0}, of_y = {0};
+    for (long j = 0; j < f->columns; j += RUN) {
+        const run values = *(const run *)(b + j);
+        of_x += values * *(const run *)(x + j);
+        of_y += values * *(const run *)(y + j);
+    }
+    mean[0] = total(of_x), mean[1] = total(of_y);
+}
+
+// back += B' force, of point i.
+static inline __attribute__((always_inline)) void react(const struct facing *f, long i, double fx, double fy)
+{
+    const double *b = f->coupling + i * f->columns;
+    double *x = f->back + f->first[i], *y = x + f->m + f->columns;
+    for (long j = 0; j < f->columns; j += RUN) {
+        const run values = *(const run *)(b + j);
+        *(run *)(x + j) += values * fx;
+        *(run *)(y + j) += values * fy;
+    }
+}
+
+static inline void clear(const struct facing *f) { memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double)); }
+
+// local = J field, n x 2.
+void jump(const struct facing *f, const double *field, double *local)
+{
+    const long *dofs = f->dofs + f->n;
+    for (long j = 0; j < f->m; j++)
+        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[dofs[j] + c];
+    for (long i = 0; i < f->n; i++) {
+        const double *frame = f->frame + 4 * i, *own = field + f->dofs[i];
+        double mean[2];
+        faced(f, i, mean);
+        for (int k = 0; k < 2; k++)
+            local[2 * i + k] = frame[2 * k] * (own[0] - mean[0]) + frame[2 * k + 1] * (own[1] - mean[1]);
+    }
+}
+
+// field += J' W local.
+void assemble(const struct facing *f, const double *local, double *field)
+{
+    const long *dofs = f->dofs + f->n;
+    clear(f);
+    for (long i = 0; i < f->n; i++) {
+        const double *frame = f->frame + 4 * i, *value = local + 2 * i;
+        double force[2];
+        for (int c = 0; c < 2; c++) {
+            force[c] = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
+            field[f->dofs[i] + c] += force[c];
+        }
+        react(f, i, force[0], force[1]);
+    }
+    for (long j = 0; j < f->m; j++)
+        for (int c = 0; c < 2; c++) field[dofs[j] + c] -= f->back[c * (f->m + f->columns) + j];
+}

@@ -1,0 +1,158 @@
+"""Who faces whom written with arrays: what the compiled search and quadrature are compared to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER
+from ruptfx.sliding.surface import Floats, Integers, Surface
+
+
+@dataclass(frozen=True)
+class FacingReference:
+    """Who faces whom at one time.
+
+    Attributes
+    ----------
+    coupling : csr_matrix, shape (n, facing nodes)
+        B; empty rows where nothing is faced.
+    weight : ndarray, shape (n,)
+        Length of every point [m]; where nothing is faced that of its nodes.
+    tangent : ndarray, shape (n, 2)
+        Of the facing surface, a unit vector.
+    covered : ndarray of bool, shape (n,)
+        Whether the point faces something.
+    """
+
+    coupling: sparse.csr_matrix
+    weight: Floats
+    tangent: Floats
+    covered: NDArray[np.bool_]
+
+
+class MortarReference:
+    """The coupling of two surfaces.
+
+    Parameters
+    ----------
+    plus, minus : Surface
+    """
+
+    def __init__(self, plus: Surface, minus: Surface) -> None:
+        self.plus, self.minus = plus, minus
+        basis = plus.basis
+        corners = plus.points[plus.numbers]
+        # The same points here and on what faces one facet alone: nodes that match then face each other exactly.
+        self._gauss = at, weights = legendre.leggauss(plus.order + -(-minus.order // 2) + 2)
+        table = basis.values(at)
+        metric = self._metric(np.arange(plus.facets), np.broadcast_to(at, (plus.facets, len(at)))) * weights
+        mass = np.einsum("fg,ga,gb->fab", metric, table, table)
+        length = np.einsum("fg,ga->fa", metric, table)
+        self._dual = length[:, :, None] * np.linalg.inv(mass)
+        slopes = np.einsum("gb,fbc->fgc", basis.slopes(basis.points), corners)
+        self._nodal = basis.weights * np.linalg.norm(slopes, axis=2)
+
+    def _metric(self, facet: Integers, at: Floats) -> Floats:
+        """ds / dxi of facets of the plus side where nothing has moved, at places of shape (facets, ...)."""
+        corners = self.plus.points[self.plus.numbers][facet]
+        found: Floats = np.linalg.norm(np.einsum("f...b,fbc->f...c", self.plus.basis.slopes(at), corners), axis=-1)
+        return found
+
+    def find(self, plus: Floats, minus: Floats) -> FacingReference:
+        """Who faces whom where the nodes are at these places.
+
+        Parameters
+        ----------
+        plus, minus : ndarray, shapes (n, 2) and (facing nodes, 2)
+            Of both surfaces, in the order of their chains [m].
+        """
+        order, other = self.plus.order, self.minus.order
+        corners, facing = plus[self.plus.numbers], minus[self.minus.numbers]
+        chord = corners[:, -1] - corners[:, 0]
+        length = np.linalg.norm(chord, axis=1)
+        along = chord / length[:, None]
+        own, faced, low, high = self._overlaps(corners, facing, along, length)
+        share = np.bincount(own, high - low, len(corners)) / length
+        whole = share > 1 - 1e-6
+        # Distances along the chord, of the nodes of both facets of every piece.
+        here = np.einsum("kac,kc->ka", corners[own] - corners[own, :1], along[own])
+        there = np.einsum("kac,kc->ka", facing[faced] - corners[own, :1], along[own])
+        pieces = whole[own]
+        at, weights = self._dual_quadrature(own[pieces], here[pieces], low[pieces], high[pieces])
+        ends = ~pieces
+        nodes, shares = self._collocation(own[ends], here[ends], low[ends], high[ends])
+        n, m = len(plus), len(minus)
+        block = np.zeros((len(own), order + 1, other + 1))
+        tangent = np.zeros((len(own), order + 1, 2))
+        for chosen, places, given in ((pieces, at, weights), (ends, nodes, shares)):
+            wanted = np.einsum("kga,ka->kg", self.plus.basis.values(places), here[chosen])
+            targets = np.broadcast_to(there[chosen][:, None], (*wanted.shape, other + 1))
+            guess = 2 * (wanted - targets[..., 0]) / (targets[..., -1] - targets[..., 0]) - 1
+            eta = self.minus.basis.between(np.clip(guess, -1, 1), wanted, targets)
+            block[chosen] = np.einsum("kga,kgj->kaj", given, self.minus.basis.values(eta))
+            slope = np.einsum("kgj,kjc->kgc", self.minus.basis.slopes(eta), facing[faced[chosen]])
+            slope /= np.linalg.norm(slope, axis=-1, keepdims=True)
+            tangent[chosen] = np.einsum("kga,kgc->kac", given, slope)
+        rows, columns = self.plus.numbers[own], self.minus.numbers[faced]
+        coupling = sparse.csr_matrix(
+            (block.ravel(), (np.repeat(rows, other + 1), np.repeat(columns, order + 1, axis=0).ravel())), shape=(n, m)
+        )
+        weight = np.asarray(coupling.sum(axis=1)).ravel()
+        turned, nodal = np.zeros((n, 2)), np.zeros(n)
+        np.add.at(turned, rows, tangent)
+        np.add.at(nodal, self.plus.numbers, self._nodal)
+        covered = weight > SLIVER * nodal
+        turned[~covered] = self._own_tangent(plus)[~covered]
+        scale = sparse.diags(np.where(covered, 1 / np.where(covered, weight, 1.0), 0.0))
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        return FacingReference((scale @ coupling).tocsr(), np.where(covered, weight, nodal), turned, covered)
+
+    def _overlaps(
+        self, corners: Floats, facing: Floats, along: Floats, length: Floats
+    ) -> tuple[Integers, Integers, Floats, Floats]:
+        """Pairs of facets that face each other, and from where to where along the chord of the first one [m]."""
+        size = np.linalg.norm(facing[:, -1] - facing[:, 0], axis=1)
+        reach = REACH * max(length.max(initial=0.0), size.max(initial=0.0))
+        near = cKDTree(0.5 * (facing[:, 0] + facing[:, -1])).query_ball_point(
+            0.5 * (corners[:, 0] + corners[:, -1]), reach, return_sorted=True
+        )
+        own = np.repeat(np.arange(len(corners)), [len(each) for each in near])
+        faced = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
+        begin, end = (np.einsum("kc,kc->k", facing[faced, i] - corners[own, 0], along[own]) for i in (0, -1))
+        begin = begin - OVERHANG * size[faced] * (faced == 0)
+        end = end + OVERHANG * size[faced] * (faced == len(size) - 1)
+        low, high = np.maximum(begin, 0.0), np.minimum(end, length[own])
+        kept = high - low > SLIVER * length[own]
+        return own[kept], faced[kept], low[kept], high[kept]
+
+    def _dual_quadrature(self, own: Integers, here: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Places on the facets and integration weights times the dual basis, shapes (k, g) and (k, g, nodes)."""
+        basis = self.plus.basis
+        first, last = (basis.between(2 * s / here[:, -1] - 1, s, here) for s in (low, high))
+        points, weights = self._gauss
+        at = 0.5 * ((first + last)[:, None] + (last - first)[:, None] * points)
+        measure = 0.5 * (last - first)[:, None] * weights * self._metric(own, at)
+        return at, np.einsum("kg,kgb,kab->kga", measure, basis.values(at), self._dual[own])
+
+    def _collocation(self, own: Integers, here: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """The nodes of facets that are partly covered, and what each piece counts of them."""
+        slack = SLIVER * here[:, -1:]
+        inside = (here > low[:, None] - slack) & (here < high[:, None] + slack)
+        times = np.zeros((self.plus.facets, self.plus.order + 1))
+        np.add.at(times, own, inside)  # a node above a facing vertex belongs to two pieces
+        counted = np.where(inside, self._nodal[own] / np.maximum(times[own], 1), 0.0)
+        places = np.broadcast_to(self.plus.basis.points, here.shape)
+        return places, counted[:, :, None] * np.eye(self.plus.order + 1)
+
+    def _own_tangent(self, plus: Floats) -> Floats:
+        """Mean tangent of the plus side at its nodes, not normalised."""
+        slopes = np.einsum("gb,fbc->fgc", self.plus.basis.slopes(self.plus.basis.points), plus[self.plus.numbers])
+        tangent = np.zeros_like(plus)
+        np.add.at(tangent, self.plus.numbers, slopes)
+        return tangent
