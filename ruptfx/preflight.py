@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import resource
+import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -14,12 +13,11 @@ import numpy as np
 from ruptfx import fem, stages
 from ruptfx.analysis import fracture, rough_contact
 from ruptfx.case import Case, FaultCase
+from ruptfx.cost import available, measured, need_memory, rehearse
 from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.inside import Inside
-from ruptfx.instruments import Channel, Instrument
 from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
@@ -27,13 +25,11 @@ from ruptfx.places import patches
 from ruptfx.plausibility import Doubt, doubts, slow_records
 from ruptfx.profiles.constant import Constant
 from ruptfx.projection import TracedLaw
-from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.recording.sampling import Samples
 from ruptfx.schema import Part, unit_of
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.roughness import Roughness, roughness
 from ruptfx.spectrum import stable_time_step
-from ruptfx.steppers import leapfrog
+from ruptfx.steppers import Motion, leapfrog
 from ruptfx.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
@@ -66,7 +62,11 @@ def preflight(case: Case) -> Iterator[Row]:
     RuptfxError
         Whatever a run would refuse.
     """
+    began = time.process_time()
+    need_memory(case, fem.MPI.COMM_WORLD)
     model = Model(case, fem.MPI.COMM_WORLD)
+    motion = stages.bind(model)
+    built = time.process_time() - began
     StopRules(model)
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     for name, material in zip(model.bodies.names, model.materials, strict=True):
@@ -76,7 +76,6 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
     if len(model.materials) > 1 and case.plane in ("stress", "strain"):
         yield from _pairing(model)
-    motion = stages.bind(model)
     stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
     steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
@@ -97,7 +96,7 @@ def preflight(case: Case) -> Iterator[Row]:
     if case.instruments:
         yield from _instrument_rows(model, motion.dt)
     yield from (_doubtful(doubt) for doubt in doubts(model))
-    yield from _cost(model, motion, steps)
+    yield from _cost(model, motion, steps, built)
 
 
 def _doubtful(doubt: Doubt) -> Row:
@@ -458,27 +457,29 @@ def _points_row(quantity: str, zone: float, spacing: float, enough: int) -> Row:
     return Row(quantity, points, "", f"too few: {enough} or more resolve a front", "warning")
 
 
-def _cost(model: Model, motion: object, steps: int | None) -> Iterator[Row]:
-    """Memory and run time, from a few real steps."""
-    state = model.initial_state()
-    motion.step(state)  # type: ignore[attr-defined]
-    begin = time.perf_counter()
-    for _ in range(5):
-        motion.step(state)  # type: ignore[attr-defined]
-    each = (time.perf_counter() - begin) / 5
-    yield _memory()
-    yield Row("files", _bytes_of_files(model, steps) / 1e6, "MB", "on disk, without figures and checkpoints")
-    where = f"on {model.comm.size} rank(s), without output"
-    if steps is None:
-        yield Row("time of a step", each, "s", where)
+def _cost(model: Model, motion: Motion, steps: int | None, built: float) -> Iterator[Row]:
+    """Memory, files and time of the whole command, from a rehearsal."""
+    found, there = rehearse(model, motion, steps, built), available()
+    if there is None or found.memory < there:
+        yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
     else:
-        yield Row("expected run time", each * steps, "s", f"{each:.3g} s per step {where}")
+        note = f"{there / 1e6:.0f} MB are free here: take a larger mesh.element_size, or another machine"
+        yield Row("memory", found.memory / 1e6, "MB", note, "error")
+    if steps is None:
+        yield Row("time of a step", found.step, "s", "processor time on one rank; how many there are is not known")
+        return
+    free = shutil.disk_usage(".").free
+    smaller = ", before compression" * bool(model.case.output.bulk_compression)
+    note = f"on disk, without checkpoints{smaller}; {free / 1e9:.3g} GB are free here"
+    yield Row("files", found.disk / 1e6, "MB", note, "ok" if found.disk < free else "warning")
+    parts = f"{steps} steps of {found.step:.3g} s, records and pictures; processor time on one rank"
+    yield Row("expected run time", found.time, "s", parts)
 
 
 def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
     """Up to which frequency each instrument sees, and what limits it."""
     speed = float(model.wave_speeds().c_s)
-    for number, (instrument, channels) in enumerate(_measured(model, dt)):
+    for number, (instrument, channels) in enumerate(measured(model, dt)):
         often = 0.5 / instrument.interval
         highest = min(often, instrument.bandwidth or often)
         verdict: Literal["ok", "warning"] = "ok"
@@ -494,38 +495,3 @@ def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
             if 0 < instrument.extent < spacing:
                 notes.append(f"shorter than the {spacing:.3g} m between nodes: as good as a point")
         yield Row(f"instruments.{instrument.name}: sees", highest, "Hz", "; ".join(notes), verdict)
-
-
-def _measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
-    return Samples(model, dt, BulkFields(model).initial_stress).instruments
-
-
-def _memory() -> Row:
-    """The largest so far, with the model, the operator and some steps: a run on one rank has about the same."""
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if used < 0.8 * there:
-        return Row("memory", used / 1e6, "MB", "of one rank; more ranks share the mesh")
-    note = f"nearly all of the {there / 1e6:.0f} MB there are: take a coarser mesh or another machine"
-    return Row("memory", used / 1e6, "MB", note, "warning")
-
-
-def _bytes_of_files(model: Model, steps: int | None) -> float:
-    """Numbers of 8 bytes in interface.h5, bulk.h5, instruments.h5 and, as text of 20, in energy.csv."""
-    output, duration = model.case.output, model.case.duration
-    records = duration / (output.interface_interval or duration / 300) + 1
-    if steps is not None:
-        records = min(records + steps / (output.interface_steps or np.inf), steps + 1)
-    numbers = 0.0
-    for fault in model.faults:
-        recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
-        names = [name for field in recorded for name in field.names(fault.tangents)]
-        numbers += records * fault.interface.total * (len(names) + len(fault.friction.all_state_fields()))
-    snapshots = min(duration / (output.bulk_interval or duration / 6), steps or np.inf)
-    dim, c = model.coordinates.shape[1], model.components
-    stresses = {1: 2, 2: 3, 3: 6}[c]
-    cells = model.total_nodes  # those of snapshots lie between nodes
-    numbers += snapshots * model.total_nodes * (2 * c + stresses + 1) + model.total_nodes * dim + cells * 2**dim
-    for instrument, channels in _measured(model, 0.0) if model.case.instruments else []:
-        numbers += duration / instrument.interval * (1 + len(channels))
-    return 8 * numbers + 20 * (len(ENERGIES) + 2) * records

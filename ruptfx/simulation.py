@@ -15,6 +15,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, launch, lumped, parallel, stages
 from ruptfx.case import Case
+from ruptfx.cost import need_memory
 from ruptfx.directories import write_json
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
@@ -109,6 +110,7 @@ def simulate(
             run_directory.prepare(comm, out)
         began = time.perf_counter()
         with phase("model"):
+            need_memory(case, comm)
             model = Model(case, comm)
             motion = stages.bind(model)
         if checkpoint is None and (resume or overwrite):  # the case is known to run: only now may older files go
