@@ -105,6 +105,29 @@ def test_same_steps_as_the_whole_system() -> None:
     assert energies == pytest.approx(their_energies, rel=1e-9, abs=1e-9 * abs(work))
 
 
+def test_bodies_that_go_on_as_before_take_one_back_substitution(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Edges that move on in steps of one length, nothing else that depends on time: only the interface is out of
+    balance where the motion of the step before goes on."""
+    moved = [*HELD, {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 1.0},
+             {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": -0.1}]  # fmt: skip
+    model, solved = pulled(COMPLIANT, {"boundaries": moved, "damping": {}}), []
+    solve = compliance.Compliance.solve
+    monkeypatch.setattr(compliance.Compliance, "solve", lambda self, force: solved.append(1) or solve(self, force))
+    equilibrium, state, taken = Equilibrium(model), model.initial_state(), []
+    for dt in (1e-5, 1e-5, 1e-5, 5e-6, 5e-6):
+        solved.clear()
+        solution = equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
+        state.velocity[:] = (solution.displacement - state.displacement) / dt
+        solution.commit(state)
+        taken.append(len(solved))
+    assert parallel.largest(model.comm, state.faults["main"]["slip"].max(initial=0.0)) > 1e-9
+    assert taken == [2, 1, 1, 1, 1]
+    ours, theirs = Equilibrium(model), Equilibrium(model, condensed=False)
+    guess = state.displacement + dt * state.velocity
+    found, expected = (solver.solve(state, dt, guess=guess).displacement for solver in (ours, theirs))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
 def test_a_step_size_costs_one_factorisation_and_the_last_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
     build = condensed.Compliance
