@@ -74,8 +74,8 @@ def _integral_at(wanted: Array, time: Array, values: Array, integral: Array) -> 
     return integral[begin] + after * (values[begin] + 0.5 * slope * after)
 
 
-def drops(time: Array, force: Array, least: float) -> list[Drop]:
-    """Falls of the force by more than a threshold; what rises by less than that within one belongs to it.
+def drops(time: Array, force: Array, least: float, rise: float | None = None) -> list[Drop]:
+    """Falls of the force by more than a threshold.
 
     Parameters
     ----------
@@ -83,28 +83,35 @@ def drops(time: Array, force: Array, least: float) -> list[Drop]:
         The latter averaged over what is not to be seen.
     least : float
         Threshold, in the unit of the force.
+    rise : float, optional
+        What ends a fall; smaller rises within one belong to it. Default: a fifth of the threshold.
     """
+    rise = 0.2 * least if rise is None else rise
     found: list[Drop] = []
+    for peak, trough in _falls(force, rise):
+        size = float(force[peak] - force[trough])
+        if size > least:
+            since = found[-1].end if found else float(time[0])
+            found.append(Drop(float(time[peak]), float(time[trough]), size, float(time[peak]) - since))
+    return found
+
+
+def _falls(force: Array, reversal: float) -> list[tuple[int, int]]:
+    """Places of peaks and of the troughs after them, between which the force turns by more than a threshold."""
+    found = []
     peak = trough = 0
     falls = False
-
-    def close() -> None:
-        since = found[-1].end if found else time[0]
-        size = float(force[peak] - force[trough])
-        found.append(Drop(float(time[peak]), float(time[trough]), size, float(time[peak] - since)))
-
-    for now in range(len(time)):
-        if not falls and force[now] >= force[peak]:
-            peak = now
-        falls = falls or force[peak] - force[now] > least
-        if not falls or force[now] < force[trough]:
+    for now in range(len(force)):
+        if not falls:
+            peak = now if force[now] >= force[peak] else peak
             trough = now
-        if falls and force[now] - force[trough] > least:
-            close()
+            falls = force[peak] - force[now] > reversal
+        elif force[now] < force[trough]:
+            trough = now
+        elif force[now] - force[trough] > reversal:
+            found.append((peak, trough))
             peak, trough, falls = now, now, False
-    if falls:
-        close()
-    return found
+    return [*found, (peak, trough)] if falls else found
 
 
 def knees(time: Array, force: Array, found: list[Drop], tolerance: float) -> list[Knee]:

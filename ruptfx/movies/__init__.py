@@ -86,12 +86,11 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
             "several, in two; reduce output.bulk_interval and run again"
         )
     points, times = bulk["points"].values, bulk["time"].values
+    if any("contact" in data for data in record.interfaces.values()):
+        return _that_slide(record, picture, label, line, **look)
     raster = Raster(points, bulk["cells"].values, pixels=900)
     size, unit = scale(np.ptp(points, axis=0), "m")
-    if "vmax" not in look:  # a few bright pixels at a tip must not darken the waves
-        sample = np.unique(np.linspace(0, len(times) - 1, 12).astype(int))
-        look["vmax"] = max(float(np.nanquantile(picture(int(row), raster), 0.998)) for row in sample) or 1.0
-        look["extend"] = "max"
+    look = _brightest(lambda row: picture(row, raster), len(times), look)
     left, right, bottom, top = (value / size for value in raster.extent)
 
     def draw(axes: Axes) -> None:
@@ -102,6 +101,47 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
         times, lambda row: picture(row, raster), (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look,
         draw,
     )  # fmt: skip
+
+
+def _that_slide(
+    record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any
+) -> Film:
+    """The film of bodies that slide far: where they are at the time, not where they began."""
+    bulk = record.bulk
+    points, cells, times = bulk["points"].values, bulk["cells"].values, bulk["time"].values
+
+    def places(row: int) -> Array:
+        moved: Array = points + bulk["displacement"].isel(time=row).values
+        return moved
+
+    reach = np.array([(moved.min(axis=0), moved.max(axis=0)) for moved in map(places, range(len(times)))])
+    frame = np.stack([reach[:, 0].min(axis=0), reach[:, 1].max(axis=0)])  # belongs to no cell
+
+    def image(row: int) -> Array:
+        return picture(row, Raster(np.vstack([places(row), frame]), cells, pixels=900))
+
+    look = _brightest(image, len(times), look)
+    size, unit = scale(np.ptp(frame, axis=0), "m")
+    (left, bottom), (right, top) = frame / size
+    faces = [data for data in record.interfaces.values() if "contact" in data]
+
+    def move(axes: Axes, row: int) -> None:
+        for drawn in list(axes.lines):
+            drawn.remove()
+        for data in faces:
+            now = data.sel(time=times[row], method="nearest")
+            axes.plot(now["deformed_x"].values / size, now["deformed_y"].values / size, color=line, lw=0.7)
+
+    return Film(times, image, (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look, move=move)
+
+
+def _brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) -> dict[str, Any]:
+    """With an upper end of colours: a few bright pixels at a tip must not darken the waves."""
+    if "vmax" in look:
+        return look
+    sample = np.unique(np.linspace(0, count - 1, 12).astype(int))
+    brightest = max(float(np.nanquantile(image(int(row)), 0.998)) for row in sample)
+    return {**look, "vmax": brightest or 1.0, "extend": "max"}
 
 
 def assumed(record: Record) -> str:

@@ -18,23 +18,25 @@ def suits(record: Record) -> bool:
 
 
 @styled
-def contact(record: Record) -> Figure:
-    """What sticks, slides, is open and faces nothing, against position and time; what is shown is the last of a record.
+def contact(record: Record, time_range: tuple[float, float] | None = None) -> Figure:
+    """What sticks, slides, is open and faces nothing, against position and time.
 
     Parameters
     ----------
     record : Record
+    time_range : (float, float), optional
+        What is shown of the run [s]. Default: all.
     """
     data = record.interface
     position, time = data["position"].values, data["time"].values
-    until = end_time(record)
+    first, until = time_range or (0.0, end_time(record))
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     labels = along(record, x_size, x_unit), f"Time ({t_unit})"
     if len(time) < 2:
         return empty_figure("fewer than two times were saved", *labels)
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]
-    ax.set(xlabel=labels[0], ylabel=labels[1], ylim=(0, until / t_size))
+    ax.set(xlabel=labels[0], ylabel=labels[1], ylim=(first / t_size, until / t_size))
     colours = ListedColormap(list(COLOURS.values()))
     grid = edges(position) / x_size, edges(time) / t_size
     ax.pcolormesh(*grid, data["contact"].values, cmap=colours, vmin=-0.5, vmax=len(COLOURS) - 0.5, rasterized=True)

@@ -64,7 +64,7 @@ def forces(record: Record, window: float | None = None) -> Figure:
     size, unit = scale(window, "s")
     remark(
         figure, f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
-        f"Drops: falls by more than {DROP:.0%} of the median normal force; knees: bends of a broken line that follows "
-        f"within {BEND:.0%} of it.",
+        f"Drops: falls by more than {DROP:.0%} of the median normal force, until it rises by a fifth of that; knees: "
+        f"bends of a broken line that follows within {BEND:.0%} of it.",
     )  # fmt: skip
     return figure

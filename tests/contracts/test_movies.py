@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import h5py
 import numpy as np
 import pytest
 import synthetic
@@ -49,6 +50,31 @@ def test_pictures_show_the_values_of_the_run(record):
         image = movies.film(record, what).image(row)
         assert np.nanmax(image) == pytest.approx(expected.max(), rel=0.02)
         assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
+
+
+def test_bodies_that_slide_are_shown_where_they_are(tmp_path):
+    """The upper body, 100 mm long, goes 20 mm to the right: nothing is left behind, and its line goes along."""
+    run = synthetic.write_run(
+        tmp_path / "slides", synthetic.crack(TIME, POSITION), TIME, POSITION, snapshots=3, slides=True
+    )
+    with h5py.File(run / "bulk.h5", "a") as file:
+        moved = np.zeros(file["displacement"].shape)
+        moved[:, file["body"][()] == 1, 0] = np.array([0.0, 0.01, 0.02])[:, None]
+        del file["displacement"]
+        file["displacement"] = moved
+    with Record(run) as record:
+        film = movies.film(record, "velocity")
+        assert film.extent == pytest.approx((0, 120, -20, 20))
+        for row, gone in ((0, 0), (1, 10), (2, 20)):
+            there = np.isfinite(film.image(row))
+            pixels = there.shape[1] / 120  # per mm
+            upper, lower = there[-1], there[0]
+            # Empty before it, and behind its end; the lower body stays.
+            behind = round((gone - 0.5) * pixels) if gone else 0
+            assert not upper[:behind].any() and upper[round((gone + 0.5) * pixels)]
+            assert upper[round((gone + 99) * pixels)] and not upper[round((gone + 101) * pixels) :].any()
+            assert lower[0] and not lower[round(101 * pixels) :].any()
+        assert movies.save(record, "velocity", tmp_path / "film.gif", most=3) == 3
 
 
 def test_mp4(record, tmp_path):

@@ -33,11 +33,24 @@ def test_mean_of_uneven_records():
     np.testing.assert_allclose(mean[inside], time[inside] ** 2 + 0.04 / 12, atol=1e-5)
 
 
-@pytest.mark.parametrize("least, sizes", [(0.4, [2, 1.3, 3]), (1.5, [2, 3.8]), (2.5, [4]), (5.0, [])])
-def test_threshold(least, sizes):
+@pytest.mark.parametrize(
+    "least, rise, sizes",
+    [(0.4, 0.4, [2, 1.3, 3]), (0.4, 0.6, [2, 3.8]), (0.4, 2.0, [4]), (1.9, None, [2, 1.3, 3]), (2.5, 0.6, [3.8]),
+     (5.0, None, [])],
+)  # fmt: skip
+def test_threshold(least, rise, sizes):
     """Falls of 2, 1.3 and 3 with rises of 1.8 and 0.5 between them; from 5 to 1 if no rise is counted."""
     force = np.array([0, 5, 3, 4.8, 3.5, 4, 1.0])
-    assert [drop.size for drop in drops(np.arange(7.0), force, least)] == pytest.approx(sizes)
+    expected = [size for size in sizes if size > least]
+    assert [drop.size for drop in drops(np.arange(7.0), force, least, rise)] == pytest.approx(expected)
+
+
+def test_a_slow_decline_is_no_part_of_a_drop():
+    """A fall of 3 in 0.1 s, up by 0.5, and then 2 less in 10 s, in steps of 0.3 and back by 0.25."""
+    slow = 2.5 - 0.05 * np.arange(41) + np.where(np.arange(41) % 2, 0.15, -0.15)
+    time = np.concatenate([[0, 1, 1.1], np.linspace(1.3, 11.3, 41)])
+    (found,) = drops(time, np.concatenate([[0, 5, 2], slow]), 1.0)
+    assert (found.start, found.end, found.size) == (1.0, 1.1, 3.0)
 
 
 def test_a_force_that_rises_has_none():
