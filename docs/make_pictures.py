@@ -1,7 +1,9 @@
 """Draws the pictures of the site that no demo leaves: `python docs/make_pictures.py` (three minutes of processor time).
 
 `tpv205.png`, `time_order.png` and `self_similar.png` are the figures of `ruptfx bench NAME --fine`; `antiplane.png`,
-`bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of `ruptfx mesh`.
+`bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of `ruptfx mesh`,
+`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `measured_surface.png` is `surfaces.png` of
+this demo.
 """
 
 from __future__ import annotations
