@@ -12,7 +12,7 @@ from ruptfx import __version__
 COMMANDS = {
     "Begin": ("new", "convert", "demos", "describe"),
     "Compute": ("check", "mesh", "run", "resume", "study"),
-    "Look at it": ("list", "plot", "movie", "compare", "events", "export"),
+    "Look at it": ("list", "plot", "movie", "dic", "compare", "events", "export"),
     "Trust and extend": ("bench", "check_law", "cite"),
 }
 """By the heading under which `--help` lists them."""

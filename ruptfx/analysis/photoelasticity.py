@@ -32,6 +32,11 @@ def difference_of(stress: Array) -> Array:
     return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])
 
 
+def principal_direction(xx: Array, yy: Array, xy: Array) -> Array:
+    """Angle of sigma_1 from x [rad], between -pi / 2 and pi / 2: tan(2 theta) = 2 xy / (xx - yy)."""
+    return 0.5 * np.arctan2(2 * xy, xx - yy)
+
+
 def fringe_order(difference: Array, fringe_constant: Array | float, thickness: float) -> Array:
     """Number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
 
@@ -66,3 +71,20 @@ def intensity(order: Array, field: str = "dark") -> Array:
         raise RuptfxError(f"photoelasticity: field = '{field}': must be 'dark' or 'light'")
     wave = np.sin if field == "dark" else np.cos
     return wave(np.pi * order) ** 2
+
+
+def plane_intensity(order: Array, direction: Array, polariser: float) -> Array:
+    """Light that passes a plane polariscope with crossed analyser, sin^2(2 (theta - alpha)) sin^2(pi N).
+
+    Isoclinics, where a principal direction is that of the polariser, are black at any order.
+
+    Parameters
+    ----------
+    order : ndarray
+        Fringe order N.
+    direction : ndarray
+        Of a principal stress, theta [rad].
+    polariser : float
+        Its angle alpha [rad].
+    """
+    return np.sin(2 * (direction - polariser)) ** 2 * intensity(order)

@@ -12,6 +12,19 @@ def test_principal_difference():
     np.testing.assert_allclose(photo.principal_difference(*np.array([[3, 0, 5.0], [0, 0, 5], [0, 2, 0]])), [3, 4, 0])
 
 
+def test_principal_direction():
+    # Tension along x: 0. Along y: 90 degrees. Shear xy: 45 degrees.
+    found = photo.principal_direction(np.array([3.0, 0, 0]), np.array([0.0, 3, 0]), np.array([0, 0, 1.0]))
+    np.testing.assert_allclose(np.abs(found), [0, np.pi / 2, np.pi / 4])
+
+
+def test_isoclinics_are_black_at_any_order():
+    # Between them, 45 degrees away, the light is that of a circular polariscope.
+    order, zero = np.linspace(0, 3, 50), np.zeros(50)
+    np.testing.assert_allclose(photo.plane_intensity(order, zero + np.pi / 2, 0.0), 0, atol=1e-30)
+    np.testing.assert_allclose(photo.plane_intensity(order, zero + 0.3, 0.3 - np.pi / 4), photo.intensity(order))
+
+
 def test_fringe_order():
     # 20 kN/m over 6 mm is 3.33 MPa per fringe.
     assert photo.fringe_order(np.array(10e6), fringe_constant=20e3, thickness=6e-3) == pytest.approx(3)

@@ -1,0 +1,258 @@
+"""Digital image correlation: displacements and strains from two pictures of a speckled surface.
+
+The correlation is that of scikit-image (iterative Lucas-Kanade, which minimises the difference of grey levels over a
+square subset around every pixel); strains are slopes of planes fitted to the displacements over a square window. The
+same functions take pictures of an experiment and those that `photographed` makes of a run, whose true strains are
+known: what they differ by is what the method does to an experiment.
+
+Rows of images go up, as y does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
+from scipy.signal import savgol_filter
+from scipy.spatial import cKDTree
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.raster import Raster
+
+if TYPE_CHECKING:
+    import xarray
+
+    from ruptfx.record import Record
+
+Array = np.ndarray
+GREYS = 255
+
+
+def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Array]:
+    """Displacement of every pixel of the first image, along x and y [pixels].
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (rows, columns)
+        Grey levels.
+    subset : int
+        Pixels along the side of the square that is followed, odd.
+
+    Raises
+    ------
+    RuptfxError
+        Images of different size, a subset that is even or larger than they are, an image without contrast, or
+        scikit-image is missing.
+    """
+    if before.shape != after.shape or before.ndim != 2:
+        raise RuptfxError(
+            f"image correlation: images of {_size(before)} and {_size(after)}: both must be grey and of the same size; "
+            "crop them alike"
+        )
+    if subset < 5 or subset % 2 == 0 or subset > min(before.shape):
+        raise RuptfxError(
+            f"image correlation: subset = {subset}: must be odd, 5 or more, and fit into the image of {_size(before)}"
+        )
+    if np.ptp(before) == 0 or np.ptp(after) == 0:
+        raise RuptfxError("image correlation: an image has no contrast: there is nothing to follow")
+    try:
+        from skimage.registration import optical_flow_ilk
+    except ImportError:
+        raise RuptfxError("image correlation needs scikit-image: pip install 'ruptfx[dic]'") from None
+    grey = np.ptp(before)
+    along_y, along_x = optical_flow_ilk(before / grey, after / grey, radius=subset // 2, num_warp=10, dtype=np.float64)
+    return along_x, along_y
+
+
+def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:
+    """Strains of planes that are fitted to the displacements [pixels] over a window of so many pixels, odd.
+
+    Returns
+    -------
+    dict of ndarray
+        xx, yy, and xy as a component of the tensor; NaN where the window leaves the image.
+    """
+
+    def slope(field: Array, axis: int) -> Array:
+        found = savgol_filter(field, window, 1, deriv=1, axis=axis, mode="nearest")
+        found = uniform_filter1d(found, window, axis=1 - axis, mode="nearest")
+        half = window // 2
+        for side in (slice(None, half), slice(-half, None)):
+            found[side] = found[:, side] = np.nan
+        return np.asarray(found)
+
+    shear = 0.5 * (slope(along_x, 0) + slope(along_y, 1))
+    return {"xx": slope(along_x, 1), "yy": slope(along_y, 0), "xy": shear}
+
+
+def speckle(shape: tuple[int, int], size: float, seed: int = 0) -> Array:
+    """A picture of random speckles, grey levels from 0 to 255.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    size : float
+        Of a speckle [pixels].
+    seed : int
+    """
+    waves = gaussian_filter(np.random.default_rng(seed).normal(size=shape), 0.35 * size, mode="wrap")
+    return GREYS / (1 + np.exp(-4 * waves / waves.std()))
+
+
+def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.0, seed: int = 1) -> Array:
+    """The picture after a displacement of its pixels, with noise, as whole grey levels.
+
+    What is seen at x was at X = x - u(X), found by iteration: displacements vary by less than a pixel from pixel to
+    pixel.
+
+    Parameters
+    ----------
+    image : ndarray, shape (rows, columns)
+        Before.
+    along_x, along_y : ndarray, same shape
+        Displacement [pixels].
+    noise : float
+        Standard deviation of the grey levels.
+    seed : int
+    """
+    rows, columns = np.indices(image.shape).astype(float)
+    x, y = columns - along_x, rows - along_y
+    for _ in range(4):
+        there = [np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)]
+        x = columns - map_coordinates(along_x, there, order=1, mode="nearest")
+        y = rows - map_coordinates(along_y, there, order=1, mode="nearest")
+    seen = map_coordinates(image, [y, x], order=5, mode="nearest")
+    return np.clip(np.round(seen + noise * np.random.default_rng(seed).normal(size=image.shape)), 0, GREYS)
+
+
+def experiment(
+    record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
+    speckle_size: float = 4.0, seed: int = 0,
+) -> xarray.Dataset:
+    """What image correlation shows of a snapshot of a run, and what is true.
+
+    A speckled picture of the plates at the start and one after the displacement of the snapshot, both with noise, are
+    correlated.
+
+    Parameters
+    ----------
+    record : Record
+    row : int
+        Which snapshot.
+    pixel : float
+        Size of a pixel on the plates [m].
+    subset, window : int
+        Pixels of a subset and of a window for strains (as large by default), odd.
+    noise : float
+        Standard deviation of the grey levels, of 255.
+    speckle_size : float
+        [pixels].
+    seed : int
+
+    Returns
+    -------
+    xarray.Dataset
+        Against `y` and `x` [m]: `measured_xx`, `true_xx` and so on for yy and xy, and `distance` from the interfaces
+        [m]; NaN where there is no plate, or no whole window.
+
+    Raises
+    ------
+    RuptfxError
+        No plates in a plane.
+    """
+    import xarray
+
+    bulk = record.bulk
+    if bulk.sizes.get("component") != 2:
+        raise RuptfxError(f"{record.path}: image correlation is of displacements in a plane")
+    points, cells, body = bulk["points"].values, bulk["cells"].values, bulk["body"].values
+    pixels = round(float(np.ptp(points, axis=0).max()) / pixel)
+    if pixels < 2 * subset:
+        raise RuptfxError(
+            f"image correlation: the plates have {pixels} pixels of {pixel:g} m, less than two subsets; take smaller "
+            "pixels"
+        )
+    moved = bulk["displacement"].isel(time=row).values / pixel
+    along: list[Array | None] = [None, None]
+    true: dict[str, Array] = {}
+    for number in np.unique(body[cells[:, 0]]):  # not across interfaces, where displacements jump
+        raster = Raster(points, cells[body[cells[:, 0]] == number], pixels)
+        fields = [raster(part) for part in moved.T]
+        (xy, xx), (yy, yx) = (np.gradient(part) for part in fields)
+        here = {"xx": xx, "yy": yy, "xy": 0.5 * (xy + yx)}
+        true = {name: _filled(true.get(name), part) for name, part in here.items()}
+        along = [_filled(known, part) for known, part in zip(along, fields, strict=True)]
+    plate = np.isfinite(fields[0] if along[0] is None else along[0])
+    nearest = distance_transform_edt(~plate, return_distances=False, return_indices=True)
+    moved_x, moved_y = (part[tuple(nearest)] for part in along if part is not None)
+    first = speckle(plate.shape, speckle_size, seed)
+    still = np.zeros(plate.shape)
+    before = photographed(first, still, still, noise, seed + 1)
+    after = photographed(first, moved_x, moved_y, noise, seed + 2)
+    found = strains(*displacements(before, after, subset), window or subset)
+    left, right, bottom, top = raster.extent
+    rows, columns = ((np.arange(n) + 0.5) / n for n in plate.shape)
+    x, y = left + columns * (right - left), bottom + rows * (top - bottom)
+    variables = {f"true_{name}": (("y", "x"), values) for name, values in true.items()}
+    variables |= {f"measured_{name}": (("y", "x"), np.where(plate, values, np.nan)) for name, values in found.items()}
+    faces = [np.column_stack([data["x"].values, data["y"].values]) for data in record.interfaces.values()]
+    if faces:
+        grid = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
+        away = cKDTree(_dense(np.concatenate(faces), pixel)).query(grid)[0].reshape(plate.shape)
+        variables["distance"] = (("y", "x"), away)
+    return xarray.Dataset(
+        {
+            name: (dims, values, {
+                "units": "m" if name == "distance" else "1", "long_name": name.replace("_", " strain "),
+            })
+            for name, (dims, values) in variables.items()
+        },
+        {"y": ("y", y, {"units": "m"}), "x": ("x", x, {"units": "m"})},
+        {"subset": subset * pixel, "pixel": pixel, "noise": noise, "time": float(bulk["time"][row])},
+    )  # fmt: skip
+
+
+def errors(data: xarray.Dataset, component: str, edges: Array) -> tuple[Array, Array]:
+    """Bias and noise of a strain, by distance from the interfaces.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Of `experiment`.
+    component : str
+        xx, yy or xy.
+    edges : ndarray, shape (n + 1,)
+        Of the bins of distance [m].
+
+    Returns
+    -------
+    bias, noise : ndarray, shape (n,)
+        Mean and standard deviation of what is measured minus what is true; NaN of empty bins.
+    """
+    difference = (data[f"measured_{component}"] - data[f"true_{component}"]).values.ravel()
+    away = data["distance"].values.ravel()
+    good = np.isfinite(difference)
+    number = np.digitize(away[good], edges) - 1
+    bins = [difference[good][number == n] for n in range(len(edges) - 1)]
+    return (
+        np.array([np.mean(values) if len(values) else np.nan for values in bins]),
+        np.array([np.std(values) if len(values) else np.nan for values in bins]),
+    )
+
+
+def _filled(known: Array | None, part: Array) -> Array:
+    """What is known, and the part where nothing is."""
+    return part if known is None else np.where(np.isnan(known), part, known)
+
+
+def _dense(points: Array, spacing: float) -> Array:
+    """Points of a line, no further apart than a spacing."""
+    steps = np.maximum(np.ceil(np.linalg.norm(np.diff(points, axis=0), axis=1) / spacing), 1).astype(int)
+    parts = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(points[:-1], points[1:], steps, strict=True)]
+    return np.concatenate([*parts, points[-1:]])
+
+
+def _size(image: Array) -> str:
+    return " x ".join(str(length) for length in image.shape[1::-1]) + (" x colours" if image.ndim > 2 else "")

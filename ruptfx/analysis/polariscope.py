@@ -1,0 +1,179 @@
+"""What a camera behind a polariscope records of a run: frames at its rate, over its exposure, on its pixels.
+
+Frames are made of the snapshots of the bodies, between which stresses are taken as linear in time: snapshots have to
+be so close that the fringe order changes by less than half a fringe from one to the next. Light, not stress, is
+averaged over the exposure and over each pixel: fringes that are finer or faster than the camera fade to grey, as they
+do in the laboratory.
+
+A circular polariscope shows isochromatics, lines of equal sigma_1 - sigma_2. In a plane polariscope with crossed
+polariser and analyser isoclinics are dark, too, where a principal direction is that of the polariser.
+Source: J. W. Dally and W. F. Riley, Experimental Stress Analysis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.photoelasticity import (
+    fringe_order,
+    intensity,
+    plane_intensity,
+    principal_difference,
+    principal_direction,
+)
+from ruptfx.analysis.raster import Raster
+
+if TYPE_CHECKING:
+    import xarray
+
+    from ruptfx.record import Record
+
+Array = np.ndarray
+MOST_CHANGE = 0.5  # fringes from snapshot to snapshot
+FINER = 3  # points across a pixel, along x and y
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera behind a polariscope.
+
+    Attributes
+    ----------
+    frame_rate : float
+        [1/s].
+    exposure : float
+        [s]; a frame begins with it.
+    pixel : float
+        Size of a pixel on the plates [m].
+    field : str
+        "dark" or "light" of a circular polariscope, or "plane".
+    polariser : float
+        Angle of the polariser of a plane polariscope from x [rad]; the analyser is crossed.
+    """
+
+    frame_rate: float
+    exposure: float
+    pixel: float
+    field: Literal["dark", "light", "plane"] = "dark"
+    polariser: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("frame_rate", "exposure", "pixel"):
+            if not getattr(self, name) > 0:
+                raise RuptfxError(f"camera: {name} = {getattr(self, name)}: must be above zero")
+        if self.exposure * self.frame_rate > 1:
+            raise RuptfxError(
+                f"camera: exposure = {self.exposure:g} s: longer than the {1 / self.frame_rate:g} s from frame to frame"
+            )
+
+    def light(self, stress: Array, per_stress: Array) -> Array:
+        """Transmitted light from 0 to 1.
+
+        Parameters
+        ----------
+        stress : ndarray, shape (3, ...)
+            xx, yy and xy [Pa].
+        per_stress : ndarray
+            Fringes per stress, thickness over fringe constant [1/Pa].
+        """
+        order = fringe_order(principal_difference(*stress), 1.0, 1.0) * per_stress
+        if self.field == "plane":
+            return plane_intensity(order, principal_direction(*stress), self.polariser)
+        return intensity(order, self.field)
+
+    def film(
+        self, record: Record, fringe_constant: float | None = None, thickness: float | None = None
+    ) -> xarray.DataArray:
+        """Frames of a run against `time` (the beginning of the exposure), `y` and `x`; NaN outside of the bodies.
+
+        Parameters
+        ----------
+        record : Record
+        fringe_constant, thickness : float, optional
+            Of all bodies [N/m], and of the plates [m], instead of those of the case.
+
+        Raises
+        ------
+        RuptfxError
+            No stresses in a plane, unknown constants, a run shorter than an exposure, or snapshots too far apart.
+        """
+        import xarray
+
+        bulk = record.bulk
+        if bulk.sizes.get("component") != 2 or bulk.sizes["time"] < 2:
+            raise RuptfxError(f"{record.path}: a polariscope needs two snapshots or more of stresses in a plane")
+        per_stress = _fringes_per_stress(record, fringe_constant, thickness)
+        times = bulk["time"].values
+        points = bulk["points"].values
+        count = np.maximum(np.round(np.ptp(points, axis=0) / self.pixel), 1).astype(int)
+        raster = Raster(points, bulk["cells"].values, pixels=FINER * int(count.max()))
+        shape = tuple(size // FINER for size in raster.shape)
+        constant = raster(per_stress)
+
+        def seen(stress: Array) -> Array:
+            image = self.light(np.stack([raster(part) for part in stress.T]), constant)
+            cut = image[: FINER * shape[0], : FINER * shape[1]].reshape(shape[0], FINER, shape[1], FINER)
+            return cut.mean(axis=(1, 3))
+
+        starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)
+        if not len(starts):
+            raise RuptfxError(
+                f"{record.path}: its snapshots last {np.ptp(times):.3g} s, less than an exposure of {self.exposure:g} s"
+            )
+        frames = [
+            np.mean([seen(stress) for stress in self._during(record, float(begin), per_stress)], axis=0)
+            for begin in starts
+        ]
+        left, right, bottom, top = raster.extent
+        rows, columns = ((np.arange(n) + 0.5) / n for n in shape)
+        return xarray.DataArray(
+            np.stack(frames),
+            {
+                "time": ("time", starts, {"units": "s", "long_name": "beginning of the exposure"}),
+                "y": ("y", bottom + rows * (top - bottom), {"units": "m"}),
+                "x": ("x", left + columns * (right - left), {"units": "m"}),
+            },
+            name="light",
+            attrs={
+                "units": "1", "long_name": f"transmitted light, {self.field} field", "exposure": self.exposure,
+                "initial_stress": str(bulk.attrs.get("initial_stress", "")),
+            },
+        )  # fmt: skip
+
+    def _during(self, record: Record, begin: float, per_stress: Array) -> Iterator[Array]:
+        """Stresses [Pa] at the middles of the parts of an exposure, each shorter than a snapshot interval."""
+        bulk = record.bulk
+        times = bulk["time"].values
+        parts = max(3, int(np.ceil(3 * self.exposure / np.diff(times).min())))
+        for moment in begin + self.exposure * (np.arange(parts) + 0.5) / parts:
+            after = int(np.clip(np.searchsorted(times, moment), 1, len(times) - 1))
+            one, other = (bulk["stress"].isel(time=row).values for row in (after - 1, after))
+            change = np.nanquantile(np.abs(principal_difference(*(other - one).T)) * per_stress, 0.99)
+            if change > MOST_CHANGE:
+                raise RuptfxError(
+                    f"{record.path}: from {times[after - 1]:.4g} to {times[after]:.4g} s fringes change by "
+                    f"{change:.2g} orders, and between snapshots no more than {MOST_CHANGE} is followed; reduce "
+                    "output.bulk_interval"
+                )
+            part = (moment - times[after - 1]) / (times[after] - times[after - 1])
+            yield one + part * (other - one)
+
+
+def _fringes_per_stress(record: Record, fringe_constant: float | None, thickness: float | None) -> Array:
+    """Of every point [1/Pa]; NaN where the constant is not known."""
+    case, given = record.case, record.case.get("materials", {})
+    names = [str(name) for name in np.atleast_1d(record.bulk.attrs.get("bodies", ["bodies"]))]
+    constants = np.array([
+        fringe_constant or given.get(name, given.get("default", {})).get("fringe_constant", np.nan) for name in names
+    ], dtype=float)  # fmt: skip
+    plate = thickness or case.get("output", {}).get("plate_thickness")
+    if plate is None:
+        raise RuptfxError(f"{record.path}: output.plate_thickness is not given; give it, or the camera a thickness")
+    if not np.isfinite(constants).any():
+        raise RuptfxError(f"{record.path}: no material has a fringe_constant; give the camera one")
+    return plate / constants[record.bulk["body"].values]
