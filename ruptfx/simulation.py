@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
-PAINTERS = 4  # ranks that draw; each has to import what that takes
+MOST_DRAWING = 4  # ranks that draw figures; each has to import what that takes
 
 
 class Interrupted(RuptfxError):  # noqa: N818
@@ -262,7 +262,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
 @phase("figures")
 def _draw(comm: fem.MPI.Comm, out: Path) -> None:
     """Figures of a complete run, shared among the first ranks; all learn of an error."""
-    painters, error = min(comm.size, PAINTERS), None
+    painters, error = min(comm.size, MOST_DRAWING), None
     if comm.rank < painters:
         from ruptfx import plots
 

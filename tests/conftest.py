@@ -11,6 +11,8 @@ import matplotlib
 import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+for name in ("COLUMNS", "LINES"):  # of a terminal, or 80 in each of several processes; tests give a width of their own
+    os.environ.pop(name, None)
 matplotlib.use("Agg")
 
 if find_spec("dolfinx") is not None:

@@ -65,20 +65,20 @@ class Child:
         try:
             self._process.stdin.write(json.dumps(job).encode() + b"\n")
         except OSError:
-            raise ChildError(self._epitaph()) from None
+            raise ChildError(self._how_it_ended()) from None
         answer, deadline = b"", time.monotonic() + (time_limit or 1e9)
         while not answer.endswith(b"\n"):
             if not select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 self.close()
                 raise ChildError(f"took longer than time_limit = {time_limit:g} s")
             if not (part := os.read(self._process.stdout.fileno(), 1 << 16)):
-                raise ChildError(self._epitaph())
+                raise ChildError(self._how_it_ended())
             answer += part
         self.served += 1
         found: Table = json.loads(answer)
         return found
 
-    def _epitaph(self) -> str:
+    def _how_it_ended(self) -> str:
         """How the child ended, with its last words."""
         self.close()
         code = self._process.returncode
