@@ -129,12 +129,12 @@ def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.
 
 def experiment(
     record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
-    speckle_size: float = 4.0, seed: int = 0,
+    speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
 ) -> xarray.Dataset:
     """What image correlation shows of a snapshot of a run, and what is true.
 
-    A speckled picture of the plates at the start and one after the displacement of the snapshot, both with noise, are
-    correlated.
+    A speckled picture of the plates at the start, or at another snapshot, and one after the displacement of the
+    snapshot, both with noise, are correlated.
 
     Parameters
     ----------
@@ -150,6 +150,8 @@ def experiment(
     speckle_size : float
         [pixels].
     seed : int
+    since : int, optional
+        Which snapshot the first picture is of.
 
     Returns
     -------
@@ -175,6 +177,8 @@ def experiment(
             "pixels"
         )
     moved = bulk["displacement"].isel(time=row).values / pixel
+    if since is not None:
+        moved = moved - bulk["displacement"].isel(time=since).values / pixel
     along: list[Array | None] = [None, None]
     true: dict[str, Array] = {}
     for number in np.unique(body[cells[:, 0]]):  # not across interfaces, where displacements jump

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from small_cases import COMPLIANT, HOMALITE, case, slip_weakening
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, simulate
+from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.record import Record
@@ -195,3 +196,20 @@ def test_at_an_interface(tmp_path: Any) -> None:
                 np.testing.assert_allclose(fault[name][1:], there[name][1:], rtol=1e-9, atol=1e-15)
         assert float(fault.slip_rate[-1]) > 0.1
         assert record.instruments["pair"].velocity[2:].values == pytest.approx(fault.slip_rate[2:].values, rel=0.05)
+
+
+def test_what_a_pressed_block_stands_on(tmp_path: Any) -> None:
+    """The demo on coarser elements: the base carries what the platen (20 MPa on 60 mm) and the pusher (10 MPa on 20 mm)
+    exert, as they ramp; the rosette on the axis of the block shears when it is pushed, and nothing slides."""
+    path = Path(__file__).parents[2] / "demos" / "pressed_block.toml"
+    coarse = read_case(path, ["mesh.element_size=10e-3", "order=3", "output.figures=false"])
+    simulate(coarse, tmp_path / "run", progress=False)
+    with Record(tmp_path / "run") as record:
+        base = record.instruments["base"]
+        # 100 N/m at the beginning: 1 kPa of initial stress on 100 mm.
+        np.testing.assert_allclose(base.force_y, 100 + 1.2e6 * np.minimum(base.time, 1.0), rtol=1e-6, atol=0.1)
+        np.testing.assert_allclose(base.force_x, -2e5 * np.maximum(base.time - 1.0, 0.0), rtol=1e-6, atol=1.0)
+        rosette = record.instruments["rosette"]
+        assert float(rosette.strain_yy[10]) < -2e-3 < 0 < float(rosette.strain_xx[10])
+        assert abs(float(rosette.strain_xy[10])) < 1e-5 < float(rosette.strain_xy[20])  # symmetric until it is pushed
+        assert float(np.abs(record.interface.slip).max()) == 0
