@@ -37,6 +37,10 @@ class RecordError(RuptfxError):
     """A run directory, or a file of it, that cannot be read; the message names it and the remedy."""
 
 
+class MissingFileError(RecordError):
+    """The run has no such file, or not yet."""
+
+
 class Record:
     """One run, read from its directory; every file is opened when first asked for.
 
@@ -85,7 +89,7 @@ class Record:
     def _existing(self, name: str) -> Path:
         path = self.path / name
         if not path.is_file():
-            raise RecordError(f"{path}: missing; {_AGAIN}")
+            raise MissingFileError(f"{path}: missing; {_AGAIN}")
         return path
 
     @cached_property
@@ -119,7 +123,7 @@ class Record:
     @property
     def interface(self) -> xarray.Dataset:
         if not self.interfaces:
-            raise RecordError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
+            raise MissingFileError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
         return next(iter(self.interfaces.values()))
 
     @cached_property
@@ -231,8 +235,10 @@ class Record:
         for name, describe in parts.items():
             try:
                 text = describe()
-            except RecordError as error:
-                text = "missing" if ": missing;" in str(error) else "damaged"
+            except MissingFileError:
+                text = "missing"
+            except RecordError:
+                text = "damaged"
             lines.append(f"{'└──' if name == 'figures' else '├──'} {name:<10}{text}")
         return "\n".join(lines)
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
 from ruptfx.figure_style import STYLE
-from ruptfx.record import Record
+from ruptfx.record import MissingFileError, Record
 from ruptfx.schema import own_kinds, own_module
 
 Draw = Callable[..., Figure]
@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 
 def suits(name: str, record: Record) -> bool:
     """Whether a figure is drawn for a run: the run has the data, and the figure would show something of it."""
-    return bool(_FILES[name].suits(record))
+    try:
+        return bool(_FILES[name].suits(record))
+    except MissingFileError:
+        return False
 
 
 def all_figures(record: Record, share: tuple[int, int] = (0, 1)) -> dict[str, Figure]:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import h5py
 import matplotlib
@@ -16,7 +17,7 @@ from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import edges, scale
 from ruptfx.plots._record import default_times
 from ruptfx.plots.cycles import ruptures
-from ruptfx.record import Record
+from ruptfx.record import Record, RecordError
 
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 
@@ -226,6 +227,17 @@ def test_bodies_without_an_interface(train):
     found = set(plots.all_figures(Record(train.path)))
     assert found >= {"fringes", "wavefield", "energy_budget"} and found.isdisjoint({"space_time", "front"})
     assert summarise(Record(train.path))["energy_closure"] == pytest.approx(2e-4)
+
+
+def test_a_figure_of_a_file_that_is_not_there_is_not_drawn(train, monkeypatch):
+    """Its `suits` need not ask for the file; one that is damaged is no reason to be silent."""
+    monkeypatch.setitem(plots._FILES, "front", SimpleNamespace(suits=lambda record: "slip" in record.interface))
+    assert plots.suits("front", Record(train.path))
+    (train.path / "interface.h5").write_bytes(b"")
+    with pytest.raises(RecordError, match="damaged"):
+        plots.suits("front", Record(train.path))
+    (train.path / "interface.h5").unlink()
+    assert not plots.suits("front", Record(train.path))
 
 
 def test_missing_files_mean_fewer_figures(train):
