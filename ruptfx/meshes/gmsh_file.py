@@ -128,6 +128,7 @@ class GmshFile(MeshSource):
                 "there; refine the mesh along it"
             )
         own_plus, own_minus = (on(facets[alone & which], cells[alone & which, 0]) for which in (first, ~first))
+        _check_sides(self.file, name, len(plus) + len(own_plus), len(minus) + len(own_minus))
         if not sides.matching:
             raw.facing.add(name)
         elif alone.any() or not len(facets):
@@ -187,12 +188,16 @@ def _check_names(file: str, name: str, sides: Sides, named: dict[str, np.ndarray
         )
 
 
+def _check_sides(file: str, name: str, plus: int, minus: int) -> None:
+    if not plus or not minus:
+        raise RuptfxError(
+            f"{file}: interface '{name}' has {plus} facets on its plus and {minus} on its minus side; name those of "
+            "both"
+        )
+
+
 def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus: np.ndarray) -> np.ndarray:
     """The minus facets in the order of the plus facets, when the nodes coincide."""
-    if len(plus) == 0 or len(minus) == 0:
-        raise RuptfxError(
-            f"{file}: interface '{name}' has {len(plus)} facets on its plus and {len(minus)} on its minus side"
-        )
     minus_nodes, plus_nodes = np.unique(minus), np.unique(plus)
     distance, nearest = cKDTree(points[minus_nodes]).query(points[plus_nodes])
     size = np.linalg.norm(points[plus[:, 1]] - points[plus[:, 0]], axis=1).min()
