@@ -5,9 +5,11 @@ Figures are made without pyplot, so they need no display and leave no global sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -50,12 +52,37 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @wraps(draw)
     def inside(*args: object, **options: object) -> Figure:
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()
-            matplotlib.rcParams.update(STYLE)
+        with style():
             return draw(*args, **options)
 
     return inside
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Inside, matplotlib has the common style, whatever the user's own settings are."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
+
+
+def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["savefig.dpi"]) -> None:
+    """Save a figure in the common style; its axes stay where they are then.
+
+    It is laid out first and then drawn once: left to itself, matplotlib draws what has a layout twice.
+    """
+    with style():
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            for ax in figure.axes:  # ticks point inwards: no side of a frame reaches beyond it
+                ax.spines[["left", "right", "bottom", "top"]].set_in_layout(False)
+            figure.set_dpi(dpi)
+            engine.execute(figure)
+            figure.set_layout_engine(None)
+        # The usual compression takes three times as long and saves a tenth.
+        fast: Any = {"pil_kwargs": {"compress_level": 1}} if kind == "png" else {}
+        figure.savefig(path, format=kind, dpi=dpi, **fast)
 
 
 def scale(values: Array | float, unit: str) -> tuple[float, str]:

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, Table
+from ruptfx.columns import Column, Columns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import xarray  # imported on first use: slow, and a run writes before it reads
+    import xarray  # imported on first use: it takes longer than the end of a run to read
 
 # Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
 _LABELS = {
@@ -41,8 +40,25 @@ class MissingFileError(RecordError):
     """The run has no such file, or not yet."""
 
 
-class Record:
-    """One run, read from its directory; every file is opened when first asked for.
+class Data(Protocol):
+    """What analysis and figures use of the arrays of a file: those of `Columns` and of an `xarray.Dataset`."""
+
+    @property
+    def attrs(self) -> Mapping[Any, Any]: ...
+
+    @property
+    def sizes(self) -> Mapping[Any, int]: ...
+
+    def __getitem__(self, name: str, /) -> Any: ...
+
+    def __contains__(self, name: object, /) -> bool: ...
+
+
+class Files:
+    """One run, read from its directory as NumPy arrays; every file is opened when first asked for.
+
+    What is computed and drawn at the end of a run reads this; for people there is `Record`, which is the same with
+    names of axes, units and all that xarray can do.
 
     Parameters
     ----------
@@ -50,37 +66,18 @@ class Record:
 
     Attributes
     ----------
-    case : dict
-        The resolved case.
-    summary : dict or None
-        Scalars of the whole run; None until it is complete.
-    interface : xarray.Dataset
-        Histories against `time` [s] and `position` [m] along the first interface, read lazily.
-    interfaces : dict of xarray.Dataset
-        All interfaces by name.
-    bulk : xarray.Dataset
-        Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
-    energy : xarray.Dataset
-        Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
-    instruments : dict of xarray.Dataset
-        What each instrument measured against its `time` [s], by its name; empty without instruments.
-    forces : xarray.Dataset
-        Of the first interface that slides: forces [N/m] and parts of its length against `time` [s].
+    case, summary, interface, interfaces, bulk, energy, instruments, forces
+        As of `Record`.
 
     Raises
     ------
     RecordError
         The directory is no run; or, on first use, a file is missing or damaged.
-
-    Examples
-    --------
-    >>> with Record("out/impact") as record:                                              # doctest: +SKIP
-    ...     record.interface.slip_rate.sel(position=0.03, method="nearest").plot()
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._open: list[h5py.File | xarray.Dataset] = []
+        self._open: list[h5py.File] = []
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
         if not (self.path / "case.toml").is_file():
@@ -121,29 +118,29 @@ class Record:
         return sorted(path for path in (self.path / "figures").glob("*.*") if path.is_file())
 
     @property
-    def interface(self) -> xarray.Dataset:
+    def interface(self) -> Data:
         if not self.interfaces:
             raise MissingFileError(f"{self.path / 'interface.h5'}: missing; {_AGAIN}")
         return next(iter(self.interfaces.values()))
 
     @cached_property
-    def interfaces(self) -> dict[str, xarray.Dataset]:
+    def interfaces(self) -> Mapping[str, Data]:
         paths = sorted(self.path.glob("interface*.h5"))
         opened = [(path, self._open_interface(path)) for path in paths]
         return {str(data.attrs.get("fault", path.stem)): data for path, data in opened}
 
-    def _open_interface(self, path: Path) -> xarray.Dataset:
-        import h5netcdf
-        import xarray
-        from xarray.backends import H5NetCDFStore
+    def _opened(self, path: Path) -> h5py.File:
+        """A file, until the record is closed."""
+        # Without file locking a run that still writes is neither disturbed nor refused.
+        self._open.append(h5py.File(path, "r", locking=False))
+        return self._open[-1]
 
+    def _open_interface(self, path: Path) -> Data:
         try:
-            # Without file locking a run that still writes is neither disturbed nor refused.
-            file = h5py.File(path, "r", locking=False)
-            self._open.append(file)
+            file = self._opened(path)
             for item in file.values():  # a damaged file shows itself here
                 dict(item.attrs)
-            data = xarray.open_dataset(H5NetCDFStore(h5netcdf.File(file)), decode_timedelta=False)
+            data = self._histories(file)
             written = _written(data["time"].values)
             data["position"], data["normal_stress"]
         except (OSError, KeyError, ValueError, RuntimeError) as error:
@@ -151,63 +148,76 @@ class Record:
         return data if written == data.sizes["time"] else data.isel(time=slice(written))
 
     @cached_property
-    def instruments(self) -> dict[str, xarray.Dataset]:
-        import h5netcdf
-        import xarray
-        from xarray.backends import H5NetCDFStore
-
+    def instruments(self) -> Mapping[str, Data]:
         if not self.case.get("instruments"):
             return {}
         path, found = self._existing("instruments.h5"), {}
         try:
-            file = h5py.File(path, "r", locking=False)
-            self._open.append(file)
-            groups = h5netcdf.File(file)
+            file = self._opened(path)
             for name in [str(table["name"]) for table in self.case["instruments"]]:
-                data = xarray.open_dataset(H5NetCDFStore(groups, group=name), decode_timedelta=False)
+                data = self._histories(file, name)
                 found[name] = data.isel(time=slice(_written(data["time"].values)))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
         return found
 
-    @cached_property
-    def bulk(self) -> xarray.Dataset:
+    def _histories(self, file: h5py.File, group: str | None = None) -> Any:
+        """The arrays of an interface, or of an instrument."""
         import h5netcdf
-        import xarray
-        from xarray.backends import H5NetCDFStore
 
+        whole = h5netcdf.File(file)
+        named = whole if group is None else whole[group]
+        columns = {name: Column(item, item.dimensions, item.attrs) for name, item in named.variables.items()}
+        return Columns(columns, named.attrs)
+
+    @cached_property
+    def bulk(self) -> Data:
         path = self._existing("bulk.h5")
         try:
-            file = h5py.File(path, "r", locking=False)
-            self._open.append(file)
-            # Plain HDF5: its axes have no names yet.
-            store = H5NetCDFStore(h5netcdf.File(file, phony_dims="access"))
-            stored = xarray.open_dataset(store, decode_cf=False, cache=False)
-            variables = {str(name): _bulk_variable(str(name), item.variable) for name, item in stored.items()}
-            data = xarray.Dataset(variables, attrs=stored.attrs)
-            labels = {dim: names.get(data.sizes.get(dim, 0)) for dim, names in _LABELS.items()}
-            data = data.assign_coords({dim: names for dim, names in labels.items() if names})
+            data = self._snapshots(self._opened(path))
             return data.isel(time=slice(_written(data["time"].values)))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
 
-    @cached_property
-    def energy(self) -> xarray.Dataset:
-        return _read_table(self._existing("energy.csv"), lambda name: "1" if name == "closure" else "J")
+    def _snapshots(self, file: h5py.File) -> Any:
+        """The arrays of the bodies."""
+        columns = {name: Column(item, _axes(name, item.ndim), item.attrs) for name, item in file.items()}
+        return Columns(columns, dict(file.attrs))
 
     @cached_property
-    def forces(self) -> xarray.Dataset:
+    def energy(self) -> Data:
+        return self._read_table(self._existing("energy.csv"), lambda name: "1" if name == "closure" else "J")
+
+    @cached_property
+    def forces(self) -> Data:
         found = sorted(path.name for path in self.path.glob("forces*.csv"))
         path = self._existing(found[0] if found else "forces.csv")
-        return _read_table(path, lambda name: "N/m" if name.endswith("_force") else "1")
+        return self._read_table(path, lambda name: "N/m" if name.endswith("_force") else "1")
+
+    def _read_table(self, path: Path, unit: Callable[[str], str]) -> Data:
+        """A CSV file of a run against time; `unit` is that of a column."""
+        lines = path.read_text(encoding="utf-8").splitlines()
+        notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
+        names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
+        try:
+            # The last row of a killed run may be cut.
+            whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
+            table = np.array(whole, dtype=float).reshape(-1, len(names))
+            columns = dict(zip((name.strip() for name in names), table.T, strict=True))
+            columns["time"]
+        except (ValueError, KeyError) as error:
+            raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
+        return self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
+
+    def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> Any:
+        """Columns against time, with their units."""
+        made = {name: Column(values, ("time",), {"units": units[name]}) for name, values in columns.items()}
+        return Columns(made, {"units": notes})
 
     def close(self) -> None:
         """Close the files; the record opens them again when asked."""
-        for data in self.__dict__.pop("interfaces", {}).values():
-            data.close()
-        self.__dict__.pop("bulk", None)
-        for data in self.__dict__.pop("instruments", {}).values():
-            data.close()
+        for name in ("interfaces", "bulk", "instruments"):
+            self.__dict__.pop(name, None)
         while self._open:
             self._open.pop().close()
 
@@ -216,6 +226,86 @@ class Record:
 
     def __exit__(self, *raised: object) -> None:
         self.close()
+
+
+class Record(Files):
+    """One run, read from its directory; every file is opened when first asked for.
+
+    Parameters
+    ----------
+    path : path of the run directory
+
+    Attributes
+    ----------
+    case : dict
+        The resolved case.
+    summary : dict or None
+        Scalars of the whole run; None until it is complete.
+    interface : xarray.Dataset
+        Histories against `time` [s] and `position` [m] along the first interface, read lazily.
+    interfaces : dict of xarray.Dataset
+        All interfaces by name.
+    bulk : xarray.Dataset
+        Snapshots against `time` [s] and `point`, with `points` [m] and `cells`, read lazily.
+    energy : xarray.Dataset
+        Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
+    instruments : dict of xarray.Dataset
+        What each instrument measured against its `time` [s], by its name; empty without instruments.
+    forces : xarray.Dataset
+        Of the first interface that slides: forces [N/m] and parts of its length against `time` [s].
+
+    Raises
+    ------
+    RecordError
+        The directory is no run; or, on first use, a file is missing or damaged.
+
+    Examples
+    --------
+    >>> with Record("out/impact") as record:                                              # doctest: +SKIP
+    ...     record.interface.slip_rate.sel(position=0.03, method="nearest").plot()
+    """
+
+    interface: xarray.Dataset
+    interfaces: dict[str, xarray.Dataset]
+    bulk: xarray.Dataset
+    energy: xarray.Dataset
+    instruments: dict[str, xarray.Dataset]
+    forces: xarray.Dataset
+
+    def _histories(self, file: h5py.File, group: str | None = None) -> xarray.Dataset:
+        import h5netcdf
+        import xarray
+        from xarray.backends import H5NetCDFStore
+
+        return xarray.open_dataset(H5NetCDFStore(h5netcdf.File(file), group=group), decode_timedelta=False)
+
+    def _snapshots(self, file: h5py.File) -> xarray.Dataset:
+        import h5netcdf
+        import xarray
+        from xarray.backends import H5NetCDFStore
+
+        # Plain HDF5: its axes have no names yet.
+        store = H5NetCDFStore(h5netcdf.File(file, phony_dims="access"))
+        stored = xarray.open_dataset(store, decode_cf=False, cache=False)
+        variables = {str(name): _bulk_variable(str(name), item.variable) for name, item in stored.items()}
+        data = xarray.Dataset(variables, attrs=stored.attrs)
+        labels = {dim: names.get(data.sizes.get(dim, 0)) for dim, names in _LABELS.items()}
+        return data.assign_coords({dim: names for dim, names in labels.items() if names})
+
+    def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> xarray.Dataset:
+        import xarray
+
+        described = {
+            name: xarray.Variable("time", values, {"units": units[name], "long_name": name.replace("_", " ")})
+            for name, values in columns.items()
+        }
+        return xarray.Dataset(described, coords={"time": described.pop("time")}, attrs={"units": notes})
+
+    def close(self) -> None:
+        for name in ("interfaces", "instruments"):
+            for data in self.__dict__.get(name, {}).values():
+                data.close()
+        super().close()
 
     def _repr_html_(self) -> str:
         from ruptfx.notebook import shown_record
@@ -249,34 +339,17 @@ def _written(time: np.ndarray) -> int:
     return int(good.argmin()) if not good.all() else len(time)
 
 
-def _read_table(path: Path, unit: Callable[[str], str]) -> xarray.Dataset:
-    """A CSV file of a run against time; `unit` is that of a column."""
-    import xarray
-
-    lines = path.read_text(encoding="utf-8").splitlines()
-    notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
-    names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
-    try:
-        # The last row of a killed run may be cut.
-        whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
-        table = np.array(whole, dtype=float).reshape(-1, len(names))
-        columns = dict(zip((name.strip() for name in names), table.T, strict=True))
-        time = xarray.Variable("time", columns.pop("time"), {"units": "s", "long_name": "time"})
-    except (ValueError, KeyError) as error:
-        raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
-    variables = {
-        name: ("time", values, {"units": unit(name), "long_name": name.replace("_", " ")})
-        for name, values in columns.items()
-    }
-    return xarray.Dataset(variables, coords={"time": time}, attrs={"units": notes})
+def _axes(name: str, dimensions: int) -> tuple[str, ...]:
+    """Names of the axes of a bulk quantity."""
+    if name in _MESH:
+        return _MESH[name]
+    last = "stress_component" if name == "stress" else "component"
+    return ("time", "point", last)[:dimensions]
 
 
 def _bulk_variable(name: str, stored: xarray.Variable) -> xarray.Variable:
     """The same with names of its axes; still on disk."""
-    dims = _MESH.get(name, ("time", "point"))
-    if name not in _MESH and stored.ndim == 3:
-        dims = (*dims, "stress_component" if name == "stress" else "component")
-    stored.dims = dims
+    stored.dims = _axes(name, stored.ndim)
     stored.attrs = {key: str(value) for key, value in stored.attrs.items()}
     return stored
 

@@ -20,7 +20,7 @@ from ruptfx.directories import write_json
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.progress import Progress
-from ruptfx.record import Record
+from ruptfx.record import Files, Record
 from ruptfx.recording import run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
 from ruptfx.recording.recorder import Recorder, versions
@@ -248,7 +248,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
     def finish() -> None:
         from ruptfx.analysis import summarise
 
-        with Record(out) as record:
+        with Files(out) as record:
             findings = summarise(record)
         found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
         write_json(out / "summary.json", {
@@ -267,7 +267,7 @@ def _draw(comm: fem.MPI.Comm, out: Path) -> None:
         from ruptfx import plots
 
         try:
-            with Record(out) as record:
+            with Files(out) as record:
                 plots.save_all(record, share=(comm.rank, painters))
         except Exception as caught:
             error = caught

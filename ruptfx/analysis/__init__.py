@@ -12,7 +12,7 @@ from ruptfx.analysis.modes import Modes, classify
 from ruptfx.analysis.resolution import peak_is_resolved
 
 if TYPE_CHECKING:
-    from ruptfx.record import Record
+    from ruptfx.record import Data, Files
 
 __all__ = ["UNITS", "Modes", "classify", "modes_of", "rupture_origin", "summarise"]
 
@@ -23,7 +23,7 @@ UNITS = {
 }  # of the summary; everything else is a name or a pure number
 
 
-def rupture_origin(record: Record) -> tuple[float, float]:
+def rupture_origin(record: Files) -> tuple[float, float]:
     """Position [m] and time [s] from which the rupture runs.
 
     After an impact, the driven end of the interface at time zero. Otherwise, also where a slow drive makes the
@@ -42,7 +42,7 @@ def rupture_origin(record: Record) -> tuple[float, float]:
     return float(np.median(position[arrival <= first + 0.01 * (last - first)])), float(first)
 
 
-def modes_of(record: Record) -> Modes:
+def modes_of(record: Files) -> Modes:
     """Classify the sliding along the first interface of a run."""
     data = record.interface
     known: Table = {name: data.attrs.get(name) for name in ("V_imp", "c_R", "c_s", "c_p")}
@@ -52,9 +52,9 @@ def modes_of(record: Record) -> Modes:
     return classify(data["slip_rate"].values, data["time"].values, data["position"].values, **known)
 
 
-def summarise(record: Record) -> Table:
+def summarise(record: Files) -> Table:
     """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
-    data = record.interface if record.interfaces else {}
+    data: Data | Table = record.interface if record.interfaces else {}
     try:
         values = _of_sliding(record) if "slip_rate" in data else {}
     except RuptfxError as error:  # a run on few points is worth having all the same
@@ -69,7 +69,7 @@ def summarise(record: Record) -> Table:
     return {name: _plain(value) for name, value in values.items()}
 
 
-def _of_sliding(record: Record) -> Table:
+def _of_sliding(record: Files) -> Table:
     """What the classification says, under the names of the summary."""
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed

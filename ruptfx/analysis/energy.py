@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ruptfx.record import Data
 
 Array = np.ndarray
 
@@ -29,7 +33,7 @@ def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
     return (boundary_work - values.sum(axis=0)) / (scale or 1.0)
 
 
-def budget(energy: Mapping[object, object]) -> dict[str, float]:
+def budget(energy: Mapping[str, object] | Data) -> dict[str, float]:
     """Final energies [J] under their names, and `energy_closure`, the largest |closure| of the run.
 
     Parameters

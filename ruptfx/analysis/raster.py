@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 Array = np.ndarray
+Points = Array | tuple[Array, Array]  # x and y
 
 PIXELS = 1000  # along the longer side
 
@@ -24,32 +25,36 @@ class Raster:
     """
 
     def __init__(self, points: Array, cells: Array, pixels: int = PIXELS) -> None:
-        triangles = cells if cells.shape[1] == 3 else np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
         low, high = points.min(axis=0), points.max(axis=0)
         pixel = (high - low).max() / pixels
         self.shape = tuple(np.maximum(np.round((high - low) / pixel), 1).astype(int)[::-1])
         self.extent = (low[0], high[0], low[1], high[1])
         # Corners in units of pixels: pixel (i, j) has its centre at (i, j).
         size = np.array(self.shape[::-1])
-        corners = ((points - low) / (high - low) * size - 0.5)[triangles]
+        place = (points - low) / (high - low) * size - 0.5
+        corners = place[cells]
         first = np.maximum(np.ceil(corners.min(axis=1) - 1e-9), 0).astype(int)
         last = np.minimum(np.floor(corners.max(axis=1) + 1e-9), size - 1).astype(int)
         box = np.maximum(last - first + 1, 0)
-        # Every pixel in the bounding box of every triangle, as one flat list of candidates.
+        # Every pixel in the bounding box of every cell, as one flat list of candidates.
         count = box.prod(axis=1)
-        triangle = np.repeat(np.arange(len(triangles)), count)
+        cell = np.repeat(np.arange(len(cells)), count)
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        i = first[triangle, 0] + rank % box[triangle, 0]
-        j = first[triangle, 1] + rank // box[triangle, 0]
-        a, b, c = corners[triangle].transpose(1, 2, 0)
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        i = first[cell, 0] + rank % box[cell, 0]
+        j = first[cell, 1] + rank // box[cell, 0]
+        triangle = cells[cell, :3]
+        if cells.shape[1] == 4:
+            a, b, c = place[triangle].transpose(1, 2, 0)
+            beyond = _turn(a, c, (i, j)) * _turn(a, c, b) < 0  # the diagonal, seen from the second corner
+            triangle[beyond] = cells[cell[beyond]][:, [0, 2, 3]]
+        a, b, c = place[triangle].transpose(1, 2, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            second = ((i - a[0]) * (c[1] - a[1]) - (j - a[1]) * (c[0] - a[0])) / area
-            third = ((b[0] - a[0]) * (j - a[1]) - (b[1] - a[1]) * (i - a[0])) / area
+            second = _turn(a, (i, j), c) / _turn(a, b, c)
+            third = _turn(a, b, (i, j)) / _turn(a, b, c)
         weights = np.stack([1 - second - third, second, third])
         inside = (weights > -1e-9).all(axis=0)
         self.pixel = (j * size[0] + i)[inside]
-        self.corner = triangles[triangle[inside]]
+        self.corner = triangle[inside]
         self.weight = weights[:, inside].T
 
     def __call__(self, values: Array) -> Array:
@@ -57,3 +62,8 @@ class Raster:
         image = np.full(self.shape[0] * self.shape[1], np.nan)
         image[self.pixel] = (values[self.corner] * self.weight).sum(axis=1)
         return image.reshape(self.shape)
+
+
+def _turn(a: Points, b: Points, c: Points) -> Array:
+    """Twice the area of the triangle a, b, c, positive where it is counter-clockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -13,12 +13,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
 from matplotlib.figure import Figure
 
 from ruptfx import RuptfxError
-from ruptfx.figure_style import STYLE
-from ruptfx.record import MissingFileError, Record
+from ruptfx.figure_style import save
+from ruptfx.record import Files, MissingFileError
 from ruptfx.schema import own_kinds, own_module
 
 Draw = Callable[..., Figure]
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     def __getattr__(name: str) -> Draw: ...
 
 
-def suits(name: str, record: Record) -> bool:
+def suits(name: str, record: Files) -> bool:
     """Whether a figure is drawn for a run: the run has the data, and the figure would show something of it."""
     try:
         return bool(_FILES[name].suits(record))
@@ -41,7 +40,7 @@ def suits(name: str, record: Record) -> bool:
         return False
 
 
-def all_figures(record: Record, share: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
+def all_figures(record: Files, share: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
     """Every figure that suits the run, by name; of several processes that draw, the share (number, of how many)."""
     number, of = share
     suiting = [name for name in FIGURES if suits(name, record)]
@@ -49,14 +48,14 @@ def all_figures(record: Record, share: tuple[int, int] = (0, 1)) -> dict[str, Fi
 
 
 def save_all(
-    record: Record, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
+    record: Files, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
     share: tuple[int, int] = (0, 1),
 ) -> list[Path]:
     """Draw and save every figure.
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     directory : path, optional
         Where to; default is ``figures`` in the run directory.
     formats : sequence of str
@@ -78,11 +77,10 @@ def save_all(
     paths = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(STYLE):
-            for name, figure in all_figures(record, share).items():
-                for kind in formats:
-                    figure.savefig(target / f"{name}.{kind}", format=kind)
-                    paths.append(target / f"{name}.{kind}")
+        for name, figure in all_figures(record, share).items():
+            for kind in formats:
+                save(figure, target / f"{name}.{kind}", kind)
+                paths.append(target / f"{name}.{kind}")
     except (OSError, ValueError) as error:
         raise RuptfxError(f"{target}: figures cannot be saved there: {error}") from None
     return paths

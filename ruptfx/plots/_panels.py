@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,11 +11,13 @@ from matplotlib.figure import Figure
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import WIDTH, Array, empty_figure, letter, new_figure, scale
 from ruptfx.plots._record import default_times, nearest
-from ruptfx.record import Record
+from ruptfx.record import Files
+
+_rasters: WeakKeyDictionary[Files, Raster] = WeakKeyDictionary()
 
 
 def panels(
-    record: Record,
+    record: Files,
     time: float | Sequence[float] | None,
     picture: Callable[[int, Raster], Array],
     label: str,
@@ -27,8 +30,7 @@ def panels(
     rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
     if not len(rows):
         return without("no snapshot was saved")
-    points = bulk["points"].values
-    raster = Raster(points, bulk["cells"].values)
+    points, raster = bulk["points"].values, _raster(record)
     images = [picture(int(row), raster) for row in rows]
     extend = "neither"
     if "vmax" not in look:
@@ -61,6 +63,13 @@ def panels(
     )
     letter(axes.ravel()[: len(rows)])
     return figure
+
+
+def _raster(record: Files) -> Raster:
+    """The pixels of a run, set up once for all its figures."""
+    if record not in _rasters:
+        _rasters[record] = Raster(record.bulk["points"].values, record.bulk["cells"].values)
+    return _rasters[record]
 
 
 def without(text: str) -> Figure:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import Array
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # of the bodies they belong to
 
@@ -21,7 +21,7 @@ class Guide(NamedTuple):
     style: str = "--"
 
 
-def guides(record: Record, *wanted: str) -> list[Guide]:
+def guides(record: Files, *wanted: str) -> list[Guide]:
     """Wave speeds, of those wanted (``c_R c_s Eshelby c_p``; default all) the ones that exist.
 
     Antiplane motion knows only c_s. Where bodies differ these are c_s and c_p of each, in a line style of its own:
@@ -49,7 +49,7 @@ def guides(record: Record, *wanted: str) -> list[Guide]:
     return [guide for guide in found if np.isfinite(guide.speed)]
 
 
-def _bodies_by_speeds(record: Record) -> dict[tuple[float, float], list[str]]:
+def _bodies_by_speeds(record: Files) -> dict[tuple[float, float], list[str]]:
     """Names of the bodies that share c_p and c_s [m/s]."""
     attrs = record.interface.attrs
     columns = [np.atleast_1d(attrs.get(name, [])) for name in ("bodies", "c_p_of_bodies", "c_s_of_bodies")]
@@ -59,7 +59,7 @@ def _bodies_by_speeds(record: Record) -> dict[tuple[float, float], list[str]]:
     return groups
 
 
-def along(record: Record, size: float, unit: str) -> str:
+def along(record: Files, size: float, unit: str) -> str:
     """Label of an axis along the first interface: x, or from where positions are measured."""
     attrs = record.interface.attrs
     if attrs.get("position_measure") == "x":
@@ -70,13 +70,13 @@ def along(record: Record, size: float, unit: str) -> str:
     return f"Position along the interface ({unit})"
 
 
-def end_time(record: Record) -> float:
+def end_time(record: Files) -> float:
     """Last saved time [s], or the planned end where nothing but the start was saved."""
     last = record.interface["time"].values[-1:]
     return float(last[0]) if last.sum() > 0 else float(record.case.get("duration", 1.0))
 
 
-def whose_speeds(record: Record) -> str:
+def whose_speeds(record: Files) -> str:
     """Which line style is which body's, where their wave speeds differ."""
     groups = [", ".join(names) for names in _bodies_by_speeds(record).values()]
     if len(groups) < 2:
@@ -84,19 +84,19 @@ def whose_speeds(record: Record) -> str:
     return "Wave speeds: " + "; ".join(f"{STYLES[s]} {g}" for s, g in zip(STYLES, groups, strict=False)) + "."
 
 
-def turned(record: Record) -> str:
+def turned(record: Files) -> str:
     """Says so where figures turn the sign of slip and shear traction."""
     against = "Slip is against the tangent of the interface: signs of slip, slip rate and shear traction are turned."
     return against if direction(record) < 0 else ""
 
 
-def direction(record: Record) -> float:
+def direction(record: Files) -> float:
     """Sign of the slip: figures count slip and shear traction positive in its direction."""
     last = record.interface["slip"].isel(time=slice(-1, None)).values
     return -1.0 if last.sum() < 0 else 1.0
 
 
-def default_times(record: Record, saved: Array, count: int) -> Array:
+def default_times(record: Files, saved: Array, count: int) -> Array:
     """Indices of up to `count` saved times while the rupture runs; over the whole run where nothing slid."""
     tracked = [data["rupture_time"].values for data in record.interfaces.values() if "rupture_time" in data]
     arrival = np.concatenate([*tracked, np.array([])])
@@ -114,7 +114,7 @@ def nearest(saved: Array, wanted: Array) -> Array:
     return np.abs(np.asarray(saved)[None, :] - np.atleast_1d(wanted)[:, None]).argmin(axis=1)
 
 
-def rate_range(record: Record, rate: Array) -> tuple[float, float, bool]:
+def rate_range(record: Files, rate: Array) -> tuple[float, float, bool]:
     """Sliding threshold, largest slip rate but for a thousandth, and whether pulses call for a logarithmic scale."""
     low = LEVEL * (record.interface.attrs.get("V_imp") or rate.max())
     sliding = rate[rate > low]
@@ -125,18 +125,18 @@ def rate_range(record: Record, rate: Array) -> tuple[float, float, bool]:
 UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
 
 
-def has_slip_rates(record: Record) -> bool:
+def has_slip_rates(record: Files) -> bool:
     """Whether it has an interface that slides."""
     return bool(record.interfaces) and "slip_rate" in record.interface
 
 
-def is_uneven(record: Record) -> bool:
+def is_uneven(record: Files) -> bool:
     """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
     gaps = np.diff(record.interface["time"].values)
     return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
 
 
-def has_pictures(record: Record, field: str) -> bool:
+def has_pictures(record: Files, field: str) -> bool:
     """Whether a field of the bodies was saved, in two dimensions."""
     there = (record.path / "bulk.h5").is_file()
     return there and record.bulk["points"].shape[1] == 2 and field in record.bulk

@@ -7,13 +7,13 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "uncovered": "#fbf3d5"}
 """By meaning, in the order of the values 0, 1, 2 ... of the field `contact`."""
 
 
-def has_states(record: Record) -> bool:
+def has_states(record: Files) -> bool:
     """Whether an interface of the run slides far."""
     return bool(record.interfaces) and "contact" in record.interface and record.interface.sizes["time"] > 0
 

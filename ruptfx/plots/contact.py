@@ -9,21 +9,21 @@ from matplotlib.figure import Figure
 from ruptfx.figure_style import edges, empty_figure, new_figure, remark, scale, styled
 from ruptfx.plots._record import along, end_time
 from ruptfx.plots._states import COLOURS, explain, has_states
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether an interface slides far."""
     return has_states(record)
 
 
 @styled
-def contact(record: Record, time_range: tuple[float, float] | None = None) -> Figure:
+def contact(record: Files, time_range: tuple[float, float] | None = None) -> Figure:
     """What sticks, slides, is open and faces nothing, against position and time.
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     time_range : (float, float), optional
         What is shown of the run [s]. Default: all.
     """

@@ -10,17 +10,17 @@ from matplotlib.patheffects import withStroke
 
 from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, note, remark, scale, styled
 from ruptfx.plots._record import along, direction, guides, has_slip_rates, is_uneven, turned, whose_speeds
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 SLOWEST = 1e-10  # m/s
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether the run has slow and fast phases."""
     return has_slip_rates(record) and is_uneven(record)
 
 
-def ruptures(record: Record) -> list[tuple[int, int]]:
+def ruptures(record: Files) -> list[tuple[int, int]]:
     """First and last record of every time the interface slides faster than the rupture threshold.
 
     Pauses of up to a thousand times the shortest time between records are part of it.
@@ -36,7 +36,7 @@ def ruptures(record: Record) -> list[tuple[int, int]]:
 
 
 @styled
-def cycles(record: Record) -> Figure:
+def cycles(record: Files) -> Figure:
     """Shear force, peak slip rate and slip rate along the interface in all phases, and the largest rupture.
 
     Below, time is stretched where records are dense, so that every phase has its room.
@@ -92,7 +92,7 @@ def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
 
 
 def _largest(
-    ax: Axes, record: Record, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
+    ax: Axes, record: Files, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
 ) -> None:
     """The rupture with the most slip, against the time since it began, with lines at the wave speeds."""
     if not found:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ruptfx.analysis.energy import PARTS, closure
 from ruptfx.figure_style import MUTED, letter, new_figure, note, scale, styled
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
@@ -16,13 +16,13 @@ _COLOURS = {
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether energies were saved."""
     return (record.path / "energy.csv").is_file()
 
 
 @styled
-def energy_budget(record: Record) -> Figure:
+def energy_budget(record: Files) -> Figure:
     """Energies against time, and the part of the boundary work that is not accounted for."""
     energy = record.energy
     time = energy["time"].values

@@ -8,23 +8,23 @@ from matplotlib.figure import Figure
 from ruptfx.analysis.force_drops import averaged, drops, knees
 from ruptfx.figure_style import empty_figure, letter, new_figure, note, remark, scale, styled
 from ruptfx.plots._states import COLOURS, explain
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 DROP, BEND = 0.05, 0.01  # of the normal force: what counts as a drop, and how closely broken lines follow
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether an interface slides far."""
     return any(record.path.glob("forces*.csv"))
 
 
 @styled
-def forces(record: Record, window: float | None = None) -> Figure:
+def forces(record: Files, window: float | None = None) -> Figure:
     """Normal and shear force against time with the drops and knees of the latter; parts of the interface by state.
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     window : float, optional
         Time over which forces are averaged before drops are looked for [s]. Default: 1/200 of the run.
     """
@@ -56,7 +56,7 @@ def forces(record: Record, window: float | None = None) -> Figure:
         note(above, "" if len(found) else "no drops, no knees")
     above.set_ylabel(f"Force per thickness ({f_unit})")
     above.legend(loc="best", ncols=2)
-    below.stackplot(time / t_size, [table[name] for name in COLOURS], colors=list(COLOURS.values()), lw=0)
+    below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
     below.set(xlabel=f"Time ({t_unit})", ylabel="Fraction of the length", ylim=(0, 1))
     below.set_xlim(time[0] / t_size, time[-1] / t_size)
     explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))

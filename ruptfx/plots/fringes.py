@@ -12,7 +12,7 @@ from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import Array, remark, scale, styled
 from ruptfx.plots._panels import panels, without
 from ruptfx.plots._record import has_pictures
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 MOST_FRINGES = 60  # that pixels of a figure show
 
@@ -22,7 +22,7 @@ class Plates:
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     fringe_constant, thickness : float, optional
         For all bodies [N/m], and of the plates [m], instead of those of the case.
 
@@ -36,7 +36,7 @@ class Plates:
         Why there are no fringes; empty where there are.
     """
 
-    def __init__(self, record: Record, fringe_constant: float | None = None, thickness: float | None = None) -> None:
+    def __init__(self, record: Files, fringe_constant: float | None = None, thickness: float | None = None) -> None:
         case, self._bulk = record.case, record.bulk
         given = case.get("materials", {})
         self.constants = {}
@@ -69,7 +69,7 @@ class Plates:
         return ", ".join(f"{text} ({name})" for name, text in texts.items())
 
 
-def most_fringes(record: Record) -> float:
+def most_fringes(record: Files) -> float:
     """Largest fringe order at the last snapshot but for a hundredth of the points; 0 where there are none."""
     plates = Plates(record)
     if plates.missing or not record.bulk.sizes["time"]:
@@ -77,14 +77,14 @@ def most_fringes(record: Record) -> float:
     return float(np.nanquantile(plates.order(-1), 0.99))
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether there are fringes, and not too many to be seen."""
     return has_pictures(record, "fringe") and 0 < most_fringes(record) < MOST_FRINGES
 
 
 @styled
 def fringes(
-    record: Record,
+    record: Files,
     time: float | Sequence[float] | None = None,
     fringe_constant: float | None = None,
     thickness: float | None = None,
@@ -97,7 +97,7 @@ def fringes(
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     time : float or sequence of float, optional
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
     fringe_constant, thickness : float, optional

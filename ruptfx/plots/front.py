@@ -8,16 +8,16 @@ from matplotlib.figure import Figure
 from ruptfx.analysis.front import local_speed
 from ruptfx.figure_style import GUIDE, Array, letter, new_figure, note, remark, scale, styled
 from ruptfx.plots._record import along, end_time, guides, has_slip_rates, is_uneven, whose_speeds
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether the run slides and one scale of time shows it."""
     return has_slip_rates(record) and not is_uneven(record)
 
 
 @styled
-def front(record: Record) -> Figure:
+def front(record: Files) -> Figure:
     """Arrival of the rupture and its local speed along the interface, with the wave speeds.
 
     The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface; a window

@@ -3,49 +3,48 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx.figure_style import known_unit, letter, new_figure, remark, scale, styled
 from ruptfx.plots._panels import without
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 MOST = 12  # panels that one page takes
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether there were instruments."""
     return bool(record.case.get("instruments")) and (record.path / "instruments.h5").is_file()
 
 
 @styled
-def instruments(record: Record) -> Figure:
+def instruments(record: Files) -> Figure:
     """Samples against time: a panel for every instrument, and one more for every further unit that it measures in.
 
     Where there are more panels than a page takes the figure says how many are left out.
     """
     panels = []
     for name, data in record.instruments.items():
-        units = dict.fromkeys(str(variable.attrs.get("units", "1")) for variable in data.data_vars.values())
-        for unit in units:
-            panels.append((name, unit, [k for k, v in data.data_vars.items() if v.attrs.get("units", "1") == unit]))
+        units = {str(key): str(data[key].attrs.get("units", "1")) for key in data if key != "time"}
+        for unit in dict.fromkeys(units.values()):
+            panels.append((name, unit, [key for key, its in units.items() if its == unit]))
     if not any(data.sizes["time"] for data in record.instruments.values()):
         return without("no sample was saved")
     shown = panels[:MOST]
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
     figure, axes = new_figure(rows, columns, 0.5 + 1.55 * rows, sharex=True)
-    latest = max(float(data.time[-1]) for data in record.instruments.values() if data.sizes["time"])
+    latest = max(float(data["time"].values[-1]) for data in record.instruments.values() if data.sizes["time"])
     t_size, t_unit = scale(latest, "s")
     for ax, (name, unit, channels) in zip(axes.ravel(), shown, strict=False):
         data = record.instruments[name]
         values = np.array([data[channel].values for channel in channels])
         size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
         for channel, line in zip(channels, values, strict=True):
-            ax.plot(data.time.values / t_size, line / size, label=str(channel).replace("_", " "))
+            ax.plot(data["time"].values / t_size, line / size, label=channel.replace("_", " "))
         ax.set_ylabel(f"{_common(channels)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:
@@ -61,7 +60,7 @@ def instruments(record: Record) -> Figure:
     return figure
 
 
-def _common(channels: list[Hashable]) -> str:
+def _common(channels: list[str]) -> str:
     """What the channels are called without their components, as a label."""
-    words = list(dict.fromkeys(_COMPONENT.sub("", str(channel)).replace("_", " ") for channel in channels))
+    words = list(dict.fromkeys(_COMPONENT.sub("", channel).replace("_", " ") for channel in channels))
     return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + words[-1:]).capitalize()

@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 
 from ruptfx.figure_style import TIME_MAP, empty_figure, letter, new_figure, remark, scale, styled
 from ruptfx.plots._record import along, direction, end_time, has_slip_rates, nearest, turned
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether the run has an interface that slides."""
     return has_slip_rates(record)
 
 
 @styled
-def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figure:
+def slip_profiles(record: Files, times: Sequence[float] | None = None) -> Figure:
     """Total slip and displacement jump along the interface at successive times, coloured by time.
 
     The jump contains the elastic stretch of a compliant interface, the slip does not. Both are positive in
@@ -28,7 +28,7 @@ def slip_profiles(record: Record, times: Sequence[float] | None = None) -> Figur
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     times : sequence of float, optional
         Times [s]; the nearest saved ones are drawn. Default: twelve over the run.
     """

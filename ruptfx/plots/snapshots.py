@@ -22,16 +22,16 @@ from ruptfx.plots._record import (
     turned,
     whose_speeds,
 )
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether the run slides and one scale of time shows it."""
     return has_slip_rates(record) and not is_uneven(record)
 
 
 @styled
-def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
+def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     """Slip rate, shear traction and normal stress along the interface at several times, one row each.
 
     Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
@@ -40,7 +40,7 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     times : sequence of float, optional
         Times [s]; the nearest saved ones are drawn. Default: four while the rupture runs.
     """
@@ -80,7 +80,7 @@ def snapshots(record: Record, times: Sequence[float] | None = None) -> Figure:
     return figure
 
 
-def _marks(ax: Axes, record: Record, time: float, x_size: float, named: bool) -> None:
+def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> None:
     start, begin = rupture_origin(record)
     left, right = ax.get_xlim()
     labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other

@@ -12,16 +12,16 @@ from ruptfx.analysis import rupture_origin
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark, scale, styled
 from ruptfx.plots._record import along, end_time, guides, has_slip_rates, is_uneven, rate_range, whose_speeds
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether the run slides and one scale of time shows it."""
     return has_slip_rates(record) and not is_uneven(record)
 
 
 @styled
-def space_time(record: Record) -> Figure:
+def space_time(record: Files) -> Figure:
     """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
 
     White is slower than the sliding threshold (2 % of the driven speed). Colours are logarithmic where narrow
@@ -56,7 +56,7 @@ def space_time(record: Record) -> Figure:
     return figure
 
 
-def _rays(ax: Axes, record: Record, x_size: float, t_size: float) -> None:
+def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> None:
     """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture."""
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
     (left, right), top = ax.get_xlim(), ax.get_ylim()[1]

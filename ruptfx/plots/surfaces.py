@@ -10,19 +10,19 @@ from matplotlib.figure import Figure
 from ruptfx.figure_style import empty_figure, letter, new_figure, remark, scale, styled
 from ruptfx.plots._record import nearest
 from ruptfx.plots._states import COLOURS, explain, has_states
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 PANELS = 3  # times
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether an interface slides far."""
     return has_states(record)
 
 
 @styled
 def surfaces(
-    record: Record, times: Sequence[float] | None = None, x_range: tuple[float, float] | None = None
+    record: Files, times: Sequence[float] | None = None, x_range: tuple[float, float] | None = None
 ) -> Figure:
     """Normal stress and shear traction, and below them both surfaces where they are, with the state of every point.
 
@@ -30,7 +30,7 @@ def surfaces(
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     times : sequence of float, optional
         Times [s]; the nearest saved ones are drawn. Default: after a third, two thirds, and all of the run.
     x_range : (float, float), optional
@@ -42,27 +42,28 @@ def surfaces(
         return empty_figure("no time was saved", "x, displaced (m)", "y, displaced (m)")
     wanted = saved[-1] * np.arange(1, PANELS + 1) / PANELS if times is None else np.asarray(times)
     rows = np.unique(nearest(saved, wanted))
-    chosen = data.isel(time=rows)
-    x, y, faced_x, faced_y = (chosen[name].values for name in ("deformed_x", "deformed_y", "facing_x", "facing_y"))
+    places = ("deformed_x", "deformed_y", "facing_x", "facing_y")
+    x, y, faced_x, faced_y, normal, shear, contact = (
+        data[name].isel(time=rows).values for name in (*places, "normal_stress", "shear_traction", "contact")
+    )
     low, high = x_range or (float(np.nanmin(x)), float(np.nanmax(x)))
     x_size, x_unit = scale(high - low, "m")
     y_size, y_unit = scale(max(float(np.ptp(y)), float(np.ptp(faced_y[np.isfinite(faced_y)], axis=None))), "m")
-    p_size, p_unit = scale(np.array([chosen["normal_stress"].max(), abs(chosen["shear_traction"]).max()]), "Pa")
+    p_size, p_unit = scale(np.array([normal.max(), np.abs(shear).max()]), "Pa")
     t_size, t_unit = scale(saved, "s")
     ratios = [1.0, 0.8] * len(rows)
     figure, axes = new_figure(2 * len(rows), 1, 0.8 + 1.9 * len(rows), sharex=True, height_ratios=ratios)
     for number, row in enumerate(rows):
         above, below = axes[2 * number, 0], axes[2 * number + 1, 0]
         along = x[number] / x_size
-        above.fill_between(along, chosen["normal_stress"].values[number] / p_size, color="#3a7d44", alpha=0.25, lw=0)
-        above.plot(along, chosen["normal_stress"].values[number] / p_size, color="#3a7d44", label="normal stress")
-        above.plot(along, chosen["shear_traction"].values[number] / p_size, color="#1a1a1a", lw=0.8,
+        above.fill_between(along, normal[number] / p_size, color="#3a7d44", alpha=0.25, lw=0)
+        above.plot(along, normal[number] / p_size, color="#3a7d44", label="normal stress")
+        above.plot(along, shear[number] / p_size, color="#1a1a1a", lw=0.8,
                    label="shear traction")  # fmt: skip
         above.set_ylabel(f"Traction ({p_unit})")
         above.set_title(f"{saved[row] / t_size:.4g} {t_unit}", loc="right")
         below.plot(faced_x[number] / x_size, faced_y[number] / y_size, color="#888888", lw=0.8)
-        states = chosen["contact"].values[number]
-        colours = np.array(list(COLOURS.values()))[states.astype(int)]
+        colours = np.array(list(COLOURS.values()))[contact[number].astype(int)]
         below.plot(along, y[number] / y_size, color="#888888", lw=0.5, zorder=1)
         below.scatter(along, y[number] / y_size, s=5, c=colours, ec="#555555", lw=0.2, zorder=2)
         below.set_ylabel(f"y ({y_unit})")

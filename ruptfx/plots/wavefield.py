@@ -11,21 +11,21 @@ from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import WAVE_MAP, Array, styled
 from ruptfx.plots._panels import panels, without
 from ruptfx.plots._record import has_pictures
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 
-def suits(record: Record) -> bool:
+def suits(record: Files) -> bool:
     """Whether there are pictures of the bodies."""
     return has_pictures(record, "velocity")
 
 
 @styled
-def wavefield(record: Record, time: float | Sequence[float] | None = None) -> Figure:
+def wavefield(record: Files, time: float | Sequence[float] | None = None) -> Figure:
     """Particle speed in the two bodies, with the interface drawn: shear Mach fronts show as straight lines.
 
     Parameters
     ----------
-    record : Record
+    record : Record or Files
     time : float or sequence of float, optional
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
     """

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from ruptfx import Table
-from ruptfx.record import Record
+from ruptfx.record import Files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +33,7 @@ def harvest(run: Path, keep: list[str]) -> Table:
     summary = json.loads((run / "summary.json").read_text())
     values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
     if (run / "interface.h5").is_file() or list(run.glob("interface_*.h5")):
-        with Record(run) as record:
+        with Files(run) as record:
             values |= {"rupture": _rupture(values), **_energies(record)}
             if "pictures" in keep:
                 _draw(record, run.parent)
@@ -47,7 +47,7 @@ def _rupture(values: Table) -> str | None:
     return values.get("mode") if values.get("mode") in ("none", "arrested") else values.get("speed_regime")
 
 
-def _energies(record: Record) -> dict[str, float]:
+def _energies(record: Files) -> dict[str, float]:
     """Final energies [J per metre of thickness in 2D] and where the work went, as fractions of it."""
     from ruptfx.analysis.energy import PARTS, budget
 
@@ -61,7 +61,7 @@ def _energies(record: Record) -> dict[str, float]:
     }
 
 
-def _draw(record: Record, directory: Path) -> None:
+def _draw(record: Files, directory: Path) -> None:
     """Small pictures for the page."""
     from ruptfx import plots
 
@@ -76,7 +76,9 @@ def _draw(record: Record, directory: Path) -> None:
 
 def _save_small(figure: Figure, path: Path) -> None:
     """A picture in all its colours that takes little space: a page holds hundreds of them."""
+    from ruptfx.figure_style import save
+
     with io.BytesIO() as buffer:
-        figure.savefig(buffer, format="png", dpi=130)
+        save(figure, buffer, "png", dpi=130)
         with Image.open(buffer) as picture:
             picture.convert("RGB").save(path, quality=80, method=6)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import h5py
 import matplotlib
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 import synthetic
 import tomli_w
+from matplotlib.figure import Figure
+from PIL import Image
 
 from ruptfx import RuptfxError, plots
 from ruptfx.analysis import summarise
 from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import edges, scale
+from ruptfx.figure_style import edges, save, scale, style
 from ruptfx.plots._record import default_times
 from ruptfx.plots.cycles import ruptures
 from ruptfx.record import Record, RecordError
@@ -56,6 +59,21 @@ def test_slow_and_fast_phases_have_a_figure_of_their_own(tmp_path, size):
                 np.column_stack([np.zeros(4), edges(time)[[0, 1, 100, 101]]])))[:, 1])  # fmt: skip
             np.testing.assert_allclose(heights[[0, 2]], 1 / len(time), rtol=1e-6)
         assert size or any("no sliding" in text.get_text() for ax in figures["cycles"].axes for text in ax.texts)
+
+
+def test_saving_lays_out_once_and_draws_once(train, tmp_path):
+    """What matplotlib would do in two drawings comes out the same, to the pixel."""
+    figures = {name: plots.snapshots(train) for name in ("ours", "theirs")}
+    drawn = []
+    with patch.object(Figure, "draw", autospec=True, side_effect=Figure.draw) as draw:
+        save(figures["ours"], tmp_path / "ours.png", "png")
+        drawn.append(draw.call_count)
+        with style():
+            figures["theirs"].savefig(tmp_path / "theirs.png")
+        drawn.append(draw.call_count)
+    assert drawn == [1, 3]
+    ours, theirs = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in figures)
+    np.testing.assert_array_equal(ours, theirs)
 
 
 def test_guide_lines_run_at_the_wave_speeds(train):

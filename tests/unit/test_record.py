@@ -10,7 +10,7 @@ import pytest
 import synthetic
 
 from ruptfx import RuptfxError
-from ruptfx.record import Record, RecordError
+from ruptfx.record import Files, Record, RecordError
 
 TIME, POSITION = synthetic.times(31), synthetic.points(20)
 
@@ -46,6 +46,42 @@ def test_bulk_is_named_and_lazy(run):
         assert bulk["cells"].shape == (2 * 100 * 20, 4)
         # Pieces are read without the whole.
         assert not bulk["velocity"].variable._in_memory
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_files_hold_the_numbers_of_a_record(tmp_path, whole):
+    run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+    if not whole:  # killed: the last saved times were never filled in
+        for name in ("interface.h5", "bulk.h5"):
+            with h5py.File(run / name, "a") as file:
+                file["time"][-2:] = 0.0
+    with Files(run) as plain, Record(run) as record:
+        for what in ("interface", "bulk", "energy"):
+            found, wanted = getattr(plain, what), getattr(record, what)
+            names = [*wanted.data_vars, *(set(wanted.coords) - {"component", "stress_component"})]
+            assert set(found) == set(names)
+            for name in names:
+                np.testing.assert_array_equal(found[name].values, wanted[name].values)
+                assert (found[name].dims, found[name].shape) == (wanted[name].dims, wanted[name].shape)
+            assert found.sizes == dict(wanted.sizes)
+            for key, value in wanted.attrs.items():
+                np.testing.assert_array_equal(found.attrs[key], value)
+        for time in (-1, slice(1, 3), np.array([2, 0])):
+            for name in ("velocity", "body"):
+                wanted = record.bulk[name].isel(time=time) if name == "velocity" else record.bulk[name]
+                np.testing.assert_array_equal(plain.bulk[name].isel(time=time).values, wanted.values)
+
+
+def test_the_end_of_a_run_needs_no_xarray(run):
+    """Its import would take longer than all that is read."""
+    program = (
+        "import sys; from ruptfx import plots; from ruptfx.analysis import summarise; from ruptfx.record import Files\n"
+        f"with Files({str(run)!r}) as record: summarise(record); plots.save_all(record)\n"
+        "print(sorted({'xarray', 'pandas', 'matplotlib.pyplot'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "[]", done.stderr
+    assert (run / "figures" / "wavefield.png").is_file()
 
 
 def test_antiplane_components(tmp_path):
