@@ -4,6 +4,7 @@
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`.
+- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases or checks.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 
 from ruptfx import bench, describe
+from ruptfx.bench import _speed_tables
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 
@@ -160,19 +162,42 @@ class Bench(Directive):
         block += paragraph(" ".join(text.partition("\n\n")[0].split()))
         command = f"ruptfx bench {name}" + " --fine" * saved["fine"]
         block += paragraph(f"`{command}`, {saved['seconds']:.0f} s on the machine of these results")
-        rows = []
-        for row in saved["checks"]:
-            values = {key: math.nan if value is None else value for key, value in row.items() if key != "passed"}
-            check = bench.Check(**values)
-            verdict = "pass" if check.passed else "fails"
-            numbers = f"{check.expected:.6g}", f"{check.found:.6g}", check.limit
-            rows.append((check.quantity, *numbers, check.unit, check.source, verdict))
-        header = ("quantity", "expected", "found", "tolerance", "unit", "source", "")
-        block += table(header, rows, (30, 11, 11, 10, 7, 25, 6), literal=0)
+        block += checks(saved)
         return block
 
 
+def checks(saved: dict[str, Any]) -> nodes.table:
+    """The saved checks of a benchmark."""
+    rows = []
+    for row in saved["checks"]:
+        values = {key: math.nan if value is None else value for key, value in row.items() if key != "passed"}
+        check = bench.Check(**values)
+        verdict = "pass" if check.passed else "fails"
+        numbers = f"{check.expected:.6g}", f"{check.found:.6g}", check.limit
+        rows.append((check.quantity, *numbers, check.unit, check.source, verdict))
+    header = ("quantity", "expected", "found", "tolerance", "unit", "source", "")
+    return table(header, rows, (30, 11, 11, 10, 7, 25, 6), literal=0)
+
+
+class Speed(Directive):
+    """A table of the saved results of `ruptfx bench speed`: their file, and which table."""
+
+    required_arguments = 2
+
+    def run(self) -> list[nodes.Node]:
+        path = Path(self.state.document.settings.env.srcdir, self.arguments[0])
+        self.state.document.settings.env.note_dependency(str(path))
+        saved = json.loads(path.read_text())
+        if self.arguments[1] == "checks":
+            return [checks(saved)]
+        if self.arguments[1] == "steps":
+            header, rows = _speed_tables.STEPS, _speed_tables.step_rows(saved["rows"])
+        else:
+            header, rows = _speed_tables.phase_table(saved["rows"])
+        return [table(header, rows, (24, *(10,) * (len(header) - 1)), literal=0)]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
-    for name, directive in (("entries", Entries), ("commands", Commands), ("fields", Fields), ("bench", Bench)):
-        app.add_directive(f"ruptfx-{name}", directive)
+    for directive in (Entries, Commands, Fields, Bench, Speed):
+        app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -156,7 +156,7 @@ def _run(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:
     seconds = time.perf_counter() - began
     outcome = result if isinstance(result, Outcome) else Outcome(list(result))
     out.mkdir(parents=True, exist_ok=True)
-    saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks)}
+    saved = {"fine": fine, "seconds": seconds, "checks": _rows(outcome.checks), "rows": outcome.rows or []}
     (out / f"{name}.json").write_text(json.dumps(saved, indent=2) + "\n")
     if outcome.draw is not None:
         outcome.draw().savefig(out / f"{name}.png", dpi=150)

@@ -19,6 +19,8 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table, fem, launch, native
 from ruptfx.bench import Check, Outcome
+from ruptfx.bench._parts import Parts
+from ruptfx.bench._speed_tables import STEPS, step_rows
 from ruptfx.bench._timings import start_up, time_to_error
 from ruptfx.bench._whole_runs import whole_runs
 from ruptfx.case import Case
@@ -59,28 +61,46 @@ void axpy(long n, double a, const double *x, double *y) { for (long i = 0; i < n
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
-    """Measure the rows of the table one after the other and compare them with the aims.
+    """Measure one part after the other and compare it with its aims; what fails loses nothing of the others.
 
-    Rows hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node, ratio_to_ufl_form,
-    ratio_to_stock_ufl_form (the form compiled with DOLFINx's own flags instead of ours for this processor),
-    ratio_to_petsc, ratio_to_bandwidth, interface_share; for several ranks efficiency, and independent_efficiency of as
-    many problems that share nothing but the machine. None where not measured. Rows of whole runs follow, see
-    `whole_runs`.
+    Rows of steps hold dim, order, geometry, nodes, ranks, node_updates_per_second_per_core, bytes_per_node,
+    ratio_to_ufl_form, ratio_to_stock_ufl_form (the form compiled with DOLFINx's own flags instead of ours for this
+    processor), ratio_to_petsc, ratio_to_bandwidth, interface_share; for several ranks efficiency, and
+    independent_efficiency of as many problems that share nothing but the machine. None where not measured. Rows of
+    whole runs follow, see `whole_runs`, then the time that each part took: part, seconds.
     """
     if comm.size > 1:
         raise RuptfxError("bench speed starts its own ranks: run it on one")
-    rows: list[Table] = []
+    parts, rows = Parts(), []
     for wanted in FINE_ROWS if fine else ROWS:
-        rows.append(measure_row(*wanted))
-        _compare_ranks(rows)
+        with parts.one("steps of " + describe(*wanted)):
+            rows.append(measure_row(*wanted))
+            _compare_ranks(rows)
     show(rows)
+    parts.checks += _of_steps(rows)
+    with parts.one("fault problem to a stated error"):
+        parts.checks += time_to_error(fine)
+    if fine:
+        with parts.one("start"):
+            parts.checks += start_up()
+    phases = whole_runs(fine, parts)
+    return Outcome(parts.checks, None, rows + phases + parts.rows)
+
+
+def describe(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> str:
+    """A row of the table in words."""
+    return f"{dim}D order {order} {geometry}, {nodes / 1e6:.2g} M nodes" + f", {ranks} ranks" * (ranks > 1)
+
+
+def _of_steps(rows: list[Table]) -> list[Check]:
+    """The numbers that are aimed at."""
     checks = []
 
     def at_least(quantity: str, aim: float, found: float, unit: str = "1") -> None:
         checks.append(Check(quantity, aim, found, 0, unit, SOURCE, "at least"))
 
     for row in rows:
-        what = f"{row['dim']}D order {row['order']} {row['geometry']}, {row['nodes'] / 1e6:.2g} M nodes"
+        what = describe(row["dim"], row["order"], row["geometry"], row["nodes"], 1)
         aim = AIMS.get((row["dim"], row["order"], row["geometry"], row["asked"]))
         if aim and row["ranks"] == 1:
             at_least(what, aim, row["node_updates_per_second_per_core"] / 1e6, "M/s")
@@ -93,11 +113,10 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
             checks.append(Check(f"{what}, held", 150, row["bytes_per_node"], 0, "bytes/node", SOURCE, "at most"))
             if row["asked"] == 4_000_000:
                 at_least(f"{what}, of bandwidth", 0.25, row["ratio_to_bandwidth"])
-    checks += time_to_error(fine)
-    if fine:
-        checks += start_up()
-    phases, reached = whole_runs(fine)
-    return Outcome(checks + reached, None, rows + phases)
+        if row["dim"] == 3 and row["asked"] == 1_000_000:
+            share = row["interface_share"]
+            checks.append(Check(f"{what}, interface share of a step", 0.12, share, 0, "1", SOURCE, "at most"))
+    return checks
 
 
 def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> Table:
@@ -137,23 +156,9 @@ def show(rows: list[Table]) -> None:
     """Print the table."""
     from rich.table import Table
 
-    table = Table(
-        "element", "nodes", "ranks", "M updates/s/core", "bytes/node", "x ufl_form", "x stock ufl", "x PETSc",
-        "of bandwidth", "interface", "speed-up", box=None,
-    )  # fmt: skip
-
-    def number(value: float | None, form: str) -> str:
-        return "" if value is None else format(value, form)
-
-    for row in rows:
-        table.add_row(
-            f"{row['dim']}D order {row['order']} {row['geometry']}", f"{row['nodes'] / 1e6:.2f} M", str(row["ranks"]),
-            f"{row['node_updates_per_second_per_core'] / 1e6:.0f}", f"{row['bytes_per_node']:.0f}",
-            number(row["ratio_to_ufl_form"], ".0f"), number(row["ratio_to_stock_ufl_form"], ".0f"),
-            number(row["ratio_to_petsc"], ".1f"),
-            number(row["ratio_to_bandwidth"], ".0%"), number(row["interface_share"], ".1%"),
-            number(row["efficiency"], ".2f"),
-        )  # fmt: skip
+    table = Table(*STEPS, box=None)
+    for row in step_rows(rows):
+        table.add_row(*row)
     console(stderr=True, width=140).print(table)  # stdout is for --json
 
 

@@ -1,0 +1,51 @@
+"""The tables of `bench speed`, from its rows: for the screen and for the site, without DOLFINx."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ruptfx import Table
+
+Cells = tuple[str, ...]
+
+STEPS = (
+    "element", "nodes", "ranks", "M updates/s/core", "bytes/node", "x ufl_form", "x stock ufl", "x PETSc",
+    "of bandwidth", "interface", "speed-up",
+)  # fmt: skip
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
+
+
+def step_rows(rows: Sequence[Table]) -> list[Cells]:
+    """Cells under `STEPS` of the rows of steps."""
+    return [
+        (
+            f"{row['dim']}D order {row['order']} {row['geometry']}", f"{row['nodes'] / 1e6:.2f} M", str(row["ranks"]),
+            f"{row['node_updates_per_second_per_core'] / 1e6:.0f}", f"{row['bytes_per_node']:.0f}",
+            _number(row["ratio_to_ufl_form"], ".0f"), _number(row["ratio_to_stock_ufl_form"], ".0f"),
+            _number(row["ratio_to_petsc"], ".1f"), _number(row["ratio_to_bandwidth"], ".0%"),
+            _number(row["interface_share"], ".1%"), _number(row["efficiency"], ".2f"),
+        )
+        for row in rows if "order" in row
+    ]  # fmt: skip
+
+
+def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
+    """Header and cells: a column for every whole command, a row for every phase, seconds with the share."""
+    found = {(row["problem"], row["ranks"], row["phase"]): row for row in rows if "phase" in row}
+    commands = list(dict.fromkeys((problem, ranks) for problem, ranks, _ in found))
+
+    def cell(command: tuple[str, int], name: str) -> str:
+        row = found.get((*command, name))
+        if row is None:
+            return ""
+        return f"{row['seconds']:.2f}" + ("" if name in OUTSIDE else f" ({row['share']:.0%})")
+
+    header = ("s", *(f"{problem}, {ranks} rank{'s' * (ranks > 1)}" for problem, ranks in commands))
+    names = dict.fromkeys(name for *_, name in found)
+    return header, [(name, *(cell(command, name) for command in commands)) for name in names]
+
+
+OUTSIDE = ("wall",)  # rows of whole commands that are no phases
