@@ -93,7 +93,7 @@ class Output(Part):
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
     """Steps between checkpoints, instead."""
     rupture_threshold: Speed = 1e-3
-    """Slip rate whose first passing is the rupture time."""
+    """Slip rate whose first passing is the rupture time; what is slower sticks, where states of contact are told."""
     figures: bool = True
     """Whether a run ends with its pictures."""
     plate_thickness: Length | None = None

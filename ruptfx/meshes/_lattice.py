@@ -29,12 +29,15 @@ class Lattice:
         Names, one for each body after the first: between it and the body above.
     one_sided : dict of str to str
         Of the interface under the lowest body, if there is one, as in `RawMesh`.
+    chamfer : float
+        What is cut off the lower corners of the lowest body, as long as it is high [m]; a level of it, or zero.
     """
 
     x: np.ndarray
     levels: dict[str, np.ndarray]
     interfaces: tuple[str, ...] = ()
     one_sided: dict[str, str] = field(default_factory=dict)
+    chamfer: float = 0.0
 
     def __post_init__(self) -> None:
         affordable(self.columns * sum(self.rows))
@@ -81,7 +84,19 @@ class Lattice:
         points[:, 0] = self.x[column]
         for number, y in enumerate(self.levels.values()):
             points[body == number, 1] = y[row[body == number]]
+        if self.chamfer:
+            lowest = body == len(self.levels) - 1
+            points[lowest, 0] = self._drawn_in(*points[lowest].T)
         return points
+
+    def _drawn_in(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """x of vertices below the chamfer, which gives way to it within three times its length [m]."""
+        y = y - next(reversed(self.levels.values()))[0]
+        left, right = self.x[0], self.x[-1]
+        reach = min(3 * self.chamfer, 0.5 * (right - left))
+        cut = np.maximum(self.chamfer - y, 0.0)
+        near_left, near_right = (np.maximum(1 - away / reach, 0.0) for away in (x - left, right - x))
+        return x + cut * (near_left - near_right)
 
     def body_of(self, vertices: np.ndarray) -> np.ndarray:
         """Index of the body of every vertex."""

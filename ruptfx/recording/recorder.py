@@ -247,7 +247,8 @@ class Recorder:
             self._passed("interface", state)
             with phase("gathering"):
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
-                sums = {f.name: forces(self.model.comm, f, state.faults[f.name]) for f in self.model.faults if f.slides}
+                comm, least = self.model.comm, self.model.case.output.rupture_threshold
+                sums = {f.name: forces(comm, f, state.faults[f.name], least) for f in self.model.faults if f.slides}
             with phase("energies"):
                 energy = self._motion.energies(state)
             self.last = now = state.fault_time
@@ -272,7 +273,8 @@ class Recorder:
         _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
         if fault.slides:
-            fields |= sliding_fields(fault, state.faults[fault.name], state.at_faults()[1])
+            least = self.model.case.output.rupture_threshold
+            fields |= sliding_fields(fault, state.faults[fault.name], state.at_faults()[1], least)
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 

@@ -25,7 +25,7 @@ from ruptfx.meshes.half_plate import HalfPlate
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
 from ruptfx.nodes import Nodes
-from ruptfx.schema import alternatives
+from ruptfx.schema import CaseError, alternatives
 from ruptfx.sliding.interface import build_sliding
 
 pytestmark = pytest.mark.fem
@@ -247,6 +247,28 @@ def test_second_order_cells_follow_an_arc(own: int, tmp_path: Path) -> None:
             radial = face.points / np.linalg.norm(face.points, axis=1, keepdims=True)
             np.testing.assert_allclose(np.linalg.norm(face.points, axis=1), 10e-3, rtol=1e-4)
             np.testing.assert_allclose(face.frame[:, 0], radial, atol=5e-3)  # from the inner to the outer body
+
+
+def test_a_chamfered_block() -> None:
+    """12 x 4 mm without two triangles of 0.7 x 0.7 mm; what is left of the interface is 10.6 mm long."""
+    block = BlockOnRigid(length=12e-3, height=4e-3, element_size=1e-3, left=2e-3, chamfer=0.7e-3)
+    raw = block.build()
+    corner = raw.points[raw.cells]  # in tensor order
+    diagonals = corner[:, 3] - corner[:, 0], corner[:, 2] - corner[:, 1]
+    area = 0.5 * (diagonals[0][:, 0] * diagonals[1][:, 1] - diagonals[0][:, 1] * diagonals[1][:, 0])
+    assert area.min() > 0
+    np.testing.assert_allclose(area.sum(), 12e-3 * 4e-3 - 0.7e-3**2, rtol=1e-12)
+    _, face = interface_in(block, 4)
+    np.testing.assert_allclose(face.weight.sum(), 10.6e-3, rtol=1e-12)
+    np.testing.assert_allclose(face.points[[0, -1], 0], [2.7e-3, 13.3e-3], rtol=1e-12)
+    # The chamfer is straight, from (2.7, 0) to (2.0, 0.7) mm, and belongs to the edge above it.
+    edge = raw.points[np.unique(raw.edges["upper.left"])]
+    np.testing.assert_allclose(np.maximum(2.7e-3 - edge[:, 1], 2e-3), edge[:, 0], rtol=1e-12)
+    assert edge[:, 1].min() == 0 and edge[:, 1].max() == 4e-3
+    low = BlockOnRigid(length=12e-3, height=1e-3, element_size=1e-3, chamfer=0.4e-3)
+    assert low.lattice().rows == [2] and low.lattice().levels["upper"][1] == 0.4e-3
+    with pytest.raises(CaseError, match=r"chamfer = 0\.006 m: it must be less than half of the length"):
+        BlockOnRigid(length=12e-3, height=40e-3, element_size=1e-3, chamfer=6e-3)
 
 
 def test_arc_length_of_a_wavy_interface(tmp_path: Path) -> None:

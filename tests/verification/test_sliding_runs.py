@@ -15,9 +15,11 @@ from sliding_cases import rough
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.case import read_case
+from ruptfx.case import parse_case, read_case
 from ruptfx.launch import find_mpiexec
+from ruptfx.model import Model
 from ruptfx.record import Record
+from ruptfx.recording.forces import contact_states
 from ruptfx.simulation import simulate
 
 pytestmark = pytest.mark.fem
@@ -83,6 +85,17 @@ def test_states_and_surfaces_of_a_run(alone: Path) -> None:
     gone = (data.facing_position - data.facing_position[0]).values
     np.testing.assert_allclose(gone, data.displacement_jump, atol=5e-6)
     assert gone.max() > 10e-6
+
+
+def test_what_creeps_sticks() -> None:
+    """Rate and state laws never stand still: what is slower than the threshold, either way, sticks."""
+    fault = Model(parse_case(rough())).faults[0]
+    state = fault.initial_state()
+    state["normal_stress"][:-1] = 1e6  # the last one is open
+    state["mean_slip_rate"][:] = np.linspace(-2e-3, 2e-3, len(state["normal_stress"]))
+    found = contact_states(fault, state, 1e-3)
+    assert found[-1] == 0 and {1, 2} == set(found[:-1])
+    np.testing.assert_array_equal(found[:-1] == 2, np.abs(state["mean_slip_rate"][:-1]) > 1e-3)
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
