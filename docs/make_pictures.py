@@ -2,8 +2,8 @@
 
 `tpv205.png`, `time_order.png` and `self_similar.png` are the figures of `ruptfx bench NAME --fine`; `antiplane.png`,
 `bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of `ruptfx mesh`,
-`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `measured_surface.png` is `surfaces.png` of
-this demo.
+`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `sliding_start.png` and
+`measured_surface.png` are `forces.png` and `surfaces.png` of these demos.
 """
 
 from __future__ import annotations
