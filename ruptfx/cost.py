@@ -130,7 +130,7 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
 
 def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
     """The instruments of a case and the numbers that each of them makes."""
-    return Samples(model, dt, BulkFields(model).initial_stress).instruments
+    return Samples(model, dt, BulkFields(model).initial_stress_at).instruments
 
 
 def _counts(case: Case, steps: int | None) -> tuple[float, float]:

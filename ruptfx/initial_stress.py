@@ -24,7 +24,8 @@ class InitialStress(Part):
 
     The bodies' own stress does not act on the motion, but snapshots and fringes show it. Tractions do not tell all of
     it: without a tensor it is taken to be the uniform stress that carries the mean tractions of the first interface,
-    with no stress along that interface. Give the tensor where the bodies are also loaded sideways.
+    with no stress along that interface; in 2D a pressure that varies along a flat one is there everywhere across. Give
+    the tensor where the bodies are also loaded sideways.
     """
 
     normal: VaryingPressure | None = None

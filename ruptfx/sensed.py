@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ruptfx.fem import Expr
     from ruptfx.model import Model
 
+Stresses = Callable[[np.ndarray], np.ndarray]
 _ENTRIES = {
     1: {"xz": (0, 0), "yz": (1, 0)},
     2: {"xx": (0, 0), "yy": (1, 1), "xy": (0, 1)},
@@ -32,8 +33,9 @@ class Sensed:
     Parameters
     ----------
     model : Model
-    initial_stress : ndarray, shape (stress components,)
-        Of the bodies [Pa], in the order of `entries`.
+    initial_stress : callable
+        From points, shape (n, dim), to the initial stress of the bodies there [Pa], shape (n, stress components) in the
+        order of `entries`.
 
     Attributes
     ----------
@@ -44,7 +46,7 @@ class Sensed:
     force_unit : str
     """
 
-    def __init__(self, model: Model, initial_stress: np.ndarray) -> None:
+    def __init__(self, model: Model, initial_stress: Stresses) -> None:
         self.model, self._initial_stress = model, initial_stress
         self.axes = {"z": 0} if model.components == 1 else {name: i for i, name in enumerate("xyz"[: model.components])}
         self.entries = _ENTRIES[model.components]
@@ -53,9 +55,9 @@ class Sensed:
     def unit_vector(self, component: int) -> np.ndarray:
         return np.eye(self.model.components)[component]
 
-    def initial_stress(self, label: str) -> float:
-        """A component of it [Pa]."""
-        return float(self._initial_stress[list(self.entries).index(label)])
+    def initial_stress(self, label: str, point: Sequence[float]) -> float:
+        """A component of it at a point [Pa]."""
+        return float(self._initial_stress(np.array([point]))[0, list(self.entries).index(label)])
 
     def point(self, point: Sequence[float], body: str | None, key: str, field: str = "point") -> SensedPoint:
         """A point of the bodies [m]; collective.
@@ -65,7 +67,7 @@ class Sensed:
         CaseError
             On all ranks: it is outside, or where several bodies meet and none is named.
         """
-        return SensedPoint(self, Inside(self.model, point, body, key, field))
+        return SensedPoint(self, Inside(self.model, point, body, key, field), point)
 
     def at_fault(self, name: str, position: float, key: str) -> list[Channel]:
         """Every field of an interface at a position [m], linear between its points; collective.
@@ -116,18 +118,10 @@ class Sensed:
         """
         model = self.model
         edge = Edge(model, name, key)
-        entries, found = list(self.entries.values()), []
+        found = []
         owned = np.arange(model.nodes * model.components) < model.owned_nodes * model.components
 
-        def traction(tests: list[Expr], n: Expr) -> Expr:
-            """Of the initial stress."""
-            return sum(
-                float(stress) * n[column] * tests[row]
-                for (i, j), stress in zip(entries, self._initial_stress, strict=True)
-                for row, column in (sorted({(i, j), (j, i)}) if model.components > 1 else [(0, i)])
-            )
-
-        initial = edge.integral(traction) if np.any(self._initial_stress) else np.zeros(len(owned))
+        initial = self._initial_force(edge)
         for label, component in self.axes.items():
             ones, force = np.zeros(len(owned)), np.zeros(len(owned))
             ones[edge.dofs(label)] = 1.0
@@ -145,6 +139,21 @@ class Sensed:
         return found
 
 
+    def _initial_force(self, edge: Edge) -> np.ndarray:
+        """Nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
+        c, stresses = self.model.components, self._initial_stress(self.model.coordinates)
+        force = np.zeros((self.model.nodes, c))
+        for (i, j), stress in zip(self.entries.values(), stresses.T, strict=True):
+            for row, column in sorted({(i, j), (j, i)}) if c > 1 else [(0, i)]:
+                weights = edge.integral(_component(row, column))
+                force[:, row] += stress * weights.reshape(-1, c)[:, row]
+        return force.ravel()
+
+
+def _component(row: int, column: int) -> Callable[[list[Expr], Expr], Expr]:
+    return lambda tests, n: n[column] * tests[row]
+
+
 class SensedPoint:
     """A point of the bodies as instruments see it.
 
@@ -152,10 +161,12 @@ class SensedPoint:
     ----------
     plates : Sensed
     place : Inside
+    point : sequence of float
+        Its coordinates [m].
     """
 
-    def __init__(self, plates: Sensed, place: Inside) -> None:
-        self._plates, self._place = plates, place
+    def __init__(self, plates: Sensed, place: Inside, point: Sequence[float]) -> None:
+        self._plates, self._place, self._point = plates, place, point
         model = plates.model
         self._shape = (1 + model.mesh.geometry.dim, model.components)
 
@@ -188,7 +199,7 @@ class SensedPoint:
 
     def initial_stress(self, label: str) -> float:
         """A component of the initial stress of the bodies [Pa]."""
-        return self._plates.initial_stress(label)
+        return self._plates.initial_stress(label, self._point)
 
     def reading(self, coefficients: np.ndarray, source: Literal["displacement", "velocity"] = "displacement") -> Share:
         """Any sum of the components of a field and of their derivatives times coefficients.

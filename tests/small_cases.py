@@ -50,6 +50,11 @@ INSTRUMENTS = [
 ]  # fmt: skip
 
 
+def unstressed(points: np.ndarray) -> np.ndarray:
+    """Initial stress of bodies that have none."""
+    return np.zeros((len(points), 3))
+
+
 def plates(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """Two small Homalite plates pressed with 6 MPa, glued by strong Coulomb friction; nothing moves them."""
     table = {

@@ -1,9 +1,9 @@
 """Snapshots of the bodies for ParaView and for `Record`: `bulk.h5` with its descriptor `bulk.xdmf`.
 
 Every element is written as linear cells between its own nodes, so that any viewer shows all the nodes there are.
-Stresses are total: those of the displacement plus the uniform initial stress of the bodies. That is the tensor of the
-case, or, where the case knows only the tractions of interfaces, the one that `carried` assumes; the attribute
-`initial_stress` of the file says which.
+Stresses are total: those of the displacement plus the initial stress of the bodies. That is the tensor of the case, or,
+where the case knows only the tractions of interfaces, the one that `carried` assumes, with the pressure of a flat
+interface as it varies; the attribute `initial_stress` of the file says which.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class BulkFields:
     Attributes
     ----------
     initial_stress : ndarray, shape (stress components,)
-        Uniform initial stress of the bodies [Pa], in the order of the file.
+        Initial stress of the bodies [Pa], in the order of the file; the mean where it varies.
     initial_stress_from : str
         ``given``, ``none``, or what is assumed.
     """
@@ -89,6 +89,10 @@ class BulkFields:
         self._fields = [name for name in _UNITS if name in model.case.output.bulk_fields]
         self._type = np.dtype({"double": "f8", "single": "f4"}[model.case.output.bulk_precision])
         self.initial_stress, self.initial_stress_from = self._initial_stress()
+        self._uneven = self._uneven_pressure()
+        if self._uneven is not None:
+            self.initial_stress_from += ", but its pressure as it varies along it, everywhere across it"
+        self._initial_at_nodes = self.initial_stress_at(model.coordinates)
         self._stress_forms: list[Any] | None = None
 
     def topology(self) -> Topology:
@@ -143,7 +147,8 @@ class BulkFields:
             file.whole.attrs["bodies"] = model.bodies.names
             file.whole.attrs["record"] = "all fields of a snapshot are those of its time, that of the velocities"
             file.whole.attrs["initial_stress"] = self.initial_stress_from
-            file.whole.attrs["initial_stress_values"] = self.initial_stress
+            if self._uneven is None:
+                file.whole.attrs["initial_stress_values"] = self.initial_stress
         file.flush()
 
     def restore(self, saved: Path) -> None:
@@ -220,7 +225,43 @@ class BulkFields:
             fem.dolfinx.fem.assemble_vector(vector, form)
             model.layout.sum_shared(vector)
             columns.append((vector / self._volume).reshape(-1, c)[:, :used])
-        return np.concatenate(columns, axis=1) + self.initial_stress
+        return np.concatenate(columns, axis=1) + self._initial_at_nodes
+
+    def initial_stress_at(self, points: np.ndarray) -> np.ndarray:
+        """Initial stress of the bodies at points, shape (points, stress components) [Pa].
+
+        What presses a flat interface in 2D unevenly does so everywhere across it: the normal stress of a point is that
+        of the interface at the foot of its perpendicular. That is in equilibrium, and where the pressure is linear
+        along the interface it is an elastic state as well.
+        """
+        stress = np.tile(self.initial_stress, (len(points), 1))
+        if self._uneven is not None:
+            tangent, place, excess, across = self._uneven
+            stress -= np.interp(points @ tangent, place, excess)[:, None] * across
+        return stress
+
+    def _uneven_pressure(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+        """Tangent of the first interface, places along it, pressure beyond the mean [Pa], and n n' as in the file.
+
+        None where the pressure is even, the interface not flat, or the stress given; collective.
+        """
+        model = self.model
+        if not model.faults or model.components != 2 or model.case.initial_tensor is not None:
+            return None
+        fault = model.faults[0]
+        face = fault.interface
+        rows = np.column_stack([face.points, fault.normal_stress_0, face.frame[:, 0]])[face.owned]
+        rows = parallel.share_rows(model.comm, rows)
+        points, pressure, normals = rows[:, :2], rows[:, 2], rows[:, 3:]
+        normal = normals[0]
+        if np.abs(normals - normal).max() > 1e-6 or np.ptp(pressure) < 1e-9 * np.abs(pressure).max():
+            return None
+        across = np.array([np.outer(normal, normal)[entry] for entry in _entries(2)])
+        mean = -float(self.initial_stress @ (across * [1, 1, 2]))
+        tangent = np.array([normal[1], -normal[0]])
+        place = points @ tangent
+        order = np.argsort(place)
+        return tangent, place[order], pressure[order] - mean, across
 
     def _initial_stress(self) -> tuple[np.ndarray, str]:
         """The uniform initial stress and where it comes from; collective."""

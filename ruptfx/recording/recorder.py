@@ -76,7 +76,7 @@ class Recorder:
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
-        self.samples = Samples(model, motion.dt, self._bulk.initial_stress)
+        self.samples = Samples(model, motion.dt, self._bulk.initial_stress_at)
         if resume:
             self.samples.restore(resume.manifest["samples"])
         self._files: dict[str, InterfaceFile] = {}

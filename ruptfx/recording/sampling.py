@@ -17,7 +17,7 @@ from scipy import sparse
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
 from ruptfx.schema import CaseError
-from ruptfx.sensed import Sensed
+from ruptfx.sensed import Sensed, Stresses
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -108,8 +108,8 @@ class Samples:
     model : Model
     dt : float
         Step [s]; of the first where they vary.
-    initial_stress : ndarray
-        Of the bodies [Pa].
+    initial_stress : callable, points -> stresses
+        As `Sensed` takes it.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Samples:
         On all ranks: an instrument outside of the bodies, or an interval below the step.
     """
 
-    def __init__(self, model: Model, dt: float, initial_stress: np.ndarray) -> None:
+    def __init__(self, model: Model, dt: float, initial_stress: Stresses) -> None:
         self._model, case = model, model.case
         plates = Sensed(model, initial_stress)
         self.instruments: list[tuple[Instrument, list[Channel]]] = []

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, case
+from small_cases import COMPLIANT, case, unstressed
 from test_steppers import required
 
 pytest.importorskip("dolfinx")
@@ -92,7 +92,7 @@ def test_the_same_on_any_number_of_ranks(kind: str) -> None:
 
 def _readings(model: Model) -> np.ndarray:
     """Of two states, one time after the other, as samples."""
-    samples, state = Samples(model, 1e-7, np.zeros(3)), model.initial_state()
+    samples, state = Samples(model, 1e-7, unstressed), model.initial_state()
     state.numbers["lag"] = 0.0
     x, y = model.coordinates.T
     for step in range(5):
@@ -113,7 +113,7 @@ def test_an_interval_below_the_step_is_refused(kind: str) -> None:
     given = with_instruments([{**example(kind), "interval": 1e-9}])
     model = Model(given)
     with pytest.raises(CaseError, match=r"instruments\.0\.interval = 1e-09 s: below the time step of .* make it long"):
-        Samples(model, given.stepper.bind(model).dt, np.zeros(3))
+        Samples(model, given.stepper.bind(model).dt, unstressed)
 
 
 @every_instrument

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from small_cases import SPLIT, plates, slip_weakening
+from small_cases import SPLIT, plates, slip_weakening, unstressed
 
 import ruptfx
 import ruptfx.bench
@@ -204,7 +204,7 @@ def test_instrument(tmp_path: Path) -> None:
 
     entry = {"kind": "tiltmeter", "name": "tilt", "interval": 1e-6, "point": [5e-3, 1e-3]}
     model = Model(in_a_case(tmp_path, "Instrument", plates({"instruments": [entry]})))
-    samples, state = Samples(model, 1e-8, np.zeros(3)), model.initial_state()
+    samples, state = Samples(model, 1e-8, unstressed), model.initial_state()
     x, y = model.coordinates.T
     state.displacement[:] = 3e-6 * np.stack([-y, x], axis=1).ravel()
     samples.observe(state)

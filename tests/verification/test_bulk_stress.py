@@ -15,6 +15,7 @@ from ruptfx.model import Model
 from ruptfx.record import Record
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
+from ruptfx.sensed import Sensed
 from ruptfx.simulation import simulate
 
 pytestmark = pytest.mark.fem
@@ -97,3 +98,19 @@ def test_the_file_says_what_is_assumed(tmp_path: Path) -> None:
     with Record(tmp_path / "run") as record:
         assert record.bulk.attrs["initial_stress"].startswith("assumed: the uniform stress that carries")
         assert record.bulk["stress"].attrs["long_name"] == "total stress, tension positive"
+
+
+def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path: Path) -> None:
+    """Linear from 4 to 8 MPa along 12 mm, with 1 MPa of shear: in both bodies yy is minus the pressure at x."""
+    taper = {"kind": "table", "positions": [0.0, 12e-3], "values": [4e6, 8e6]}
+    resting = case({"order": 2, "faults.main.initial_stress": {"normal": taper, "shear": 1e6}})
+    model = Model(resting)
+    bulk = BulkFields(model)
+    stress = bulk.gather(model.initial_state())["stress"]
+    x = bulk.topology().points[:, 0]
+    np.testing.assert_allclose(stress[:, 1], -(4e6 + 4e6 * x / 12e-3), rtol=1e-9)
+    np.testing.assert_allclose(stress[:, [0, 2]], np.tile([0.0, 1e6], (len(stress), 1)), atol=1.0)
+    assert "as it varies along it" in bulk.initial_stress_from
+    # A load cell on the top carries 6 MPa on 12 mm before anything moves, and 1 MPa of shear.
+    found = Sensed(model, bulk.initial_stress_at).forces("upper.top", "edge")
+    assert [offset for _, _, offset in found] == pytest.approx([12e3, -72e3], rel=1e-9)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, HOMALITE, case, slip_weakening
+from small_cases import COMPLIANT, HOMALITE, case, slip_weakening, unstressed
 
 pytest.importorskip("dolfinx")
 
@@ -47,7 +47,7 @@ def sampled(step: float) -> tuple[dict[str, dict[str, np.ndarray]], np.ndarray, 
     })  # fmt: skip
     model = Model(free)
     motion, state = free.stepper.bind(model), model.initial_state()
-    samples = Samples(model, motion.dt, np.array([0.0, -6e6, 1e6]))
+    samples = Samples(model, motion.dt, lambda points: np.tile([0.0, -6e6, 1e6], (len(points), 1)))
     state.displacement[:] = mode(*model.coordinates.T).ravel()
     samples.observe(state)
     while state.fault_time < free.duration:
@@ -171,7 +171,7 @@ def test_half_of_the_power_passes_at_the_bandwidth(step: float) -> None:
 ])  # fmt: skip
 def test_what_is_refused(table: dict[str, Any], message: str) -> None:
     with pytest.raises(RuptfxError, match=message):
-        Samples(Model(case({"instruments": [{"name": "one", "interval": 1e-6, **table}]})), 1e-8, np.zeros(3))
+        Samples(Model(case({"instruments": [{"name": "one", "interval": 1e-6, **table}]})), 1e-8, unstressed)
 
 
 def test_at_an_interface(tmp_path: Any) -> None:
