@@ -63,6 +63,8 @@ class Bodies:
     ties : list of Tie
     surfaces : dict of str to (ndarray, ndarray)
         Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
+    open_facets : ndarray of int, shape (facets, 2)
+        Cracks that are there from the start, by vertices of the raw mesh.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -74,6 +76,7 @@ class Bodies:
     one_sided: dict[str, str]
     ties: list[Tie] = field(default_factory=list)
     surfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     @property
     def edges(self) -> list[str]:
@@ -94,7 +97,7 @@ class Bodies:
 
 def distribute(
     comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None,
-    sliding: Collection[str] = (),
+    sliding: Collection[str] = (), neighbours: bool = False,
 ) -> Bodies:  # fmt: skip
     """The mesh, split over the ranks.
 
@@ -108,6 +111,8 @@ def distribute(
         By key of the case: edges whose nodes move alike.
     sliding : collection of str
         Interfaces that slide.
+    neighbours : bool
+        Whether ranks know all cells that share a vertex with one of theirs.
 
     Raises
     ------
@@ -115,11 +120,12 @@ def distribute(
         On all ranks.
     """
     lattice = source.lattice()
-    if lattice is not None and not sliding and 2 * comm.size <= lattice.columns:  # a few columns are not worth it
+    ordinary = not sliding and not neighbours
+    if lattice is not None and ordinary and 2 * comm.size <= lattice.columns:  # a few columns are not worth it
         ties = _ties_of(lattice, tied or {})
         if ties is not None:
             return _from_parts(comm, lattice, ties)
-    return _from_root(comm, source, tied or {}, sliding)
+    return _from_root(comm, source, tied or {}, sliding, neighbours)
 
 
 def _ties_of(lattice: Lattice, tied: Mapping[str, tuple[str, str]]) -> list[Tie] | None:
@@ -167,8 +173,9 @@ def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies
 
 
 def _from_root(
-    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str]
-) -> Bodies:
+    comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str],
+    neighbours: bool,
+) -> Bodies:  # fmt: skip
     """The mesh is built on rank 0 and split so that pairs of interface points stay together.
 
     The dual graph is partitioned with the two sides of interfaces glued together, the minus cell of every pair follows
@@ -199,15 +206,15 @@ def _from_root(
         surfaces = {name: sides for name, sides in raw.interfaces.items() if name in sliding}
         described = (
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
-            raw.one_sided, named, ties, surfaces,
+            raw.one_sided, named, ties, surfaces, np.sort(raw.open_facets, axis=1),
         )  # fmt: skip
     described = comm.bcast(described, root=0)
-    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces = described
+    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, open_facets = described
 
     def partitioner(_: object, parts: int, *__: object) -> object:
         if raw is None:
             return _destinations(np.zeros(0, np.int32), np.zeros(1, np.int32))
-        return _destinations(*destinations(raw, parts, list(pairs.values()), sliding))
+        return _destinations(*destinations(raw, parts, list(pairs.values()), sliding, neighbours))
 
     cells = raw.cells.astype(np.int64) if raw is not None else np.zeros((0, nodes), np.int64)
     points = raw.points if raw is not None else np.zeros((0, dim))
@@ -221,7 +228,7 @@ def _from_root(
     )
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
-    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, open_facets)
 
 
 def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
@@ -362,7 +369,7 @@ def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
 
 
 def destinations(
-    raw: RawMesh, parts: int, tied: Sequence[Facets] = (), sliding: Collection[str] = ()
+    raw: RawMesh, parts: int, tied: Sequence[Facets] = (), sliding: Collection[str] = (), neighbours: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
     count = len(raw.cells)
@@ -396,6 +403,12 @@ def destinations(
         ranks = set(owner[both].tolist())
         for cell in both.tolist():
             ghosts[cell] |= ranks
+    if neighbours:
+        touching = np.zeros((len(raw.points), parts), dtype=bool)
+        touching[cells, owner[:, None]] = True
+        around = touching[cells].any(axis=1)
+        for cell in np.flatnonzero(around.sum(axis=1) > 1).tolist():
+            ghosts[cell] |= set(np.flatnonzero(around[cell]).tolist())
     lists = [[rank, *sorted(ghosts[cell] - {rank})] if cell in ghosts else [rank] for cell, rank in enumerate(owner)]
     offsets = np.concatenate([[0], np.cumsum([len(item) for item in lists])])
     return np.concatenate(lists).astype(np.int32), offsets.astype(np.int32)

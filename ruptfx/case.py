@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from ruptfx import Table
 from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.contact import AnyContact
+from ruptfx.cracks import AnyFracture
 from ruptfx.friction import AnyFriction
 from ruptfx.initial_stress import InitialStress
 from ruptfx.instruments import AnyInstrument
@@ -43,8 +44,8 @@ if TYPE_CHECKING:
     from ruptfx.lumped import LumpedModel
 
 FOLDERS = [
-    "meshes", "materials", "contact", "friction", "nucleation", "boundaries", "steppers", "instruments", "profiles",
-    "phases",
+    "meshes", "materials", "contact", "friction", "cohesion", "cracks", "nucleation", "boundaries", "steppers",
+    "instruments", "profiles", "phases",
 ]  # fmt: skip
 
 
@@ -163,6 +164,8 @@ class Case(CaseFile):
     """By body; `default` is for the bodies not listed."""
     faults: dict[Name, FaultCase] = {}
     """Interfaces by name; the meshes made here call theirs `main`."""
+    fracture: AnyFracture | None = None
+    """How the bodies break, along the facets of a mesh of triangles; without it, they do not."""
     boundaries: list[AnyBoundary] = []
     """What acts on edges and inside of the bodies, an entry each; edges that are not named are free."""
     damping: Damping = Damping()
@@ -193,10 +196,11 @@ class Case(CaseFile):
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}[self.plane]
-        for key, boundary in self._all_boundaries():
+        for key, boundary in self.all_boundaries():
             boundary.check(key, self.plane, allowed)
         self._check_stages()
         self._check_instruments(allowed)
+        self._check_fracture()
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -207,7 +211,7 @@ class Case(CaseFile):
                 )
         return self
 
-    def _all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
+    def all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
         """With their keys, those of stages as well."""
         for number, boundary in enumerate(self.boundaries):
             yield f"boundaries.{number}", boundary
@@ -243,6 +247,25 @@ class Case(CaseFile):
                     "the same in [[boundaries]] and in every stage"
                 )
 
+    def _check_fracture(self) -> None:
+        if self.fracture is None:
+            return
+        if self.plane not in ("stress", "strain"):
+            raise ValueError(f"plane = '{self.plane}': bodies break in plane stress and plane strain only")
+        if self.order != 1:
+            raise ValueError(f"order = {self.order}: with [fracture] the cells are of order 1")
+        if self.faults:
+            raise ValueError(
+                f"faults.{next(iter(self.faults))}: bodies that break have no interfaces of their own yet; make the "
+                "interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"] without cohesion"
+            )
+        if self.stepper.kind() != "leapfrog":
+            kind = self.stepper.kind()
+            raise ValueError(f"stepper.kind = '{kind}': bodies break in explicit steps only; use 'leapfrog'")
+        for key, boundary in self.all_boundaries():
+            if boundary.tied_edges is not None:
+                raise ValueError(f"{key}.kind = '{boundary.kind()}': bodies that break cannot be tied; leave it out")
+
     @property
     def initial_tensor(self) -> np.ndarray | None:
         """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None where only tractions are given."""
@@ -253,12 +276,12 @@ class Case(CaseFile):
     @property
     def impact_speed(self) -> float:
         """Largest driven velocity [m/s], 0 without driven edges."""
-        return max((boundary.largest_speed for _, boundary in self._all_boundaries()), default=0.0)
+        return max((boundary.largest_speed for _, boundary in self.all_boundaries()), default=0.0)
 
     @property
     def driven_edges(self) -> list[str]:
         """Edges whose motion is prescribed."""
-        return [each.driven_edge for _, each in self._all_boundaries() if each.driven_edge is not None]
+        return [each.driven_edge for _, each in self.all_boundaries() if each.driven_edge is not None]
 
 
 def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:

@@ -36,8 +36,8 @@ from ruptfx.stopping import StopWhen
 from ruptfx.study.definition import Axis, Mark, Refine, Study
 
 FOLDERS = (
-    "friction", "cohesion", "nucleation", "boundaries", "contact", "materials", "meshes", "phases", "steppers",
-    "operators", "instruments", "profiles", "lumped",
+    "friction", "cohesion", "cracks", "nucleation", "boundaries", "contact", "materials", "meshes", "phases",
+    "steppers", "operators", "instruments", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},

@@ -49,9 +49,23 @@ class Edge:
     @cached_property
     def nodes(self) -> np.ndarray:
         """Local nodes."""
+        if self.model.layout.broken:
+            return self._corners()
         return fem.dolfinx.fem.locate_dofs_topological(
             self.model.space, self.model.mesh.topology.dim - 1, self.facets
         )
+
+    def _corners(self) -> np.ndarray:
+        """Local nodes of cells with nodes of their own: the owner of a cell tells the others; collective."""
+        model, mesh, side = self.model, self.model.mesh, self.model.mesh.topology.dim - 1
+        mesh.topology.create_connectivity(side, 0)
+        mesh.topology.create_connectivity(side + 1, 0)
+        of_facets, of_cells = (mesh.topology.connectivity(dim, 0) for dim in (side, side + 1))
+        marked = np.zeros((model.nodes, model.components))
+        for facet, cell in zip(self.facets, self._cells, strict=True):
+            corners = np.isin(of_cells.links(cell), of_facets.links(facet))
+            marked[model.space.dofmap.list[cell][corners]] = 1
+        return np.flatnonzero(fem.from_owners(model.space, marked)[:, 0] > 0)
 
     def dofs(self, component: str, limits: Limits = ()) -> np.ndarray:
         """Local degrees of freedom of one component; `limits` along each axis bound the part that is meant [m]."""

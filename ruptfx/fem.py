@@ -99,6 +99,12 @@ def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fe
     return dolfinx.fem.functionspace(mesh, element)
 
 
+def broken_lagrange(mesh: dolfinx.mesh.Mesh, components: int) -> dolfinx.fem.FunctionSpace:
+    """Lagrange space of order 1 in which every cell has nodes of its own, blocked by components."""
+    element = basix.ufl.element("Lagrange", mesh.basix_cell().name, 1, discontinuous=True, shape=(components,))
+    return dolfinx.fem.functionspace(mesh, element)
+
+
 def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> Table:
     """Quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
     if mesh.basix_cell().name in ("quadrilateral", "hexahedron", "interval"):

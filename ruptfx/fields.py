@@ -132,12 +132,13 @@ MONITORS = (
 
 ENERGIES = {
     "kinetic": "kinetic energy", "strain": "strain energy", "interface_elastic": "energy held in compliant interfaces",
-    "frictional_dissipation": "frictional dissipation", "damping": "taken by damping",
+    "frictional_dissipation": "frictional dissipation", "fracture": "taken by cracks until they have failed",
+    "damping": "taken by damping",
     "impact": "taken by plastic impacts, and by what an interface faces anew where it slides",
     "boundary_work": "work of boundaries, initial stress and nucleation",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
-ACCUMULATED = ("frictional_dissipation", "damping", "impact", "boundary_work")
+ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "boundary_work")
 """Energies that steps add up."""
 
 

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
+from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
@@ -70,7 +71,7 @@ class Model:
         self.case = case
         self.comm = comm or fem.MPI.COMM_WORLD
         sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
-        self.bodies = distribute(self.comm, case.mesh, self._tied_edges(), sliding)
+        self.bodies = distribute(self.comm, case.mesh, self._tied_edges(), sliding, case.fracture is not None)
         self.mesh = self.bodies.mesh
         simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
         if simplex and case.order > 1:
@@ -79,12 +80,24 @@ class Model:
         if (dim == 3) != (case.plane == "solid"):
             raise CaseError(f"plane = '{case.plane}': the mesh has {dim} dimensions")
         self.components = {"antiplane": 1, "solid": 3}.get(case.plane, 2)
-        self.space = fem.lagrange(self.mesh, case.order, self.components)
+        if case.fracture is not None and self.mesh.basix_cell().name != "triangle":
+            raise CaseError(f"fracture: bodies break along triangles, and this mesh has {self.mesh.basix_cell().name}s")
+        broken = case.fracture is not None
+        if not broken and len(self.bodies.open_facets):
+            raise CaseError("mesh: it has notches, which open only where bodies may break; add the table [fracture]")
+        self.space = (
+            fem.broken_lagrange(self.mesh, self.components) if broken
+            else fem.lagrange(self.mesh, case.order, self.components)
+        )  # fmt: skip
         self.layout = Nodes(self.space, self.bodies)
         self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
         self.coordinates = self.layout.coordinates
         self.materials = self._materials()
-        self.bulk = operators.Bulk(self.space, case.plane, self.materials, self.bodies.cell_body)
+        self.cracks = None if case.fracture is None else CrackStep(
+            self.space, self.bodies, case.fracture, self.materials, case.plane
+        )  # fmt: skip
+        of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
+        self.bulk = operators.Bulk(self.space, case.plane, of_cells, self.bodies.cell_body)
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
@@ -121,28 +134,36 @@ class Model:
             self.mesh, self.mesh.topology.dim, np.arange(len(self.bodies.cell_body), dtype=np.int32)
         )[:, : self.mesh.geometry.dim]
         points = [parallel.share_rows(self.comm, fault.interface.surface_points) for fault in self.faults]
-        if not points:
+        if self.cracks is not None:
+            if given.thickness is not None:
+                raise CaseError("damping.kelvin_voigt.thickness: bodies that break are damped everywhere; leave it out")
+            chosen = np.ones(len(self.bodies.cell_body), dtype=bool)
+        elif not points:
             raise CaseError("damping.kelvin_voigt: there is no interface; use damping.mass")
-        tree = cKDTree(np.concatenate(points))
-        if given.thickness is None:
-            x = self.coordinates[self.space.dofmap.list]
-            near = tree.query(x.reshape(-1, x.shape[2]))[0].reshape(x.shape[:2]).min(axis=1)
-            chosen = near < 1e-6 * np.linalg.norm(np.ptp(x, axis=1), axis=1)
         else:
-            chosen = tree.query(centres)[0] <= given.thickness
+            chosen = self._near(np.concatenate(points), centres, given.thickness)
         if not parallel.total(self.comm, chosen.sum()):
             raise CaseError(
                 f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
             )
         stable = 2 / highest_frequency(self)
         eta = given.eta or parallel.three_digits(given.fraction * stable)
-        bulk = operators.Bulk(self.space, self.case.plane, self.materials, self.bodies.cell_body, only=chosen)
+        bulk = operators.Bulk(self.space, self.case.plane, self.bulk.materials, self.bodies.cell_body, only=chosen)
         touched = np.zeros(self.nodes, dtype=bool)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
         if not chosen[:owned].any():
             chosen[0] = True  # an operator needs an element; its nodes are not touched
         return Viscosity(eta, bulk, operators.create(self.case.operator, bulk, self.case.loaded), touched)
+
+    def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
+        """Cells whose centre is that close to one of the points, or those that touch one."""
+        tree = cKDTree(points)
+        if thickness is None:
+            x = self.coordinates[self.space.dofmap.list]
+            near = tree.query(x.reshape(-1, x.shape[2]))[0].reshape(x.shape[:2]).min(axis=1)
+            return np.asarray(near < 1e-6 * np.linalg.norm(np.ptp(x, axis=1), axis=1))
+        return np.asarray(tree.query(centres)[0] <= thickness)
 
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, of tied ones together; zero where motion is prescribed."""
@@ -272,7 +293,9 @@ class Model:
         """At rest in the initial stress."""
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
-        return State(zero, zero.copy(), self.force.array, {fault.name: fault.initial_state() for fault in self.faults})
+        faults = {fault.name: fault.initial_state() for fault in self.faults}
+        cracks = {} if self.cracks is None else self.cracks.initial_state()
+        return State(zero, zero.copy(), self.force.array, faults, cracks=cracks)
 
     def internal_force(self, displacement: np.ndarray) -> np.ndarray:
         """-K u of bodies and elastic supports, summed over ranks [N]."""
@@ -306,12 +329,15 @@ class Model:
             found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
             held, taken = held + found[0], taken + found[1]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
+        if self.cracks is not None:
+            held += self.cracks.stored(state.cracks, half * state.velocity)
         kinetic, strain = bulk or self._bulk_energies(state)
         here = {
             "kinetic": kinetic,
             "strain": strain,
             "interface_elastic": held,
             "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
+            "fracture": state.energy["fracture"],
             "damping": state.energy["damping"],
             "impact": state.energy["impact"],
             "boundary_work": state.energy["boundary_work"] + preload,

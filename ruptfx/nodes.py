@@ -24,6 +24,8 @@ class Nodes:
     count, owned, total : int
         Local nodes, those of them this rank owns, and nodes of all ranks.
     components : int
+    broken : bool
+        Whether every cell has nodes of its own.
     coordinates : ndarray, shape (count, dim)
         [m].
     kept, copies : ndarray of int, shape (n,)
@@ -39,6 +41,7 @@ class Nodes:
         self.space, self.bodies, self.comm = space, bodies, space.mesh.comm
         index_map = space.dofmap.index_map
         self.components = space.dofmap.index_map_bs
+        self.broken = bool(space.element.basix_element.discontinuous)
         self.owned = index_map.size_local
         self.count = index_map.size_local + index_map.num_ghosts
         self.total = index_map.size_global
@@ -117,7 +120,16 @@ class Nodes:
 
     @cached_property
     def numbering(self) -> np.ndarray:
-        """Place of every local node in an order that does not depend on the partition (body, y, x); collective."""
+        """Place of every local node in an order that does not depend on the partition; collective.
+
+        It is that of body, y and x, or, where every cell has its own nodes, of cells and corners of the input.
+        """
+        if self.broken:
+            number = np.empty(self.count, dtype=np.int64)
+            cells = np.asarray(self.space.mesh.topology.original_cell_index, dtype=np.int64)
+            dofs = self.space.dofmap.list
+            number[dofs] = dofs.shape[1] * cells[: len(dofs), None] + np.arange(dofs.shape[1])
+            return number
         owned, x = slice(0, self.owned), self.coordinates
         ends = [[parallel.largest(self.comm, (sign * axis).max(initial=-np.inf)) for axis in x.T] for sign in (1, -1)]
         extent = max(high + low for high, low in zip(*ends, strict=True))

@@ -10,15 +10,18 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from ruptfx import fem, stages
+from ruptfx import fem, parallel, stages
 from ruptfx.analysis import fracture, rough_contact
 from ruptfx.case import Case, FaultCase
 from ruptfx.cost import available, measured, need_memory, rehearse
+from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.inside import Inside
 from ruptfx.interface import Interface
+from ruptfx.materials import Material
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.model import Model
 from ruptfx.nucleation import Nucleation
 from ruptfx.places import patches
@@ -36,6 +39,7 @@ NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
 STEEP = 0.2
 FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
+RESOLVED, LOST = 2.0, 0.2  # facets that a process zone of a crack should have, and must
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 
@@ -95,8 +99,57 @@ def preflight(case: Case) -> Iterator[Row]:
                 yield from _shortest_time(model, fault, motion.dt)
     if case.instruments:
         yield from _instrument_rows(model, motion.dt)
+    if model.cracks is not None:
+        yield from _crack_rows(model, model.cracks)
     yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps, built)
+
+
+def _crack_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
+    """Lengths of process zones, E G / strength^2, over that of facets, and what the springs cost in stiffness.
+
+    Source: Hillerborg, Modéer and Petersson (1976).
+    """
+    fracture = cracks.fracture
+    yield Row("fracture: facets", float(parallel.total(model.comm, cracks.owned.sum())), "", "mean length "
+              f"{cracks.edge:.4g} m")  # fmt: skip
+    young = {name: _young(material) for name, material in zip(model.bodies.names, model.materials, strict=True)}
+    for pair, laws in fracture.laws_by_pair(model.bodies.names).items():
+        law = laws.cohesion
+        if law is None:
+            continue
+        modulus = min(young[name] for name in pair)
+        for mode, energy, strength in (("I", law.G_Ic, law.f_t), ("II", law.G_IIc, law.c)):
+            cells = modulus * energy / strength**2 / cracks.edge
+            fine, far = cells >= RESOLVED, cells < LOST and not fracture.unresolved
+            yield Row(
+                f"fracture {'-'.join(pair)}: process zone {mode}", cells, "facets",
+                "" if fine else f"below {RESOLVED:g}: strength and path depend on the mesh; refine it, or a larger "
+                + f"G_{mode}c" + ("; or say that you know: fracture.unresolved = true" if far else ""),
+                "ok" if fine else "error" if far else "warning",
+            )  # fmt: skip
+    for name, material, stiff in zip(model.bodies.names, model.materials, cracks.cell_materials, strict=True):
+        stiffer = _young(stiff) / _young(material) - 1
+        yield Row(
+            f"fracture {name}: stiffness of cells", _young(stiff), "Pa",
+            f"{stiffer:+.1%}, which the springs take off again" if stiffer else
+            f"not compensated: the body is softer by about {_softer(model, cracks, material):.1%}",
+            "ok" if stiffer else "warning",
+        )  # fmt: skip
+
+
+def _young(material: Material) -> float:
+    assert isinstance(material, IsotropicElastic)  # cracks have no others
+    return material.young_modulus
+
+
+def _softer(model: Model, cracks: CrackStep, material: Material) -> float:
+    """Part of the plane modulus E' that springs cost, 1 - 1 / (1 + S E' / 2 k)."""
+    assert isinstance(material, IsotropicElastic)
+    lame, shear = material.lame(model.case.plane)
+    modulus = 4 * shear * (lame + shear) / (lame + 2 * shear)
+    stiffness = cracks.fracture.stiffness(material, model.case.plane, cracks.edge)
+    return 1 - 1 / (1 + cracks.length_per_area * modulus / (2 * stiffness))
 
 
 def _doubtful(doubt: Doubt) -> Row:

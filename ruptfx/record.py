@@ -2,7 +2,8 @@
 
 A run directory holds ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
 with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
-``run.log`` and, written last, ``summary.json``: a run that has it is complete. ``figures/`` follow.
+``run.log``, of bodies that break ``cracks.h5``, ``events.h5`` and ``edges.csv``, and, written last, ``summary.json``:
+a run that has it is complete. ``figures/`` follow.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Files:
 
     Attributes
     ----------
-    case, summary, interface, interfaces, bulk, energy, instruments, forces
+    case, summary, interface, interfaces, bulk, energy, instruments, forces, cracks, events, edges
         As of `Record`.
 
     Raises
@@ -196,6 +197,41 @@ class Files:
         path = self._existing(found[0] if found else "forces.csv")
         return self._read_table(path, lambda name: "N/m" if name.endswith("_force") else "1")
 
+    @cached_property
+    def edges(self) -> Data:
+        return self._read_table(self._existing("edges.csv"), lambda name: "m" if ".displacement_" in name else "N/m")
+
+    @cached_property
+    def cracks(self) -> Data:
+        axes = {"points": ("point", "axis"), "lines": ("facet", "end"), "normal": ("facet", "axis"),
+                "bodies": ("facet", "side"), "length": ("facet",), "time": ("time",)}  # fmt: skip
+        data = self._arrays(self._existing("cracks.h5"), lambda name: axes.get(name, ("time", "facet")))
+        return data.isel(time=slice(_written(data["time"].values)))
+
+    @cached_property
+    def events(self) -> Data:
+        return self._arrays(self._existing("events.h5"), lambda name: ("event",))
+
+    def _arrays(self, path: Path, axes: Callable[[str], tuple[str, ...]]) -> Any:
+        """All of a file, in memory; `axes` are the names of those of an array."""
+        try:
+            with h5py.File(path, "r", locking=False) as file:
+                columns = {}
+                for name, item in file.items():
+                    if item.attrs.get("CLASS") == b"DIMENSION_SCALE" and "units" not in item.attrs:
+                        continue  # NetCDF keeps the length of an axis in an array of its own
+                    values = item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()]
+                    named = {key: item.attrs[key] for key in ("units", "long_name") if key in item.attrs}
+                    columns[name] = Column(values, axes(name), named)
+                found = {key: value for key, value in file.attrs.items() if not key.startswith("_")}
+            return self._labelled(columns, found)
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
+
+    def _labelled(self, columns: dict[str, Column], attributes: dict[str, Any]) -> Any:
+        """Arrays that are in memory, with names of axes and units."""
+        return Columns(columns, attributes)
+
     def _read_table(self, path: Path, unit: Callable[[str], str]) -> Data:
         """A CSV file of a run against time; `unit` is that of a column."""
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -218,7 +254,7 @@ class Files:
 
     def close(self) -> None:
         """Close the files; the record opens them again when asked."""
-        for name in ("interfaces", "bulk", "instruments"):
+        for name in ("interfaces", "bulk", "instruments", "cracks", "events", "edges"):
             self.__dict__.pop(name, None)
         while self._open:
             self._open.pop().close()
@@ -255,6 +291,12 @@ class Record(Files):
         What each instrument measured against its `time` [s], by its name; empty without instruments.
     forces : xarray.Dataset
         Of the first interface that slides: forces [N/m] and parts of its length against `time` [s].
+    cracks : xarray.Dataset
+        Snapshots of all facets that may break against `time` [s] and `facet`, with `points` [m] and `lines`.
+    events : xarray.Dataset
+        Facets that failed, in their order, against `event`.
+    edges : xarray.Dataset
+        Mean displacement [m] and force [N/m] of edges on which boundaries act, against `time` [s].
 
     Raises
     ------
@@ -273,6 +315,9 @@ class Record(Files):
     energy: xarray.Dataset
     instruments: dict[str, xarray.Dataset]
     forces: xarray.Dataset
+    cracks: xarray.Dataset
+    events: xarray.Dataset
+    edges: xarray.Dataset
 
     def _histories(self, file: h5py.File, group: str | None = None) -> xarray.Dataset:
         import h5netcdf
@@ -293,6 +338,12 @@ class Record(Files):
         data = xarray.Dataset(variables, attrs=stored.attrs)
         labels = {dim: names.get(data.sizes.get(dim, 0)) for dim, names in _LABELS.items()}
         return data.assign_coords({dim: names for dim, names in labels.items() if names})
+
+    def _labelled(self, columns: dict[str, Column], attributes: dict[str, Any]) -> xarray.Dataset:
+        import xarray
+
+        described = {name: (column.dims, column.values, dict(column.attrs)) for name, column in columns.items()}
+        return xarray.Dataset(described, attrs=attributes)
 
     def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> xarray.Dataset:
         import xarray

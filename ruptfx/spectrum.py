@@ -19,13 +19,15 @@ SLIDING = 0.92
 mean or, between elements of unequal size, a sixth."""
 
 
-def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None) -> float:
+def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
     """Largest stable explicit step [s], with the contact stiffness of all faults or of those given.
+
+    With or without the springs between cells that may break.
 
     2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
     eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
     """
-    stable = 2 / highest_frequency(model, compliant)
+    stable = 2 / highest_frequency(model, compliant, springs)
     counted = model.faults if compliant is None else compliant
     if any(fault.slides and any(fault.contact.stiffness()) for fault in counted):
         stable *= SLIDING
@@ -35,7 +37,7 @@ def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None) -> 
     return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
 
 
-def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) -> float:
+def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
     """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
 
     Parameters
@@ -43,6 +45,8 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) ->
     model : Model
     compliant : sequence of Fault, optional
         The interfaces whose contact stiffness counts; all when left out.
+    springs : bool
+        Whether those between cells that may break count, all of them whole.
     """
     root = np.sqrt(model.free_inverse_mass())
     counted = model.faults if compliant is None else compliant
@@ -56,6 +60,11 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None) ->
                 face = fault.interface
                 spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
                 face.add_force(force, spring * face.rate(u), scale=np.ones_like(u))
+        if springs and model.cracks is not None:
+            between = np.zeros_like(force)
+            model.cracks.add_spring_force(u, between)
+            model.layout.sum_shared(between)
+            force += between
         model.layout.sum_tied(force)
         return -root * force
 

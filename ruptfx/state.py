@@ -23,8 +23,10 @@ class State:
         Velocity is half of `lag` behind the displacement; `force` is internal force under way.
     faults : dict of str to dict of ndarray
         Fields of every fault by name, `lag` behind the displacement.
+    cracks : dict of ndarray
+        Fields of the facets that may break, at the same time as those of the faults; empty where none may.
     energy : dict of str to float
-        Energies accumulated on this rank [J]: frictional_dissipation, damping, impact, boundary_work.
+        Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, boundary_work.
     fields : dict of str to ndarray, shape (nodes * components,)
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float
@@ -45,6 +47,7 @@ class State:
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     watched: bool = False
+    cracks: FaultState = field(default_factory=dict)
 
     @property
     def lag(self) -> float:

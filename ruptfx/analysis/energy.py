@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "damping", "impact")
+PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact")
 
 
 def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:

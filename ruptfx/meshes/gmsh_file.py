@@ -66,7 +66,7 @@ class GmshFile(MeshSource):
 
     file: CasePath
     """Mesh of Gmsh (`.msh`) or of a format that meshio reads, or a `.geo` script that Gmsh meshes."""
-    interfaces: Annotated[dict[Name, Sides], Field(min_length=1)]
+    interfaces: dict[Name, Sides] = {}
     """By name of the physical group: which bodies are on its sides."""
     scale: Positive = 1.0
     """Metres per length unit of the file."""
@@ -84,7 +84,7 @@ class GmshFile(MeshSource):
         found = {name: known.cells[number] for name, number in numbers.items()}  # [-1] where there is none
         for name, number in numbers.items():
             found[name][number < 0] = -1
-        cuts = [numbers[name][found[name][:, 1] >= 0] for name in self.interfaces]
+        cuts = [np.zeros(0, dtype=int), *(numbers[name][found[name][:, 1] >= 0] for name in self.interfaces)]
         cut_cells, origin = known.cut(np.concatenate(cuts))
         raw = RawMesh(cell, np.concatenate([points, points[origin]]), cut_cells, bodies, cell_body)
 

@@ -209,7 +209,7 @@ class BulkFields:
             entries = _entries(c)
             for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
                 form: Any = 0
-                for index, material in enumerate(model.materials):
+                for index, material in enumerate(model.bulk.materials):
                     stress = ufl.diff(material.energy_density(variable, model.case.plane), variable)
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)

@@ -73,6 +73,7 @@ class Checkpoints:
         with phase("gathering"):
             slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
             faults = {fault.name: recorder.gather_fault(fault, state) for fault in model.faults}
+            cracks = {} if model.cracks is None else model.cracks.gather(state.cracks)
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
             samples = recorder.samples.table()
@@ -80,7 +81,7 @@ class Checkpoints:
         folder = recorder.out / FOLDER
         temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
         recorder.meet(lambda: _make_anew(temporary) if first else None)
-        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults)))
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks)))
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
@@ -89,8 +90,9 @@ class Checkpoints:
         self._last = time.monotonic()
 
     def _write_files(
-        self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]]
-    ) -> dict[str, str]:
+        self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]],
+        cracks: dict[str, np.ndarray],
+    ) -> dict[str, str]:  # fmt: skip
         """This rank's part of the state, and a copy of its history files; their checksums by name."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
             for name, slab in slabs.items():
@@ -98,6 +100,7 @@ class Checkpoints:
             if file.whole is not None:
                 for fault, fields in faults.items():
                     file.whole.create_group(f"faults/{fault}").update(fields)
+                file.whole.create_group("cracks").update(cracks)
         written = list(file.paths)
         for path in self._recorder.settle():
             written.append(folder / path.name)
@@ -175,12 +178,14 @@ class Checkpoint:
             On all ranks: it cannot be read.
         """
         error, slabs, faults = None, dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
+        cracks = dict[str, np.ndarray]()
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
                 slabs = {name: rows[model.layout.slabs.here] for name, rows in file["nodes"].items()}
                 for fault in model.faults:
                     saved = file[f"faults/{fault.name}"]
                     faults[fault.name] = {name: saved[name][()] for name in state.faults[fault.name]}
+                cracks = {name: file[f"cracks/{name}"][()] for name in state.cracks}
         except (OSError, KeyError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
         parallel.raise_on_all(model.comm, error)
@@ -190,6 +195,9 @@ class Checkpoint:
         for fault in model.faults:
             for name, values in state.faults[fault.name].items():
                 values[:] = faults[fault.name][name][fault.interface.number]
+        if model.cracks is not None:
+            for name, values in state.cracks.items():
+                values[:] = cracks[name][model.cracks.number]
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:

@@ -22,6 +22,8 @@ from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.recording.bulk_fields import BulkFields, Topology
+from ruptfx.recording.crack_files import CrackFiles, facets_of
+from ruptfx.recording.edges_file import EdgesFile, EdgeSums
 from ruptfx.recording.forces import ForcesFile, forces, sliding_fields
 from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.interface_file import InterfaceFile
@@ -82,6 +84,9 @@ class Recorder:
         self._files: dict[str, InterfaceFile] = {}
         self._forces: dict[str, ForcesFile] = {}
         self._instruments: InstrumentsFile | None = None
+        self._cracks: CrackFiles | None = None
+        self._edges: EdgesFile | None = None
+        self._edge_sums = None if model.cracks is None else EdgeSums(model)
         self._writer = Writer()
 
     def _schedule(self, interval: float) -> np.ndarray:
@@ -101,8 +106,9 @@ class Recorder:
                 for f in self.model.faults
             ]
             topology = self._bulk.topology()
+            facets = None if self.model.cracks is None else self.model.cracks.gather(facets_of(self.model.cracks))
         try:
-            self.meet(lambda: self._open(places) if self.model.comm.rank == 0 else None)
+            self.meet(lambda: self._open(places, facets) if self.model.comm.rank == 0 else None)
             self.meet(lambda: self._open_bulk(topology))
         except BaseException:
             self._writer.close()
@@ -114,7 +120,7 @@ class Recorder:
         if self._resume:
             self._bulk.restore(self._resume.path / "bulk.h5")
 
-    def _open(self, places: list[np.ndarray]) -> None:
+    def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None) -> None:
         if self._resume:
             for part in self.out.glob("bulk.*.h5"):  # of ranks that there may not be any more
                 part.unlink()
@@ -135,6 +141,7 @@ class Recorder:
                 "energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
             )
             self._table.writerow(["time", *ENERGIES, "closure"])
+        case = self.model.case
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
@@ -146,6 +153,9 @@ class Recorder:
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
                 "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
             })  # fmt: skip
+        if facets is not None and self._edge_sums is not None and case.fracture is not None:
+            self._cracks = CrackFiles(self.out, facets, self.model.bodies.names, case.fracture.thickness)
+            self._edges = EdgesFile(self.out / "edges.csv", self._edge_sums.columns)
 
     def settle(self) -> list[Path]:
         """Write all that waits in memory; the history files of this rank, which may then be copied."""
@@ -159,6 +169,8 @@ class Recorder:
             if self._instruments is not None:
                 self._instruments.settle()
                 files.append(self._instruments.path)
+            if self._cracks is not None and self._edges is not None:
+                files += [*self._cracks.settle(), self._edges.path]
         return files
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
@@ -251,20 +263,25 @@ class Recorder:
                 sums = {f.name: forces(comm, f, state.faults[f.name], least) for f in self.model.faults if f.slides}
             with phase("energies"):
                 energy = self._motion.energies(state)
+            edges = None if self._edge_sums is None else self._edge_sums.row(state)
             self.last = now = state.fault_time
             self.records += 1
             if self.model.comm.rank == 0:
                 rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
                 self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
                 row = self._balance(state, energy)
-                self._write(lambda: self._append(now, fields, row, sums))
+                self._write(lambda: self._append(now, fields, row, sums, edges))
         if self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
                 snapshot = self._bulk.gather(state)
+                cracks = None if self.model.cracks is None else self.model.cracks.gather(state.cracks)
             time = state.time - 0.5 * state.lag
             self._writer.drain()  # one snapshot in memory is enough
             self._write(lambda: self._bulk.append(time, snapshot))
+            if self._cracks is not None and cracks is not None:
+                files, at_facets, tractions = self._cracks, cracks, state.fault_time
+                self._write(lambda: files.append(tractions, at_facets))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
         """Every field of a fault in order along the interface, on rank 0."""
@@ -286,11 +303,14 @@ class Recorder:
         return [state.time - 0.5 * state.lag, *(energy[name] for name in ENERGIES), closure]
 
     def _append(
-        self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float], sums: dict[str, list[float]]
-    ) -> None:
+        self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float],
+        sums: dict[str, list[float]], edges: list[float] | None,
+    ) -> None:  # fmt: skip
         """Fields and forces of the interfaces at one time [s], a row of the energy table at another."""
         for name, values in sums.items():
             self._forces[name].append(time, values)
+        if self._edges is not None and edges is not None:
+            self._edges.append(time, edges)
         for name, fields in faults.items():
             self._files[name].append(time, fields)
         self._table.writerow([repr(value) for value in energies])
@@ -319,6 +339,7 @@ class Recorder:
         files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
         if self._instruments is not None:
             files.append(self._instruments)
+        files += [file for file in (self._cracks, self._edges) if file is not None]
         if self.model.comm.rank == 0:
             files.append(self._energy)
             if error is not None:

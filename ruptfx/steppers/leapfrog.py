@@ -58,9 +58,12 @@ class Leapfrog(Stepper):
 def what_limits(model: Model, stable: float) -> str:
     """Whether elements or the stiffness of an interface set the stable step, as found without it; collective."""
     compliant = [fault for fault in model.faults if any(fault.contact.stiffness())]
-    without = stable_time_step(model, []) if compliant else stable
+    without = stable_time_step(model, [], springs=False) if compliant or model.cracks is not None else stable
     if without < 1.05 * stable:  # within the error of the computed highest frequencies
         return "set by the elements" + " and the elastic supports of boundaries" * bool(model.loads.supports)
+    if model.cracks is not None:
+        without = stable_time_step(model, springs=False)
+        return f"set by the springs of fracture ({without:.4g} s without them)"
     first = min(compliant, key=lambda fault: stable_time_step(model, [fault])) if len(compliant) > 1 else compliant[0]
     return f"set by the contact stiffness of faults.{first.name} ({without:.4g} s without it)"
 
@@ -84,6 +87,8 @@ class LeapfrogMotion:
             held.reshape(-1, c)[model.viscosity.nodes] = True
         for tied in (model.layout.kept, model.layout.copies):
             held.reshape(-1, c)[tied] = True
+        if model.cracks is not None:
+            held[:] = True  # all rounded alike, wherever ranks have their borders
         held_nodes = held.reshape(-1, c).any(axis=1)
         self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
         if self._fused:
@@ -139,6 +144,7 @@ class LeapfrogMotion:
         for follower in self._followers:
             follower(state)
         plain = np.zeros(2) if state.watched else None
+        between = self._cracks(state, kick)
         self._bulk(state, kick, plain)
         loads = self.model.loads
         loads.add_support_force(state.displacement, state.force)
@@ -174,14 +180,16 @@ class LeapfrogMotion:
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
         if plain is not None and internal is not None:
-            self._sum_energies(state, kick, plain, internal)
+            self._sum_energies(state, kick, plain, internal, between)
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""
         step, *bulk = self._sums
         return self.model.energies(state, (bulk[0], bulk[1]) if state.lag and step == state.step else None)
 
-    def _sum_energies(self, state: State, kick: _Kick, plain: np.ndarray, internal: np.ndarray) -> None:
+    def _sum_energies(
+        self, state: State, kick: _Kick, plain: np.ndarray, internal: np.ndarray, between: np.ndarray | None
+    ) -> None:
         """v' M v / 2 and u_(n+1)' K u_n / 2 from the forces of this very step.
 
         Parameters
@@ -189,13 +197,17 @@ class LeapfrogMotion:
         plain : ndarray, shape (2,)
             What the kernel summed over plain nodes.
         internal : ndarray, shape (held degrees of freedom,)
-            Internal and viscous force and that of elastic supports, before anything else acts [N].
+            Internal and viscous force and that of elastic supports and cracks, before anything else acts [N].
+        between : ndarray, shape (nodes * components,), optional
+            That of cracks alone, at the nodes this rank owns [N].
         """
         displacement, velocity = state.displacement[self._dofs], state.velocity[self._dofs]
         kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
         work = plain[1] + (self._owned * internal) @ displacement
         if self.model.viscosity is not None:
             work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
+        if between is not None:
+            work -= float(between @ state.displacement)
         self._sums = (state.step + 1, 0.5 * float(kinetic), -0.5 * float(work))
 
     def _bulk(self, state: State, kick: _Kick, energy: np.ndarray | None) -> None:
@@ -205,22 +217,40 @@ class LeapfrogMotion:
         """
         arrays = (state.displacement, state.velocity, state.force)
         plain = 0.0
+        viscous, first = self.model.viscosity is not None, self.model.cracks is not None
+        if viscous and first:  # at all nodes before the elements, in the order of sums that no partition changes
+            self._add_viscous_force(state)
         if self._fused:
             plain += self._fused.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
         else:
             self.model.operator.add_internal_force(state.displacement, state.force)
-        viscosity = self.model.viscosity
-        if viscosity is not None:
-            force, dofs = self._viscous_force, self._viscous
-            force[dofs] = 0
-            viscosity.operator.add_internal_force(state.velocity, force)
-            force[dofs] *= viscosity.eta
-            state.force[dofs] += force[dofs]
+        if viscous and not first:
+            self._add_viscous_force(state)
         self.model.force.begin()
         if self._fused:
             plain += self._fused.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
             state.energy["damping"] += kick.plain_loss * plain
         self.model.force.end()
+
+    def _add_viscous_force(self, state: State) -> None:
+        viscosity = self.model.viscosity
+        assert viscosity is not None
+        force, dofs = self._viscous_force, self._viscous
+        force[dofs] = 0
+        viscosity.operator.add_internal_force(state.velocity, force)
+        force[dofs] *= viscosity.eta
+        state.force[dofs] += force[dofs]
+
+    def _cracks(self, state: State, kick: _Kick) -> np.ndarray | None:
+        """Add the forces of cracks at the nodes this rank owns; a copy of them where energies are watched.
+
+        They come before those of the cells: sums have the same order on any number of ranks.
+        """
+        cracks = self.model.cracks
+        if cracks is None:
+            return None
+        cracks(state, self.model.mass, kick.since)
+        return state.force.copy() if state.watched else None
 
     def _viscous_work(self, state: State, kick: _Kick) -> float:
         """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""
@@ -252,8 +282,8 @@ class _Kick:
 
     Attributes
     ----------
-    length : float
-        Time the forces act for [s]: half a step in step 0.
+    length, since : float
+        Time the forces act for [s]: half a step in step 0; and since those before, zero then.
     keep, push : ndarray, shape (held degrees of freedom,)
         v = keep v_before + push force.
     plain_keep, plain_push, plain_loss, plain_mass : float, ndarray of shape (nodes,), float, float
@@ -264,7 +294,7 @@ class _Kick:
 
     def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
         clock = Clock.of_step(dt, number)
-        self.length = clock.kick
+        self.length, self.since = clock.kick, clock.since
         rate = model.case.damping.mass
         mass, dashpot = masses_and_dashpots(model)
         decay = 0.5 * self.length * dashpot

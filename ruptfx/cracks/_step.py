@@ -1,0 +1,366 @@
+"""Tractions of all facets in an explicit step: `CrackStep` holds what does not change, `cracks.c` does the work.
+
+Tractions belong to the time of the displacement, and so does the state. Between two of them works their mean, so that
+leapfrog balances energy: in the middle of a step what is stored is that at the last tractions, and half of what these
+do until the next.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from ruptfx import Table, fem, native
+from ruptfx.cracks import CrackLaws, Fracture
+from ruptfx.cracks._network import CrackNetwork
+from ruptfx.friction import FrictionLaw
+from ruptfx.materials import Material, Plane
+from ruptfx.projection import parameters_as_symbols
+from ruptfx.schema import CaseError, Part
+from ruptfx.state import FaultState, State
+from ruptfx.tracing import Expression, constant, depends, record, symbol, to_c
+
+if TYPE_CHECKING:
+    from ruptfx.bodies import Bodies
+
+LANES = 8  # ends that the C code does at a time
+
+ENDS = {
+    "normal_traction": ("Pa", "normal traction, positive in tension"),
+    "shear_traction": ("Pa", "shear traction"),
+    "inelastic_opening": ("m", "opening beyond that of the spring"),
+    "largest_opening": ("m", "largest inelastic opening until failure"),
+    "slip": ("m", "inelastic slip"),
+    "cohesive_slip": ("m", "inelastic slip until failure, whatever its direction"),
+    "damage": ("1", "0 to 1, where nothing but friction is left"),
+}
+"""Fields of the two ends of every facet, shape (facets, 2)."""
+FACETS = {
+    "time_of_yield": ("s", "when the strength was reached first"),
+    "time_of_failure": ("s", "when both ends had failed"),
+    "time_of_gain": ("s", "when the kinetic energy around it was largest in between"),
+    "energy_at_yield": ("J", "kinetic energy of the four corners at its yield, per metre of thickness"),
+    "energy_gain": ("J", "largest increase of it until failure, per metre of thickness"),
+    "slip_at_failure": ("m", "inelastic slip at failure, mean of both ends"),
+}
+"""Fields of every facet, shape (facets,); times are NaN until then."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Facets with the same laws: a slice of all.
+
+    Attributes
+    ----------
+    facets : slice
+    laws : CrackLaws
+    """
+
+    facets: slice
+    laws: CrackLaws
+
+
+class CrackStep:
+    """All facets of a model: springs, laws, state, forces.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+        Broken, of order 1.
+    bodies : Bodies
+    fracture : Fracture
+    materials : sequence of Material
+        Of the bodies, as the case has them.
+    plane : str
+
+    Attributes
+    ----------
+    network : CrackNetwork
+    order : ndarray of int, shape (facets,)
+        Facets of the network in the order of the arrays here: laws by laws.
+    stiffness : ndarray, shape (facets,)
+        Of the springs [Pa/m].
+    length_per_area : float
+        Of the bonded facets [1/m].
+    cell_materials : list of Material
+        What the cells of every body are made of.
+    edge : float
+        Mean length of facets [m].
+
+    Raises
+    ------
+    CaseError
+        On all ranks: pairs that are none, laws that cracks cannot have.
+    """
+
+    def __init__(
+        self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, fracture: Fracture, materials: Sequence[Material],
+        plane: Plane,
+    ) -> None:  # fmt: skip
+        self.fracture = fracture
+        for key, laws in fracture.all_laws():
+            _check(key, laws)
+        self.network = net = CrackNetwork(space, bodies)
+        names = bodies.names
+        of_pair = fracture.laws_by_pair(names)
+        kinds = _distinct(of_pair.values())
+        table = np.zeros((len(names), len(names)), dtype=int)
+        for i, a in enumerate(names):
+            for j, b in enumerate(names):
+                table[i, j] = kinds.index(of_pair[min(a, b), max(a, b)])
+        kind = table[net.bodies[:, 0], net.bodies[:, 1]]
+        self.order = np.argsort(kind, kind="stable")
+        bounds = np.searchsorted(kind[self.order], np.arange(len(kinds) + 1))
+        self.groups = [
+            Group(slice(int(begin), int(end)), laws)
+            for laws, begin, end in zip(kinds, bounds[:-1], bounds[1:], strict=True)
+        ]
+        owned, self._open = net.owned, net.open[self.order]
+        whole = net.total(net.length[owned])
+        self.edge = whole / max(net.total(np.ones(int(owned.sum()))), 1.0)
+        bonded = np.array([laws.cohesion is not None for laws in kinds])[kind] & ~net.open
+        self.length_per_area = net.total(net.length[owned & bonded]) / net.area
+        of_body = np.array([fracture.stiffness(material, plane, self.edge) for material in materials])
+        sides = of_body[net.bodies]
+        self.stiffness = (2 / (1 / sides).sum(axis=1))[self.order]
+        self.corners = net.corners[self.order]
+        self.owned = owned[self.order]
+        self.weight = 0.5 * net.length[self.order]
+        self.normal = net.normal[self.order]
+        self._owned_nodes = space.dofmap.index_map.size_local
+        self._nodes = self._owned_nodes + space.dofmap.index_map.num_ghosts
+        self.cell_materials = [
+            fracture.of_cells(material, plane, self.length_per_area / (2 * stiffness))
+            for material, stiffness in zip(materials, of_body, strict=True)
+        ]
+        self.law_states = {
+            name: unit for group in self.groups for name, unit in group.laws.friction.all_state_fields().items()
+        }
+        self._kernels = [_Kernel(self, group) for group in self.groups]
+
+    def initial_state(self) -> FaultState:
+        """Of all facets, before anything moves."""
+        count = len(self.order)
+        state: FaultState = {name: np.zeros((count, 2)) for name in (*ENDS, *self.law_states)}
+        for group in self.groups:
+            zero = np.zeros(1)
+            for name, value in group.laws.friction.initial_state(zero, zero, zero).items():
+                state[name][group.facets] = value
+            if group.laws.cohesion is None:
+                state["damage"][group.facets] = 1.0
+        state |= {name: np.full(count, np.nan if unit == "s" else 0.0) for name, (unit, _) in FACETS.items()}
+        state["damage"][self._open] = 1.0
+        state["time_of_failure"][self._open] = -np.inf  # before all others, and no event
+        return state
+
+    def __call__(self, state: State, mass: np.ndarray, since: float) -> None:
+        """Find the tractions at the displacement, and add their forces at the nodes this rank owns.
+
+        Parameters
+        ----------
+        state : State
+            Its force must be zero.
+        mass : ndarray, shape (nodes * components,)
+            [kg].
+        since : float
+            Time since the tractions before [s].
+        """
+        energy = np.zeros(3)
+        for kernel in self._kernels:
+            kernel(state, mass, since, energy)
+        components = len(state.force) // self._nodes
+        state.force[self._owned_nodes * components :] = 0
+        for name, taken in zip(("frictional_dissipation", "fracture", "impact"), energy.tolist(), strict=True):
+            state.energy[name] += taken
+
+    def add_force(self, state: FaultState, force: np.ndarray) -> None:
+        """Add what the tractions exert on the nodes this rank owns [N]."""
+        self._assemble(self.weight[:, None, None] * self.tractions(state), force)
+
+    def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """Add the forces of all springs, none of which has yielded, at the nodes this rank owns [N]."""
+        rows = displacement.reshape(-1, 2)
+        force -= (self._springs @ rows).ravel()
+
+    @cached_property
+    def _springs(self) -> sparse.csr_matrix:
+        """Stiffness between nodes, the same for both components [N/m]; rows of nodes that other ranks own are empty."""
+        minus, plus = (self.corners[:, side].ravel() for side in (0, 1))
+        stiffness = np.repeat(self.weight * self.stiffness, 2)
+        rows, columns = np.concatenate([minus, plus, minus, plus]), np.concatenate([minus, plus, plus, minus])
+        values = np.concatenate([stiffness, stiffness, -stiffness, -stiffness])
+        here = rows < self._owned_nodes
+        return sparse.csr_matrix((values[here], (rows[here], columns[here])), shape=(self._nodes,) * 2)
+
+    def tractions(self, state: FaultState) -> np.ndarray:
+        """On the minus sides, shape (facets, 2 ends, 2 components) [Pa]."""
+        normal, tangent = self.normal[:, None], self.tangent[:, None]
+        return state["normal_traction"][..., None] * normal + state["shear_traction"][..., None] * tangent
+
+    @property
+    def tangent(self) -> np.ndarray:
+        return np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
+
+    def _assemble(self, forces: np.ndarray, total: np.ndarray) -> None:
+        rows = total.reshape(-1, 2)
+        added = np.zeros_like(rows)
+        np.add.at(added, self.corners[:, 0], forces)
+        np.add.at(added, self.corners[:, 1], -forces)
+        rows[: self._owned_nodes] += added[: self._owned_nodes]
+
+    def stored(self, state: FaultState, added: np.ndarray) -> float:
+        """Energy in springs and open secants, and what tractions do over a displacement since; facets of this rank [J].
+
+        Parameters
+        ----------
+        added : ndarray, shape (nodes * components,)
+            That displacement [m].
+        """
+        normal, shear, opened = (state[name] for name in ("normal_traction", "shear_traction", "inelastic_opening"))
+        stiff = self.stiffness[:, None]
+        density = 0.5 * (normal**2 + shear**2) / stiff + 0.5 * np.maximum(normal, 0.0) * opened
+        rows = added.reshape(-1, 2)
+        jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
+        density += np.sum(self.tractions(state) * jump, axis=2)
+        return float((self.owned * self.weight) @ density.sum(axis=1))
+
+    def gather(self, state: FaultState) -> FaultState:
+        """Fields of all facets in the order that no partition changes on rank 0, no rows elsewhere; collective.
+
+        Parameters
+        ----------
+        state : dict of ndarray, shape (facets,) or (facets, ...)
+        """
+        columns = np.column_stack([*state.values()])
+        sorted_ = np.empty_like(columns)
+        sorted_[self.order] = columns
+        rows = self.network.gather(sorted_)
+        if rows is None:
+            rows = columns[:0]
+        ends = np.cumsum([int(np.prod(values.shape[1:])) for values in state.values()])
+        parts = np.split(rows, ends[:-1], axis=1)
+        return {
+            name: np.ascontiguousarray(part.reshape(-1, *values.shape[1:]))
+            for (name, values), part in zip(state.items(), parts, strict=True)
+        }
+
+    @property
+    def number(self) -> np.ndarray:
+        """Place of every facet in that order; collective at its first use."""
+        return self.network.number[self.order]
+
+
+def _distinct(laws: Iterable[CrackLaws]) -> list[CrackLaws]:
+    found: list[CrackLaws] = []
+    for each in laws:
+        if each not in found:
+            found.append(each)
+    return found
+
+
+class _Kernel:
+    """The compiled step of one group."""
+
+    def __init__(self, cracks: CrackStep, group: Group) -> None:
+        facets, self._states = group.facets, [*ENDS, *cracks.law_states]
+        self._facets, self._count = facets, facets.stop - facets.start
+        parameters, macros = _formulas(group.laws)
+        self._number = np.array([*parameters.values(), 0.0])
+        macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
+        macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
+        macros |= {
+            "LANES": LANES, "BONDED": int(group.laws.cohesion is not None),
+            "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
+            "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
+        }  # fmt: skip
+        self._library = native.load("cracks", files("ruptfx.cracks").joinpath("cracks.c").read_text(), macros)
+        ends = 2 * self._count
+        fill = np.minimum(np.arange(-(-ends // LANES) * LANES), max(ends - 1, 0))
+        corners = cracks.corners[facets].transpose(1, 0, 2).reshape(2, -1)  # [side, end]
+        weight = np.repeat(cracks.weight[facets], 2)
+        columns = np.stack([*np.repeat(cracks.normal[facets], 2, axis=0).T, weight, np.repeat(
+            cracks.stiffness[facets], 2)])  # fmt: skip
+        columns, nodes = columns[:, fill], 2 * corners[:, fill]
+        columns[2, ends:] = 0  # what fills up the last block exerts no force
+        self._node = np.ascontiguousarray(nodes.reshape(2, -1, LANES).transpose(1, 0, 2), np.int32)
+        self._fixed = np.ascontiguousarray(columns.reshape(4, -1, LANES).transpose(1, 0, 2))
+        self._owned = cracks.owned[facets].astype(float)
+
+    def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:
+        if not self._count:
+            return
+        cracks = state.cracks
+        ends = (ctypes.c_void_p * len(self._states))(*(self._begin(cracks[name]) for name in self._states))
+        facets = (ctypes.c_void_p * len(FACETS))(*(self._begin(cracks[name]) for name in FACETS))
+        arrays = (self._node, self._fixed, self._number, self._owned, state.displacement, state.velocity, mass,
+                  state.force)  # fmt: skip
+        self._library.update(
+            ctypes.c_long(self._count), ctypes.c_double(since), ctypes.c_double(state.time),
+            *(ctypes.c_void_p(array.ctypes.data) for array in arrays), ctypes.byref(ends), ctypes.byref(facets),
+            ctypes.c_void_p(energy.ctypes.data),
+        )  # fmt: skip
+
+    def _begin(self, field: np.ndarray) -> int:
+        return field.ctypes.data + self._facets.start * field.strides[0]
+
+
+# -- laws ------------------------------------------------------------------------------------------------------------
+
+
+def _formulas(laws: CrackLaws) -> tuple[Table, Table]:
+    """Numbers of the parameters by the names of their symbols, and the traced formulas as macros."""
+    parameters, friction = parameters_as_symbols(laws.friction, "p_")
+    state = {name: symbol(f"s_{name}") for name in laws.friction.all_state_fields()}
+    sigma, rate = symbol("normal_stress"), symbol("slip_rate")
+    advanced: Table = record(friction.advance, state, rate, sigma, symbol("since"))
+    formulas: dict[str, dict[str, Expression | float]] = {
+        "FRICTION": {"friction": record(friction.strength, constant(0), sigma, state)},
+        "ADVANCE": {f"OLD({name})": value for name, value in advanced.items()},
+        "LEFT": {"left": constant(0)}, "DAMAGE": {"damage": constant(1)},
+    }  # fmt: skip
+    strengths: Table = {"TENSILE_STRENGTH": "0.0", "COHESION": "0.0"}
+    if laws.cohesion is not None:
+        found, cohesion = parameters_as_symbols(laws.cohesion, "c_")
+        parameters |= found
+        formulas["LEFT"] = {"left": record(cohesion.left, symbol("damage"))}
+        formulas["DAMAGE"] = {"damage": record(cohesion.damage, symbol("opening"), symbol("slip"))}
+        strengths = {"TENSILE_STRENGTH": "c_f_t", "COHESION": "c_c"}
+    return parameters, strengths | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
+
+
+def _check(key: str, laws: CrackLaws) -> None:
+    """Refuse laws that facets all over a body cannot have.
+
+    Raises
+    ------
+    CaseError
+        Names the key.
+    """
+    for name, value in _varying(laws.friction, f"{key}.friction"):
+        raise CaseError(f"{name} = {value}: varies along an interface, and cracks are everywhere; give a number")
+    friction: FrictionLaw = laws.friction
+    kind = f"{key}.friction.kind = '{friction.kind()}'"
+    state = {name: symbol(f"s_{name}") for name in friction.all_state_fields()}
+    rate, sigma, since = symbol("slip_rate"), symbol("normal_stress"), symbol("since")
+    if depends(record(friction.strength, rate, sigma, state), [rate]):
+        raise CaseError(f"{kind}: its strength depends on the slip rate; cracks take laws like coulomb, slip weakening")
+    at_rest: Table = record(friction.advance, state, constant(0), sigma, since)
+    if any(at_rest[name] is not held for name, held in state.items()):
+        raise CaseError(f"{kind}: its state changes without slip; cracks take laws like coulomb, slip weakening")
+
+
+def _varying(part: Part, key: str) -> Iterator[tuple[str, object]]:
+    """Profiles in a part, with their keys."""
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, Part) and not callable(value):
+            yield from _varying(value, f"{key}.{name}")
+        elif callable(value):
+            yield f"{key}.{name}", value

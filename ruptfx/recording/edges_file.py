@@ -1,0 +1,87 @@
+"""Motion and force of every edge on which a boundary acts: `edges.csv`, from which stress-strain curves come."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.boundaries import EdgeBoundary
+from ruptfx.edges import Edge
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+
+class EdgeSums:
+    """What the table has of every such edge of a model; made on all ranks.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    columns : list of str
+        ``upper.top.displacement_y`` and so on.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        named = [each.edge for _, each in model.case.all_boundaries() if isinstance(each, EdgeBoundary)]
+        self._nodes, self.columns = [], []
+        for name in dict.fromkeys(named):
+            nodes = Edge(model, name, "boundaries").nodes
+            self._nodes.append(nodes[nodes < model.owned_nodes])
+            self.columns += [f"{name}.{what}_{axis}" for what in ("displacement", "force") for axis in "xy"]
+
+    def row(self, state: State) -> list[float]:
+        """Mean displacement of every edge [m] and the force it is resisted with [N per metre of thickness]; collective.
+
+        The force is that of the bodies, without the inertia of the nodes of the edge.
+        """
+        model = self._model
+        _, displacement = state.at_faults()
+        force = model.internal_force(displacement)
+        if model.cracks is not None:
+            model.cracks.add_force(state.cracks, force)
+        rows = np.stack([displacement.reshape(-1, 2), -force.reshape(-1, 2)], axis=1)
+        sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in self._nodes]
+        totals = parallel.total(model.comm, np.array(sums).reshape(-1, 5))
+        totals[:, :2] /= totals[:, 4:]
+        return [float(value) for total in totals for value in total[:4]]
+
+
+class EdgesFile:
+    """A row for every record of the interfaces; rank 0 only.
+
+    Parameters
+    ----------
+    path : Path
+        Rows are added to what is there.
+    columns : list of str
+    """
+
+    def __init__(self, path: Path, columns: list[str]) -> None:
+        self.path = path
+        begins = not path.exists()
+        self._file = path.open("a", newline="")
+        self._table = csv.writer(self._file)
+        if begins:
+            self._file.write(
+                "# time in s; of every edge on which a boundary acts the mean displacement of its nodes in m and the "
+                "force on it that the bodies resist, in N per metre of thickness\n"
+            )
+            self._table.writerow(["time", *columns])
+
+    def append(self, time: float, row: list[float]) -> None:
+        """Add a row at a time [s]."""
+        self._table.writerow([repr(value) for value in (time, *row)])
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()

@@ -1,0 +1,222 @@
+"""Facets of all cells: what they carry is what their laws say, the weak form and the energy budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from crack_cases import NEVER, RUBS, WEAK, case
+from pydantic import TypeAdapter
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem
+from ruptfx.check_law.examples import table
+from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.fields import ENERGIES
+from ruptfx.model import Model
+from ruptfx.schema import alternatives
+
+pytestmark = pytest.mark.fem
+COHESION = list(alternatives("ruptfx.cohesion"))
+PAIR = {"mesh": {"kind": "triangles", "width": 1e-3, "height": 1e-3, "element_size": 1e-3}, "boundaries": []}
+# Lengths of failure of 20 um, as long in both modes, and springs that are 40 um of opening before they yield at most.
+BOND = {"f_t": 4e6, "c": 8e6, "G_Ic": 40.0, "G_IIc": 160.0}
+
+
+def law_of(kind: str) -> CohesiveLaw:
+    values = table(alternatives("ruptfx.cohesion")[kind])
+    return TypeAdapter(AnyCohesion).validate_python({"kind": kind, **values, **BOND})
+
+
+class Facet:
+    """The one facet between two triangles, whose jump is given."""
+
+    def __init__(self, law: CohesiveLaw | None, friction: dict[str, Any] = RUBS, alpha: float = 100.0) -> None:
+        laws = {"friction": friction} | ({} if law is None else {"cohesion": law.model_dump()})
+        self.model = Model(case({**PAIR, "fracture.default": laws, "fracture.stiffness_ratio": alpha}))
+        self.state, self.cracks = self.model.initial_state(), self.model.cracks
+        assert len(self.cracks.order) == 1
+        self.stiffness = self.cracks.stiffness[0]
+        self.work = 0.0
+
+    def jump(self, opening: float, slip: float) -> tuple[float, float]:
+        """Move the plus cell; normal and shear traction of both ends, which are the same."""
+        c, state = self.cracks, self.state
+        before, moved = c.tractions(state.cracks)[0].sum(axis=0), state.displacement.reshape(-1, 2)
+        there = opening * c.normal[0] + slip * c.tangent[0]
+        step = there - moved[c.corners[0, 1, 0]]
+        moved[self.model.space.dofmap.list[c.network.cells[0, 1]]] = there
+        state.force[:] = 0
+        c(state, self.model.mass, 1e-6)
+        self.work += float(0.5 * c.weight[0] * (before + c.tractions(state.cracks)[0].sum(axis=0)) @ step)
+        ends = state.cracks["normal_traction"][0], state.cracks["shear_traction"][0]
+        assert ends[0][0] == ends[0][1] and ends[1][0] == ends[1][1]
+        return float(ends[0][0]), float(ends[1][0])
+
+    def follow(self, openings: Iterable[float], slips: Iterable[float]) -> np.ndarray:
+        return np.array([self.jump(*at) for at in np.broadcast(openings, slips)])
+
+    @property
+    def length(self) -> float:
+        return float(2 * self.cracks.weight[0])
+
+    def taken(self, name: str) -> float:
+        """Energy per length of the facet [J/m2]."""
+        return self.state.energy[name] / self.length
+
+    def stored(self) -> float:
+        return self.cracks.stored(self.state.cracks, 0 * self.state.displacement) / self.length
+
+
+@pytest.mark.parametrize("kind", COHESION)
+@pytest.mark.parametrize("mode", [1, 2])
+def test_one_mode_takes_its_fracture_energy(kind: str, mode: int) -> None:
+    """The error of trapezoids is of second order in the step, 1/4000 of the way; a kink costs as much."""
+    law = law_of(kind)
+    facet, end = Facet(law), 1.1 * (law.opening_at_failure, law.slip_at_failure)[mode - 1]
+    peak = 2 * (law.f_t, law.c)[mode - 1] / facet.stiffness
+    way = np.concatenate([np.linspace(0, peak, 1000)[1:], np.linspace(peak, end, 4400)])
+    facet.follow(way if mode == 1 else 0.0, 0.0 if mode == 1 else way)
+    energy = (law.G_Ic, law.G_IIc)[mode - 1]
+    assert np.all(facet.state.cracks["damage"] == 1) and facet.stored() < 1e-12 * energy
+    assert facet.taken("fracture") == pytest.approx(energy, rel=1e-6)
+    assert facet.work / facet.length == pytest.approx(energy, rel=1e-6)
+    # The rounding of an opening of zero presses a little.
+    assert facet.taken("frictional_dissipation") < 1e-7 * energy and abs(facet.taken("impact")) < 1e-7 * energy
+
+
+def test_slip_under_pressure_takes_friction_besides() -> None:
+    """mu sigma = 0.6 * 5 MPa over all of the inelastic slip, and G_IIc."""
+    law = law_of("munjiza")
+    facet = Facet(law)
+    pressed = -5e6 / facet.stiffness
+    facet.follow(np.linspace(0, pressed, 10), 0.0)
+    peak = 12e6 / facet.stiffness
+    way = np.concatenate([np.linspace(0, peak, 1000)[1:], np.linspace(peak, 2 * law.slip_at_failure, 5000)])
+    traction = facet.follow(pressed, way)
+    assert np.abs(traction[:, 1]).max() == pytest.approx(8e6 + 3e6, rel=1e-3)  # peak: c + mu sigma
+    assert traction[-1, 1] == pytest.approx(3e6, rel=1e-9) and traction[-1, 0] == pytest.approx(-5e6, rel=1e-9)
+    assert facet.taken("fracture") == pytest.approx(law.G_IIc, rel=1e-6)
+    slip = facet.state.cracks["slip"][0, 0]
+    assert facet.taken("frictional_dissipation") == pytest.approx(3e6 * slip, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", COHESION)
+def test_a_path_of_all_modes_takes_never_less(kind: str) -> None:
+    """Tear, close, press, shear, open again: work is what is stored and taken, and what is taken never comes back."""
+    law = law_of(kind)
+    facet, n, s = Facet(law), law.opening_at_failure, law.slip_at_failure
+    corners = np.array([(0, 0), (0.3 * n, 0.1 * s), (0, 0.1 * s), (-0.01 * n, 0.3 * s), (-0.01 * n, -0.2 * s),
+                        (0.4 * n, 0), (0.1 * n, 0.2 * s), (0.9 * n, 0.8 * s), (-0.02 * n, 0), (0, 0)])  # fmt: skip
+    path = np.concatenate([np.linspace(a, b, 300)[1:] for a, b in pairwise(corners)])
+    before, damage = 0.0, 0.0
+    for opening, slip in path:
+        facet.jump(opening, slip)
+        taken = facet.taken("fracture")
+        assert taken >= before - 1e-10 * law.G_Ic  # rounding of jumps times stiffness
+        assert facet.state.cracks["damage"].min() >= damage
+        before, damage = taken, float(facet.state.cracks["damage"].min())
+        whole = facet.stored() + sum(facet.taken(name) for name in ("fracture", "frictional_dissipation", "impact"))
+        assert facet.work / facet.length == pytest.approx(whole, rel=1e-10, abs=1e-10 * law.G_Ic)
+    assert damage == 1
+
+
+def test_unloading_goes_to_the_origin_and_back() -> None:
+    law = law_of("linear")
+    facet = Facet(law)
+    top = facet.follow(np.linspace(0, 0.5 * law.opening_at_failure, 100), 0.0)[-1, 0]
+    half = facet.jump(0.25 * law.opening_at_failure, 0)[0]
+    assert half == pytest.approx(0.5 * top, rel=1e-12)
+    assert facet.jump(0.5 * law.opening_at_failure, 0)[0] == pytest.approx(top, rel=1e-12)
+    assert facet.jump(-1e-9, 0)[0] == pytest.approx(-1e-9 * facet.stiffness, rel=1e-12)
+
+
+def test_without_cohesion_it_is_contact() -> None:
+    facet = Facet(None)
+    assert facet.jump(1e-7, 1e-7) == (0, 0)
+    normal, shear = facet.jump(-1e-7, 1e-3)
+    assert normal == pytest.approx(-1e-7 * facet.stiffness, rel=1e-9)
+    assert shear == pytest.approx(-0.6 * normal, rel=1e-12)
+
+
+def test_slip_weakening_friction_goes_on_after_failure() -> None:
+    law = law_of("linear")
+    weakening = {"kind": "linear_slip_weakening", "mu_s": 0.8, "mu_d": 0.2, "D_c": 1e-3}
+    facet = Facet(law, weakening)
+    pressed = -5e6 / facet.stiffness
+    facet.follow(np.linspace(0, pressed, 10), 0.0)
+    assert facet.follow(pressed, np.linspace(0, 2e-3, 4000))[-1, 1] == pytest.approx(0.2 * 5e6, rel=1e-9)
+
+
+# -- bodies ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", COHESION)
+def test_the_elastic_forces_are_those_of_the_weak_form(kind: str) -> None:
+    """Of k [u] . [v] on all inner facets, with the quadrature at their ends."""
+    model = Model(case({"fracture.default.cohesion": {**table(alternatives("ruptfx.cohesion")[kind]), "kind": kind,
+                                                      **{key: NEVER[key] for key in ("f_t", "c", "G_Ic", "G_IIc")}}}))
+    state, ufl = model.initial_state(), fem.ufl
+    state.displacement[:] = 1e-6 * np.random.default_rng(0).normal(size=len(state.displacement))
+    model.cracks(state, model.mass, 0.0)
+    u, v = fem.dolfinx.fem.Function(model.space), ufl.TestFunction(model.space)
+    u.x.array[:] = state.displacement
+    ends = ufl.Measure("dS", domain=model.mesh, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
+    form = model.cracks.stiffness[0] * ufl.inner(ufl.jump(u), ufl.jump(v)) * ends
+    expected = -fem.assemble_summed(model.space, form)
+    np.testing.assert_allclose(state.force, expected, atol=1e-12 * np.abs(expected).max())
+    again = np.zeros_like(expected)
+    model.cracks.add_spring_force(state.displacement, again)
+    np.testing.assert_allclose(again, expected, atol=1e-12 * np.abs(expected).max())
+    added = np.zeros_like(expected)
+    model.cracks.add_force(state.cracks, added)
+    np.testing.assert_allclose(added, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_rigid_motion_exerts_no_force() -> None:
+    model = Model(case())
+    state, x = model.initial_state(), model.coordinates
+    state.displacement[:] = (np.array([1e-5, -2e-5]) + 1e-3 * np.stack([-x[:, 1], x[:, 0]], axis=1)).ravel()
+    model.cracks(state, model.mass, 0.0)
+    # Rounding of jumps of 1e-5 m times stiffness times length.
+    assert np.abs(state.force).max() < 1e-15 * 1e-5 / 1e-5 * model.cracks.stiffness[0] * 1e-3 * 1e-4
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize("damping", [{}, {"mass": 1e4, "kelvin_voigt": {"fraction": 0.1}}])
+def test_energy_closes_while_a_block_is_torn_to_pieces(plane: str, damping: dict[str, Any]) -> None:
+    given = case({"plane": plane, "damping": damping})
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    fracture, largest = 0.0, 0.0
+    while state.time < given.duration:
+        state.watched = state.step % 2 == 0  # energies from the step itself, and afterwards
+        motion.step(state)
+        energy = motion.energies(state)
+        lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
+        largest = max(largest, abs(energy["boundary_work"]))
+        assert abs(lost) <= 1e-12 * largest
+        assert energy["fracture"] >= fracture - 1e-12 * largest
+        fracture = energy["fracture"]
+    failed = np.isfinite(state.cracks["time_of_failure"])
+    assert failed.sum() > 5 and fracture > 0.2 * largest and energy["frictional_dissipation"] > 0
+    assert np.all(state.cracks["time_of_yield"][failed] < state.cracks["time_of_failure"][failed])
+
+
+def test_two_bodies_without_cohesion_fall_apart() -> None:
+    """What nothing holds is pulled off with no force at all."""
+    given = case({
+        "mesh.divide": 5e-3, "fracture.pairs": {"lower-upper": {"friction": RUBS}}, "duration": 4e-6,
+        "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 0.1, "ramp": 1e-6}],
+        "fracture.default.cohesion": {**WEAK, "f_t": 1e9, "c": 1e9},
+    })  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    while state.time < given.duration:
+        motion.step(state)
+    lower = model.layout.body == model.bodies.names.index("lower")
+    assert not state.velocity.reshape(-1, 2)[lower].any() and state.velocity.reshape(-1, 2)[~lower].any()

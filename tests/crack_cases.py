@@ -1,0 +1,36 @@
+"""Small cases of bodies that break; the meshes come from the plug-in `crack_meshes.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from small_cases import merged
+
+from ruptfx.case import Case, parse_case
+
+HERE = Path(__file__).parent
+GRANITE = {"kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25, "density": 2600.0}
+WEAK = {"kind": "linear", "f_t": 4e6, "c": 10e6, "G_Ic": 20.0, "G_IIc": 60.0}
+NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
+RUBS = {"kind": "coulomb", "mu_d": 0.6}
+
+
+def block(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A block that is torn apart: it breaks within 7 us, and the pieces touch again."""
+    table = {
+        "plugins": [str(HERE / "crack_meshes.py")], "plane": "strain", "order": 1, "duration": 10e-6,
+        "mesh": {"kind": "triangles", "width": 8e-3, "height": 10e-3, "element_size": 1e-3, "turn": 0.25},
+        "materials": {"default": GRANITE},
+        "fracture": {"kind": "everywhere", "default": {"cohesion": WEAK, "friction": RUBS}},
+        "boundaries": [
+            {"kind": "driven", "edge": "rock.top", "component": "y", "velocity": 3.0, "ramp": 1e-6},
+            {"kind": "driven", "edge": "rock.bottom", "component": "y", "velocity": 0.0},
+        ],
+        "output": {"figures": False, "interface_interval": 1e-6, "bulk_interval": 5e-6},
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
+def case(changes: dict[str, Any] | None = None) -> Case:
+    return parse_case(block(changes), HERE)

@@ -1,0 +1,135 @@
+"""The facets of a mesh, and tables of fracture that cannot be used."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from crack_cases import NEVER, RUBS, WEAK, block, case
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.preflight import preflight
+from ruptfx.schema import CaseError
+
+pytestmark = pytest.mark.fem
+
+
+def test_facets_of_a_square_cut_in_four() -> None:
+    """2 x 2 mm of squares of 1 mm, each cut along a diagonal: 4 diagonals of sqrt(2) mm and 4 sides of 1 mm inside."""
+    model = Model(case({"mesh.width": 2e-3, "mesh.height": 2e-3, "mesh.turn": 0.0, "boundaries": []}))
+    net, cracks = model.cracks.network, model.cracks
+    np.testing.assert_allclose(np.sort(net.length), [1e-3] * 4 + [np.sqrt(2) * 1e-3] * 4, rtol=1e-12)
+    assert net.area == pytest.approx(4e-6, rel=1e-12)
+    assert cracks.length_per_area == pytest.approx((4 + 4 * np.sqrt(2)) * 1e-3 / 4e-6, rel=1e-12)
+    assert np.all(np.diff(net.vertices[:, 0] * 9 + net.vertices[:, 1]) > 0)  # sorted, each once
+    # Corners of both sides are at the ends, and the normal leads from the one cell to the other.
+    for side in (0, 1):
+        np.testing.assert_allclose(model.coordinates[net.corners[:, side]], net.ends, atol=1e-15)
+    centre = model.coordinates[model.space.dofmap.list].mean(axis=1)
+    across = centre[net.cells[:, 1]] - centre[net.cells[:, 0]]
+    assert np.all(np.sum(across * net.normal, axis=1) > 0)
+    np.testing.assert_allclose(np.linalg.norm(net.normal, axis=1), 1, rtol=1e-14)
+
+
+@pytest.mark.parametrize("changes, said", [
+    ({"fracture.pairs": {"rock-stone": {"friction": RUBS}}},
+     r"fracture.pairs.rock-stone: no such pair of bodies, did you mean 'rock-rock'\?"),
+    ({"mesh.divide": 5e-3, "fracture.pairs": {"upper-lower": {"friction": RUBS}}, "boundaries": []},
+     "fracture.pairs.upper-lower: write it in the order of the alphabet, 'lower-upper'"),
+    ({"fracture.pairs": {"rock": {"friction": RUBS}}}, "fracture.pairs.rock = 'rock': string should match pattern"),
+    ({"fracture.stiffness_ratio": 2.0}, "fracture.stiffness_ratio = 2.0: input should be greater than or equal to 3"),
+    ({"fracture.thickness": 0.0}, "fracture.thickness = 0.0: input should be greater than 0"),
+    ({"fracture.default.cohesion": {**WEAK, "f_t": -1.0}}, r"fracture.default.cohesion.f_t = -1.0: .* greater than 0"),
+    ({"fracture.default.cohesion": {**WEAK, "kind": "linaer"}}, "unknown kind 'linaer', did you mean 'linear'"),
+    ({"fracture.default.friction": {"kind": "velocity_weakening", "mu_s": 0.6, "mu_d": 0.2, "V_w": 1.0}},
+     "its strength depends on the slip rate; cracks take laws like coulomb"),
+    ({"fracture.default.friction": {"kind": "coulomb", "mu_d": {"kind": "gaussian", "background": 0.6, "amplitude": 0.1,
+      "center": 0.0, "width": 1e-3}}}, "fracture.default.friction.mu_d = .*: varies along an interface"),
+    ({"order": 2}, r"order = 2: with \[fracture\] the cells are of order 1"),
+    ({"plane": "antiplane", "boundaries": []}, "plane = 'antiplane': bodies break in plane stress and plane strain"),
+    ({"stepper": {"kind": "generalized_alpha"}}, "stepper.kind = 'generalized_alpha': bodies break in explicit steps"),
+    ({"mesh": {"kind": "two_plates", "length": 12e-3, "height": 4e-3, "element_size": 2e-3}, "boundaries": []},
+     "fracture: bodies break along triangles, and this mesh has quadrilaterals"),
+    ({"fracture.stiffness_ratio": 3.0}, "fracture.stiffness_ratio = 3: the springs have .* at most 50% can be"),
+    ({"damping": {"kelvin_voigt": {"thickness": 1e-3}}}, "damping.kelvin_voigt.thickness: bodies that break"),
+])  # fmt: skip
+def test_what_cannot_be_used_is_refused_by_name(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(CaseError, match=said):
+        Model(case(changes))
+
+
+def test_check_says_what_the_mesh_resolves() -> None:
+    """E G / f_t^2 over a mean facet of 1.1 to 1.2 mm: 62.5 mm is well resolved, 62.5 um is not, unless one knows."""
+
+    def rows(**law: float) -> dict[str, Any]:
+        table = block({"fracture.default.cohesion": {**WEAK, **law}, "duration": 1e-6})
+        table["fracture"]["unresolved"] = law["G_Ic"] == 0.0200001
+        return {row.quantity: row for row in preflight(parse_case(table))}
+
+    name = "fracture rock-rock: process zone I"
+    fine, lost, known = rows(G_Ic=20.0)[name], rows(G_Ic=0.02)[name], rows(G_Ic=0.0200001)[name]
+    assert (fine.verdict, lost.verdict, known.verdict) == ("ok", "error", "warning")
+    assert 50 < fine.value < 60 and lost.value == pytest.approx(1e-3 * fine.value) and "refine" in lost.note
+
+
+def test_compensated_springs_leave_the_moduli_alone() -> None:
+    """A patch of cells and springs under uniform stress: mean strain as the case has it, in both directions.
+
+    The static equilibrium of free corners, solved with the operator: stress sigma on two sides gives strains
+    sigma (1 - nu^2) / E and -sigma nu (1 + nu) / E in plane strain.
+    """
+    from scipy.sparse.linalg import LinearOperator, cg
+
+    changes = {"mesh.width": 16e-3, "mesh.height": 16e-3, "fracture.default.cohesion": NEVER, "boundaries": [
+        {"kind": "traction", "edge": "rock.top", "traction": [0.0, 1e6]},
+        {"kind": "traction", "edge": "rock.bottom", "traction": [0.0, -1e6]},
+    ]}  # fmt: skip
+    found = {}
+    for compensate in (True, False):
+        model = Model(case({**changes, "fracture.compensate": compensate}))
+
+        def stiff(u: np.ndarray, model: Any = model) -> np.ndarray:
+            u = np.ascontiguousarray(u.ravel())
+            force = model.internal_force(u)
+            model.cracks.add_spring_force(u, force)
+            return -force + 1e-9 * model.mass * u  # holds it where it is
+
+        size = len(model.mass)
+        u, failed = cg(LinearOperator((size, size), stiff, dtype=float), model.loads.force(1.0), rtol=1e-10)
+        assert not failed
+        moved, x = u.reshape(-1, 2), model.coordinates
+        sides = ((1, 16e-3), (1, 0), (0, 0), (0, 16e-3))
+        top, bottom, left, right = (moved[np.isclose(x[:, axis], at)].mean(axis=0)[axis] for axis, at in sides)
+        found[compensate] = np.array([top - bottom, right - left]) / 16e-3
+    expected = 1e6 / 50e9 * np.array([1 - 0.25**2, -0.25 * 1.25])
+    # Corner cells that hang on one spring, and the border, make a part of a percent.
+    np.testing.assert_allclose(found[True], expected, rtol=0.015)
+    assert found[False][0] > 1.1 * expected[0]
+
+
+def test_a_notch_is_a_crack_from_the_start() -> None:
+    """A bar torn across the notch: its facets carry nothing, touch when pressed, and are no events."""
+    pytest.importorskip("gmsh")
+    mesh = {"kind": "specimen", "shape": {"kind": "rectangle", "width": 8e-3, "height": 8e-3}, "element_size": 1e-3,
+            "notches": [(-4e-3, 0.0, 0.0, 0.0)]}  # fmt: skip
+    given = case({"mesh": mesh, "boundaries": [], "fracture.default.cohesion": NEVER})
+    model = Model(given)
+    state, x = model.initial_state(), model.coordinates
+    cracks, notch = model.cracks, state.cracks["damage"][:, 0] == 1
+    ends = cracks.network.ends[cracks.order][notch]
+    assert len(ends) == 4 and np.all(np.abs(ends[..., 1]) < 1e-12) and np.all(ends[..., 0] < 1e-9)
+    above = np.zeros(model.nodes, dtype=bool)
+    cells = model.space.dofmap.list
+    above[cells] = (x[cells].mean(axis=1)[:, 1] > 0)[:, None]
+    for moved, carries in ((1e-6, False), (-1e-6, True)):
+        state.displacement.reshape(-1, 2)[above, 1] = moved
+        cracks(state, model.mass, 0.0)
+        assert np.all((state.cracks["normal_traction"][notch] < 0) == carries)
+        state.force[:] = 0
+    assert not np.isfinite(state.cracks["time_of_failure"]).any()
+    with pytest.raises(CaseError, match=r"mesh: it has notches, .* add the table \[fracture\]"):
+        Model(case({"mesh": mesh, "boundaries": [], "fracture": None}))
