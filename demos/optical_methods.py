@@ -1,7 +1,7 @@
 # # The shear impact through a polariscope, and the light of its contacts
 #
-# The first 20 us of `impact.toml` on a coarser mesh, as a camera with pixels of 0.4 mm sees it: isochromatics with their
-# orders, what a long exposure leaves of them, isoclinics, and the real contact area along the interface.
+# The first 20 us of `impact.toml` on a coarser mesh, as a camera with pixels of 0.4 mm sees it: isochromatics with
+# their orders, what a long exposure leaves of them, isoclinics, and the real contact area along the interface.
 #
 # Run this file with `python demos/optical_methods.py`; the picture is `runs/optical_methods/figures/optics.png`.
 
