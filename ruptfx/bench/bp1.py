@@ -14,8 +14,8 @@ Derived from the parameters: initial traction and age; the length 2 L_inf = 2 L_
 (b sigma), to which the nucleation zone of the ageing law grows where a/b > 1/2 (Rubin and Ampuero 2005), here the part
 that slides at a tenth of the largest slip rate or more, when that is 1 mm/s.
 
-With `--fine` nodes 100 m apart and three events, about ten minutes of processor time. The time series of the
-participants (strike.scec.org) are not compared with.
+With `--fine` nodes 100 m apart and three events, some tens of minutes of processor time. The time series of
+the participants (strike.scec.org) are not compared with.
 
 Source: Erickson et al. (2020), The community code verification exercise for SEAS.
 """
