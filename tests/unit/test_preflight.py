@@ -349,3 +349,16 @@ def test_free_memory_is_that_of_the_machine_or_of_the_control_group(tmp_path: Pa
     assert available(tmp_path) == 4000 * 1024
     (group / "memory.max").write_text("5000\n")
     assert available(tmp_path) == 4000
+
+
+def test_what_instruments_see() -> None:
+    """Half of one sample every 2 us is 250 kHz; nodes are 0.5 mm apart, 5 of them carry S waves of c_s / 2.5 mm."""
+    gauge = {"kind": "strain_gauge", "name": "gauge", "interval": 2e-6, "point": [5e-3, 2e-3], "length": 1e-4}
+    fast = {"kind": "load_cell", "name": "cell", "interval": 2e-6, "edge": "upper.top", "bandwidth": 1e6}
+    found = rows(plates({"instruments": [gauge, fast]}))
+    seen = found["instruments.gauge: sees"]
+    speed = math.sqrt(5.3e9 / 2 / 1.35 / 1246)
+    assert seen.value == pytest.approx(250e3) and seen.verdict == "ok"
+    assert f"carries S waves to {speed / 2.5e-3:.3g} Hz" in seen.note and "as good as a point" in seen.note
+    alias = found["instruments.cell: sees"]
+    assert alias.verdict == "warning" and "passes more: reduce the interval" in alias.note
