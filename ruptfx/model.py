@@ -8,6 +8,7 @@ exchange nothing but the internal force.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -160,9 +161,11 @@ class Model:
         """Cells whose centre is that close to one of the points, or those that touch one."""
         tree = cKDTree(points)
         if thickness is None:
-            x = self.coordinates[self.space.dofmap.list]
-            near = tree.query(x.reshape(-1, x.shape[2]))[0].reshape(x.shape[:2]).min(axis=1)
-            return np.asarray(near < 1e-6 * np.linalg.norm(np.ptp(x, axis=1), axis=1))
+            dofs = self.space.dofmap.list
+            close = 1e-6 * np.linalg.norm(np.ptp(self.coordinates[dofs], axis=1), axis=1)
+            # Nobody asks how far away the others are.
+            distance, _ = tree.query(self.coordinates, distance_upper_bound=close.max(initial=0.0))
+            return np.asarray(distance[dofs].min(axis=1) < close)
         return np.asarray(tree.query(centres)[0] <= thickness)
 
     def free_inverse_mass(self) -> np.ndarray:
@@ -282,9 +285,14 @@ class Model:
             metadata=fem.gll_metadata(self.mesh, self.case.order),
         )
 
+    @cached_property
+    def _constants(self) -> fem.dolfinx.fem.FunctionSpace:
+        """What is constant in every cell."""
+        return fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
+
     def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
         """A function that is constant in every cell, from values of all local cells."""
-        function = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0)))
+        function = fem.dolfinx.fem.Function(self._constants)
         cells = function.function_space.dofmap.list[:, 0]
         function.x.array[cells] = values[: len(cells)]
         return function

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
@@ -48,8 +49,19 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None, sp
     springs : bool
         Whether those between cells that may break count, all of them whole.
     """
-    root = np.sqrt(model.free_inverse_mass())
     counted = model.faults if compliant is None else compliant
+    known, what = _known.setdefault(model, {}), (springs, *(fault.name for fault in counted))
+    if what not in known:
+        known[what] = _lanczos(model, counted, springs)
+    return known[what]
+
+
+_known: WeakKeyDictionary[Model, dict[tuple[object, ...], float]] = WeakKeyDictionary()
+"""By model and what counts: damping and the step ask for the same."""
+
+
+def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
+    root = np.sqrt(model.free_inverse_mass())
     stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
 
     def apply(vector: np.ndarray) -> np.ndarray:
@@ -68,10 +80,10 @@ def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None, sp
         model.layout.sum_tied(force)
         return -root * force
 
-    once = np.flatnonzero(np.repeat(model.layout.once, model.components))
+    once = np.repeat(model.layout.once, model.components)
 
     def dot(a: np.ndarray, b: np.ndarray) -> float:
-        return float(parallel.total(model.comm, a[once] @ b[once]))
+        return float(parallel.total(model.comm, (once * a) @ b))
 
     # A start that every partition makes alike: pseudo-random in the coordinates.
     x = np.repeat(

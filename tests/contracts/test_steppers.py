@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from typing import Any, get_args
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from ruptfx.check_law.examples import table
 
 pytest.importorskip("dolfinx")
 
+from ruptfx import spectrum
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
 from ruptfx.schema import CaseError, alternatives
@@ -200,6 +202,15 @@ def test_what_limits_is_measured(mesh: str, damping: dict[str, Any]) -> None:
     assert found[30e12][0] < 0.69 * found[300e9][0]
     assert found[300e9][1] == "set by the elements"
     assert found[30e12][1].startswith("set by the contact stiffness of faults.main")
+
+
+def test_damping_and_step_ask_for_the_highest_frequency_once() -> None:
+    damped = case({"damping": {"kelvin_voigt": {"fraction": 0.5}}, "faults.main.contact": COMPLIANT})
+    with patch.object(spectrum, "_lanczos", wraps=spectrum._lanczos) as searched:
+        model = Model(damped)
+        with_contact = stable_time_step(model)
+        assert searched.call_count == 1
+        assert stable_time_step(model, []) > with_contact and searched.call_count == 2  # of the bodies alone
 
 
 @pytest.mark.parametrize("C_n", [300e9, 1e14])
