@@ -35,6 +35,8 @@ html_title = "ruptfx"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_show_search_summary = False  # it would fetch pages, which browsers refuse where they are files
+html_sidebars = {"peers": []}  # a section of one page
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,

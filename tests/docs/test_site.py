@@ -1,0 +1,75 @@
+"""The built site in a real browser, from the disk and without a network: every page, every link and picture, search."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from browser import Tab, browser, visit
+from page_blocks import ROOT
+
+pytest.importorskip("sphinx")
+pytestmark = [pytest.mark.docs, browser]
+
+INSIDE = """[...document.querySelectorAll('a[href]')].map(a => a.href)
+    .filter(h => h.startsWith('SITE/') && /\\.html(#|$)/.test(h))"""
+WRONG = """[...document.images].filter(i => i.loading !== 'lazy' && i.complete && !i.naturalWidth).map(i => i.src)"""
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(ROOT / "docs"), str(out)]
+    subprocess.run(build, check=True, timeout=600, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    return out
+
+
+def test_every_page_opens_and_every_link_leads_to_its_place(site: Path, tmp_path: Path) -> None:
+    """From the first page along all links; a link to a section leads to an element of that name."""
+    links = INSIDE.replace("SITE", site.as_uri())
+
+    async def act(tab: Tab) -> None:
+        todo, places, names = [f"{site.as_uri()}/index.html"], {}, {}
+        while todo:
+            address = todo.pop()
+            await tab.open(address)
+            assert await tab.value("document.querySelectorAll('h1').length") == 1, address
+            assert await tab.value(WRONG) == [], address
+            names[address] = set(await tab.value("[...document.querySelectorAll('[id]')].map(n => n.id)"))
+            for link in await tab.value(links):
+                page, _, place = link.partition("#")
+                places.setdefault((page, place), address)
+                if page not in names and page not in todo:
+                    todo.append(page)
+        missing = [(link, where) for link, where in places.items() if link[1] and link[1] not in names[link[0]]]
+        assert not missing
+        pages = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
+        seen = {Path(address.removeprefix(f"{site.as_uri()}/")) for address in names}
+        assert pages <= seen  # nothing is left that no link leads to
+
+    visit(site / "index.html", tmp_path / "profile", act)
+
+
+def test_clicks_and_search(site: Path, tmp_path: Path) -> None:
+    async def act(tab: Tab) -> None:
+        # A card of the first page, then a page of its sidebar.
+        await tab.value("[...document.querySelectorAll('.sd-card a')].find(a => a.href.includes('howto')).click()")
+        await tab.until("location.href.includes('howto/index.html') && document.readyState === 'complete'")
+        sidebar = ".bd-sidebar-primary a[href='damping.html']"
+        await tab.until(f"document.querySelector(\"{sidebar}\") !== null")
+        await tab.click(sidebar)
+        await tab.until("location.href.endsWith('howto/damping.html') && document.readyState === 'complete'")
+        assert "Damp the noise" in await tab.value("document.querySelector('h1').textContent")
+        # What a reader types into the search field.
+        results = "[...document.querySelectorAll('#search-results li a')]"
+        await tab.open(f"{site.as_uri()}/search.html?q=bulk_precision", f"{results}.length > 0")
+        found = await tab.value(f"{results}.map(a => a.href)")
+        assert any("paraview.html" in link for link in found)
+        await tab.value(f"{results}[0].click()")
+        await tab.until("!location.href.includes('search.html') && document.readyState === 'complete'")
+        assert "bulk_precision" in await tab.value("document.body.textContent")
+
+    visit(site / "index.html", tmp_path / "profile", act)
