@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ruptfx.analysis import rupture_origin
-from ruptfx.figure_style import GUIDE, empty_figure, letter, new_figure, remark, scale, styled
+from ruptfx.figure_style import GUIDE, MUTED, empty_figure, letter, new_figure, remark, scale, styled
 from ruptfx.plots._record import (
     along,
     default_times,
@@ -22,7 +22,10 @@ from ruptfx.plots._record import (
     turned,
     whose_speeds,
 )
+from ruptfx.plots._strength import strength
 from ruptfx.record import Files
+
+FAR = 3.0  # times the largest traction: a strength beyond that is not shown whole
 
 
 def suits(record: Files) -> bool:
@@ -35,8 +38,8 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     """Slip rate, shear traction and normal stress along the interface at several times, one row each.
 
     Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
-    in the direction of the slip; where that turns their sign the figure says so. Slip rates have a logarithmic axis
-    where narrow pulses ask for it.
+    in the direction of the slip; where that turns their sign the figure says so. Dotted beside the shear traction is
+    the strength, where the record tells it. Slip rates have a logarithmic axis where narrow pulses ask for it.
 
     Parameters
     ----------
@@ -51,6 +54,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
         return empty_figure("no time was saved", "Position along the interface (m)", "Time (s)")
     position, sign = data["position"].values, direction(record)
     x_size, x_unit = scale(np.ptp(position), "m")
+    strengths = {int(row): strength(record, int(row)) for row in rows}
     names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
              "normal_stress": ("Normal stress", "Pa")}
     figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
@@ -62,9 +66,18 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
             if name == "slip_rate":
                 ax.fill_between(position / x_size, line, color="#c1440e", alpha=0.25, lw=0)
             ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
+            held = strengths[int(row)] if name == "shear_traction" else None
+            if held is not None:
+                ax.plot(position / x_size, held / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
             ax.set_ylabel(f"{title} ({printed})")
             _marks(ax, record, saved[row], x_size, named=column > 0)
         middle, largest = values.mean() / size, np.abs(values).max() / size
+        if name == "shear_traction":
+            top = max((float(np.nanmax(line)) for line in strengths.values() if line is not None), default=0.0) / size
+            if top > FAR * largest > 0:  # glued: it would flatten the traction
+                ax_range = values.min() / size, values.max() / size
+                room = 0.1 * (np.ptp(ax_range) or largest)
+                axes[0, column].set_ylim(ax_range[0] - room, ax_range[1] + room)
         if np.ptp(values) / size < 0.01 * largest:  # show rounding as what it is
             axes[0, column].set_ylim(middle - 0.05 * largest, middle + 0.05 * largest)
         low, _, logarithmic = rate_range(record, np.abs(values))
@@ -75,7 +88,8 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-    remark(figure, turned(record), whose_speeds(record))
+    known = any(line is not None for line in strengths.values())
+    remark(figure, "Dotted beside the shear traction: the strength." * known, turned(record), whose_speeds(record))
     letter(axes.ravel())
     return figure
 

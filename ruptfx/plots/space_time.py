@@ -37,7 +37,7 @@ def space_time(record: Files) -> Figure:
         xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
         xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
     )
-    peak = rate.max(initial=0.0)
+    peak, white = rate.max(initial=0.0), ""
     if peak > 0 and len(time) > 1:
         low, high, logarithmic = rate_range(record, rate)
         size, unit = scale(high, "m/s")
@@ -49,10 +49,11 @@ def space_time(record: Files) -> Figure:
         bar = figure.colorbar(mesh, ax=ax, label=f"Magnitude of slip rate ({unit})", extend="both", pad=0.03)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("")
+        white = f"White: slower than {low / size:.3g} {unit}, which does not count as sliding."
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
     _rays(ax, record, x_size, t_size)
-    remark(figure, whose_speeds(record))
+    remark(figure, white, whose_speeds(record))
     return figure
 
 

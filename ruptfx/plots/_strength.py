@@ -1,0 +1,49 @@
+"""The shear strength that the friction law of a run gives along its interface: what its shear traction comes up to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx import RuptfxError
+from ruptfx.case import Case, parse_case
+from ruptfx.record import Files
+
+
+def strength(record: Files, row: int) -> np.ndarray | None:
+    """Shear strength at one saved time along the first interface [Pa].
+
+    From the law of the case, weakened as its nucleation does, at the saved slip rate, normal stress and state. It is
+    zero where the interface is open.
+
+    Parameters
+    ----------
+    record : Record or Files
+    row : int
+        Number of the saved time.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        None where the record does not tell it: its case is not there, or names places by coordinates.
+    """
+    data = record.interface
+    position = data["position"].values
+    name = str(data.attrs.get("fault", ""))
+    try:
+        case = parse_case(record.case, record.path)
+        if not isinstance(case, Case) or name not in case.faults:
+            return None
+        law = case.faults[name].friction.at(position)
+        for nucleation in case.faults[name].nucleation:
+            law = nucleation.weaken(law, position)
+    except (RuptfxError, TypeError):  # a place that is a point on the interface is no number
+        return None
+    states = law.all_state_fields()
+    names = ["slip_rate", "normal_stress", *states]
+    if any(each not in data for each in names):
+        return None
+    rate, normal, *values = (np.asarray(data[each].isel(time=row).values) for each in names)
+    state = dict(zip(states, values, strict=True))
+    with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
+        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + np.zeros_like(position)
+    return np.where(np.isfinite(found), found, np.nan)
