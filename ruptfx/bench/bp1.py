@@ -139,8 +139,8 @@ def _draw(found: Cycles, expected: Cycles) -> Figure:
     axes[0].semilogy(np.array(expected.times) / YEAR, expected.speeds, lw=2, color="0.75", label="boundary integrals")
     axes[0].semilogy(time / YEAR, found.speeds, lw=1, label="finite elements")
     axes[0].axhline(V_P, color="0.6", lw=0.8, ls="--")
-    axes[0].legend(loc="center left")
     axes[0].set(xlabel="Time (a)", ylabel="Largest slip rate (m/s)", title="Dashed: rate of the plates")
+    figure.legend(loc="outside lower center", ncols=2)
     axes[1].semilogy(np.diff(time, prepend=0.0), lw=1)
     axes[1].set(xlabel="Step", ylabel="Length of the step (s)", title="Steps")
     return figure
