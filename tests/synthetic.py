@@ -229,3 +229,18 @@ def _write_energy(path: Path, time: Array) -> None:
     header = "time,kinetic,strain,interface_elastic,frictional_dissipation,damping,boundary_work,closure"
     rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
     path.write_text(f"# s, then J per metre of thickness; closure is a fraction\n{header}\n{rows}\n", encoding="utf-8")
+
+
+def write_cracks(path: Path, failed: int) -> None:
+    """Add three facets to a run, of which as many have failed, the first in tension, and an edge that was pulled."""
+    ends = 1e-3 * np.array([[[0, 0], [10, 0]], [[10, 0], [10, 10]], [[0, 0], [10, 10]]], dtype=float)
+    time = np.array([1e-6, 2e-6])
+    with h5py.File(path / "cracks.h5", "w") as file:
+        file.attrs["bodies"] = ["rock"]
+        file["points"], file["lines"] = ends.reshape(-1, 2), np.arange(6).reshape(3, 2)
+        file["time"], file["status"] = time, np.array([[1, 0, 0], np.where(np.arange(3) < failed, 2, 0)], dtype=np.int8)
+    middle, modes = ends.mean(axis=1)[:failed], np.array(["tensile", "shear"][:failed], dtype=object)
+    columns = {"x": ("event", middle[:, 0]), "y": ("event", middle[:, 1]), "mode": ("event", modes)}
+    xarray.Dataset(columns).to_netcdf(path / "events.h5", engine="h5netcdf")
+    rows = ["time,rock.top.displacement_y,rock.top.force_y", "0.0,0.0,0.0", "1e-6,1e-6,5e4", "2e-6,2e-6,1e4"]
+    (path / "edges.csv").write_text("\n".join(rows) + "\n")

@@ -32,11 +32,15 @@ def write(path, kind):
     fields = {"train": np.maximum(synthetic.train(TIME, POSITION), 0), "at rest": 0 * crack}
     plane = "antiplane" if kind == "antiplane" else "stress"
     field = fields.get(kind, crack)
-    return synthetic.write_run(path, field, TIME, POSITION, plane=plane, slides=kind == "slides far")
+    written = synthetic.write_run(path, field, TIME, POSITION, plane=plane, slides=kind == "slides far")
+    if kind in BROKEN:
+        synthetic.write_cracks(path, failed=BROKEN[kind])
+    return written
 
 
 SAVED = {"killed at once": 1, "killed early": 2}
-KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "slides far"]
+BROKEN = {"broken": 2, "not broken": 0}
+KINDS = ["train", "slow and fast", *SAVED, "at rest", "antiplane", "slides far", *BROKEN]
 
 
 @pytest.fixture(scope="module")
