@@ -81,4 +81,4 @@ def _save_small(figure: Figure, path: Path) -> None:
     with io.BytesIO() as buffer:
         save(figure, buffer, "png", dpi=130)
         with Image.open(buffer) as picture:
-            picture.convert("RGB").save(path, quality=80, method=6)
+            picture.convert("RGB").save(path, quality=80)
