@@ -16,7 +16,8 @@ from ruptfx.units import Coordinate, Length
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
-Segment: TypeAlias = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+Segment: TypeAlias = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
+Point: TypeAlias = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 
 DELAUNAY = 5  # of Gmsh
 MOST_CELLS = 5_000_000
@@ -68,7 +69,7 @@ class Specimen(MeshSource):
     """Rectangle or disc."""
     element_size: Length
     """Mean edge of the triangles."""
-    center: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    center: Point = [0.0, 0.0]
     """Of the specimen."""
     platens: Platens | None = None
     """Blocks below and above."""

@@ -115,7 +115,7 @@ def test_a_notch_is_a_crack_from_the_start() -> None:
     """A bar torn across the notch: its facets carry nothing, touch when pressed, and are no events."""
     pytest.importorskip("gmsh")
     mesh = {"kind": "specimen", "shape": {"kind": "rectangle", "width": 8e-3, "height": 8e-3}, "element_size": 1e-3,
-            "notches": [(-4e-3, 0.0, 0.0, 0.0)]}  # fmt: skip
+            "notches": [[-4e-3, 0.0, 0.0, 0.0]]}  # fmt: skip
     given = case({"mesh": mesh, "boundaries": [], "fracture.default.cohesion": NEVER})
     model = Model(given)
     state, x = model.initial_state(), model.coordinates

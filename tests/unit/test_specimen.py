@@ -55,7 +55,7 @@ def test_disc_with_flats() -> None:
 
 
 def test_notch_and_part_of_an_edge() -> None:
-    raw = build(center=(2e-3, 3e-3), notches=[(0, 2e-3, 1.5e-3, 2e-3)], parts={"struck": (0, 0, 0, 2e-3)})
+    raw = build(center=[2e-3, 3e-3], notches=[[0, 2e-3, 1.5e-3, 2e-3]], parts={"struck": [0, 0, 0, 2e-3]})
     ends = raw.points[raw.open_facets]
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(1.5e-3)
     assert ends[:, :, 1] == pytest.approx(2e-3)
@@ -65,7 +65,7 @@ def test_notch_and_part_of_an_edge() -> None:
 
 @pytest.mark.parametrize("keys, message", [
     ({"element_size": 1e-6}, "would make"),
-    ({"parts": {"struck": (1e-3, 0, 1e-3, 1e-3)}}, r"mesh\.parts\.struck: no part of the boundary"),
+    ({"parts": {"struck": [1e-3, 0, 1e-3, 1e-3]}}, r"mesh\.parts\.struck: no part of the boundary"),
     ({"platens": {"thickness": 1e-3, "body": "quartz"},
       "phases": {"kind": "random_cells", "fractions": {"quartz": 1.0}}}, "name of a phase"),
     ({"phases": {"kind": "voronoi_grains", "fractions": {"quartz": 1.0}, "grain_size": 0.6e-3}}, "less than two cells"),
@@ -77,4 +77,4 @@ def test_what_is_refused(keys: dict[str, Any], message: str) -> None:
 
 def test_a_notch_of_no_length_is_refused() -> None:
     with pytest.raises(RuptfxError, match="look at mesh"):
-        build(notches=[(0.0, 0.0, 0.0, 0.0)])
+        build(notches=[[0.0, 0.0, 0.0, 0.0]])
