@@ -7,8 +7,10 @@ import os
 from typing import Any
 
 import numpy as np
+from pydantic import PrivateAttr
 
 from ruptfx.case import Case, parse_case
+from ruptfx.meshes import MeshSource
 
 # The default operator, or the one under test everywhere: RUPTFX_TEST_OPERATOR=ufl_form python -m pytest
 OPERATOR = os.environ.get("RUPTFX_TEST_OPERATOR", "matrix_free")
@@ -230,17 +232,17 @@ Physical Curve("lower.left") = {5}; Physical Curve("upper.left") = {10};
 """
 
 
-class Given:
+class Given(MeshSource):
     """A mesh source that hands out a mesh made by a test."""
 
-    def __init__(self, raw: Any) -> None:
-        self.raw = raw
+    _raw: Any = PrivateAttr()
 
-    def lattice(self) -> None:
-        return None
+    def __init__(self, raw: Any) -> None:
+        super().__init__()
+        self._raw = raw
 
     def build(self) -> Any:
-        return self.raw
+        return self._raw
 
 
 def wavy_plates(amplitude: float = 4e-4) -> Given:

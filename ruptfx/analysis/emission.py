@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -282,6 +281,8 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
 
     Source: Utsu (1961); Ogata (1983); the error is from the curvature of the likelihood.
     """
+    from scipy.optimize import minimize  # a run, which asks for magnitudes only, starts without it
+
     times = np.asarray(time_to_failure, dtype=float)
     end = float(times.max(initial=0.0)) if longest is None else longest
     times = times[(times > 0) & (times <= end)]
