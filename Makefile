@@ -35,7 +35,7 @@ test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at s
 
 docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
-	timeout 600 $(BIN)/python -m pytest -m docs tests/docs
+	timeout 840 $(BIN)/python -m pytest -m docs tests/docs
 	@echo "Open docs/_build/html/index.html"
 
 bench: env ## benchmarks with acceptance numbers; fails when one is missed
