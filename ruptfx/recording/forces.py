@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-
 import numpy as np
 
 from ruptfx import fem, parallel
@@ -14,10 +11,14 @@ from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.state import FaultState
 
 OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
-COLUMNS = ("time", "normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
+COLUMNS = ("normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
+REMARK = (
+    "time in s, that of the record of the interface; forces between the bodies in N per metre, the normal one positive "
+    "in compression; then parts of the length of the plus side"
+)
 
 
-def forces(comm: fem.MPI.Comm, fault: Fault, state: FaultState, threshold: float) -> list[float]:
+def row(comm: fem.MPI.Comm, fault: Fault, state: FaultState, threshold: float) -> list[float]:
     """Normal (positive in compression) and shear force along the mean normal and tangent [N/m]; collective.
 
     Then the parts of the length of the plus side that stick, slide, are open, and face nothing. What slides is faster
@@ -54,33 +55,3 @@ def sliding_fields(
     faced, here, there = face.places(displacement)
     values = [contact_states(fault, state, threshold).astype(float), faced, *here.T, *there.T]
     return {field.name: value for field, value in zip(OF_SLIDING, values, strict=True)}
-
-
-class ForcesFile:
-    """One row for every record of an interface; rank 0 only.
-
-    Parameters
-    ----------
-    path : Path
-        Rows are added to what is there.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        begins = not path.exists()
-        self._file = path.open("a", newline="")
-        self._table = csv.writer(self._file)
-        if begins:
-            self._file.write(
-                "# time in s, that of the record of the interface; forces between the bodies in N per metre, the "
-                "normal one positive in compression; then parts of the length of the plus side\n"
-            )
-            self._table.writerow(COLUMNS)
-
-    def append(self, time: float, row: list[float]) -> None:
-        """Add a row at a time [s]."""
-        self._table.writerow([repr(value) for value in (time, *row)])
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()

@@ -7,7 +7,6 @@ written last, to a temporary name, and renamed. Only figures follow.
 
 from __future__ import annotations
 
-import csv
 import logging
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -21,13 +20,13 @@ import numpy as np
 from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
+from ruptfx.recording import edge_sums, forces
 from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.crack_files import CrackFiles, facets_of
-from ruptfx.recording.edges_file import EdgesFile, EdgeSums
-from ruptfx.recording.forces import ForcesFile, forces, sliding_fields
 from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.sampling import Samples
+from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase
 
@@ -82,11 +81,11 @@ class Recorder:
         if resume:
             self.samples.restore(resume.manifest["samples"])
         self._files: dict[str, InterfaceFile] = {}
-        self._forces: dict[str, ForcesFile] = {}
+        self._forces: dict[str, TableFile] = {}
         self._instruments: InstrumentsFile | None = None
         self._cracks: CrackFiles | None = None
-        self._edges: EdgesFile | None = None
-        self._edge_sums = None if model.cracks is None else EdgeSums(model)
+        self._edges: TableFile | None = None
+        self._edge_sums = None if model.cracks is None else edge_sums.EdgeSums(model)
         self._writer = Writer()
 
     def _schedule(self, interval: float) -> np.ndarray:
@@ -133,21 +132,17 @@ class Recorder:
         self.log.handlers = [handler]
         self.log.setLevel(logging.INFO)
         self.log.propagate = False
-        self._energy = (self.out / "energy.csv").open("a", newline="")
-        self._table = csv.writer(self._energy)
-        if not self._resume:
-            self._energy.write(
-                "# time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
-                "energies in J (per metre of thickness in 2D), closure relative to the largest work\n"
-            )
-            self._table.writerow(["time", *ENERGIES, "closure"])
+        self._energies = TableFile(self.out / "energy.csv", [*ENERGIES, "closure"], (
+            "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
+            "energies in J (per metre of thickness in 2D), closure relative to the largest work"
+        ))  # fmt: skip
         case = self.model.case
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
             if fault.slides:
                 name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
-                self._forces[fault.name] = ForcesFile(self.out / name)
+                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, forces.REMARK)
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
@@ -155,7 +150,7 @@ class Recorder:
             })  # fmt: skip
         if facets is not None and self._edge_sums is not None and case.fracture is not None:
             self._cracks = CrackFiles(self.out, facets, self.model.bodies.names, case.fracture.thickness)
-            self._edges = EdgesFile(self.out / "edges.csv", self._edge_sums.columns)
+            self._edges = TableFile(self.out / "edges.csv", self._edge_sums.columns, edge_sums.REMARK)
 
     def settle(self) -> list[Path]:
         """Write all that waits in memory; the history files of this rank, which may then be copied."""
@@ -163,9 +158,8 @@ class Recorder:
         if self.model.comm.rank == 0:
             for file in self._files.values():
                 file.settle()
-            self._energy.flush()
-            files += [*(file.path for file in self._files.values()), self.out / "energy.csv"]
-            files += [file.path for file in self._forces.values()]
+            files += [file.path for file in self._files.values()]
+            files += [table.path for table in (self._energies, *self._forces.values())]
             if self._instruments is not None:
                 self._instruments.settle()
                 files.append(self._instruments.path)
@@ -260,7 +254,7 @@ class Recorder:
             with phase("gathering"):
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
                 comm, least = self.model.comm, self.model.case.output.rupture_threshold
-                sums = {f.name: forces(comm, f, state.faults[f.name], least) for f in self.model.faults if f.slides}
+                sums = {f.name: forces.row(comm, f, state.faults[f.name], least) for f in self.model.faults if f.slides}
             with phase("energies"):
                 energy = self._motion.energies(state)
             edges = None if self._edge_sums is None else self._edge_sums.row(state)
@@ -291,7 +285,7 @@ class Recorder:
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
         if fault.slides:
             least = self.model.case.output.rupture_threshold
-            fields |= sliding_fields(fault, state.faults[fault.name], state.at_faults()[1], least)
+            fields |= forces.sliding_fields(fault, state.faults[fault.name], state.at_faults()[1], least)
         rows = _gather_fault(self.model.comm, fault, list(fields.values()))
         return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
 
@@ -313,8 +307,7 @@ class Recorder:
             self._edges.append(time, edges)
         for name, fields in faults.items():
             self._files[name].append(time, fields)
-        self._table.writerow([repr(value) for value in energies])
-        self._energy.flush()
+        self._energies.append(energies[0], energies[1:])
 
     @phase("writing")
     def __exit__(
@@ -341,7 +334,7 @@ class Recorder:
             files.append(self._instruments)
         files += [file for file in (self._cracks, self._edges) if file is not None]
         if self.model.comm.rank == 0:
-            files.append(self._energy)
+            files.append(self._energies)
             if error is not None:
                 self.log.error("stopped: %s", error)
         for file in files if not isinstance(error, DiskError) else []:

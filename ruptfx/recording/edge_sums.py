@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +13,11 @@ from ruptfx.edges import Edge
 if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.state import State
+
+REMARK = (
+    "time in s; of every edge on which a boundary acts the mean displacement of its nodes in m and the force on it "
+    "that the bodies resist, in N per metre of thickness"
+)
 
 
 class EdgeSums:
@@ -54,34 +57,3 @@ class EdgeSums:
         totals = parallel.total(model.comm, np.array(sums).reshape(-1, 5))
         totals[:, :2] /= totals[:, 4:]
         return [float(value) for total in totals for value in total[:4]]
-
-
-class EdgesFile:
-    """A row for every record of the interfaces; rank 0 only.
-
-    Parameters
-    ----------
-    path : Path
-        Rows are added to what is there.
-    columns : list of str
-    """
-
-    def __init__(self, path: Path, columns: list[str]) -> None:
-        self.path = path
-        begins = not path.exists()
-        self._file = path.open("a", newline="")
-        self._table = csv.writer(self._file)
-        if begins:
-            self._file.write(
-                "# time in s; of every edge on which a boundary acts the mean displacement of its nodes in m and the "
-                "force on it that the bodies resist, in N per metre of thickness\n"
-            )
-            self._table.writerow(["time", *columns])
-
-    def append(self, time: float, row: list[float]) -> None:
-        """Add a row at a time [s]."""
-        self._table.writerow([repr(value) for value in (time, *row)])
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()

@@ -1,0 +1,38 @@
+"""CSV tables that grow a row at a time while a run goes on."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class TableFile:
+    """One row for every record; rank 0 only.
+
+    Parameters
+    ----------
+    path : Path
+        Rows are added to what is there.
+    columns : iterable of str
+        After that of the time.
+    remark : str
+        What the table holds and in which units: the first line of the file.
+    """
+
+    def __init__(self, path: Path, columns: Iterable[str], remark: str) -> None:
+        self.path = path
+        begins = not path.exists()
+        self._file = path.open("a", newline="")
+        self._table = csv.writer(self._file)
+        if begins:
+            self._file.write(f"# {remark}\n")
+            self._table.writerow(["time", *columns])
+
+    def append(self, time: float, row: Iterable[float]) -> None:
+        """Add a row at a time [s]; it is on the disk when this returns."""
+        self._table.writerow([repr(value) for value in (time, *row)])
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
