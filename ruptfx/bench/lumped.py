@@ -19,6 +19,7 @@ import xarray
 from ruptfx.bench import Check, Outcome
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.lumped import silent
+from ruptfx.lumped.asperity_population import AsperityPopulation
 from ruptfx.lumped.maxwell_slip import MaxwellSlip, large_number_limit, late_amplitude_law
 from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface
 from ruptfx.lumped.spring_block import SpringBlock
@@ -77,7 +78,7 @@ def pmma(stiffness: object, mass: float = 0.0, interface_length: float = 0.0) ->
 
 def run(fine: bool = False, comm: MPI.Comm | None = None) -> Outcome:
     """All checks of the lumped models; the same at any resolution and on any number of ranks."""
-    return Outcome([*roughness_checks(), *chain_checks(), *slider_checks()], figure)
+    return Outcome([*roughness_checks(), *chain_checks(), *slider_checks(), *asperity_checks()], figure)
 
 
 def roughness_checks() -> list[Check]:
@@ -210,6 +211,37 @@ def slider_checks() -> list[Check]:
         Check("error of the 40 x 40 diagram, cells", 0.5, cells, 0.02, "1", "linear analysis", "at most"),
         Check("run time of the 40 x 40 diagram", 60, seconds, unit="s", relation="at most"),
     ]
+
+
+def asperity_checks() -> list[Check]:
+    """The population against itself when infinite, and the laws fitted to its velocity steps against it."""
+    model = AsperityPopulation()
+    data, seconds = timed(model.run)
+    steps = np.flatnonzero(np.diff(data.slip_rate)) + 1
+    first, fastest = (data.isel(sample=part) for part in (slice(0, steps[0]), slice(*steps[2:4])))
+    late = fastest.isel(sample=slice(-fastest.sizes["sample"] // 10, None))
+    span = float(data.friction.max() - data.friction.min())
+    quadrature, emerges = "quadrature", "Hulikal et al. (2015): rate and state emerge"
+    # Lengths without memory: the mean age of contacts is mean length / slip rate. The direct effect is that of the real
+    # area, strengthening times friction; weakening between two slip rates is (b - a) of any law that fits.
+    weakening = (model.steady(1e-6) - model.steady(1e-4)) / np.log(100)
+    fitted = float(data.ageing_b - data.ageing_a)
+    direct = model.shear_strengthening * model.steady(1e-6)
+    return [
+        Check("asperities: steady friction at 1 um/s", model.steady(1e-6), float(first.friction.mean()), 0.002, "1",
+              quadrature, relative=True),
+        Check("asperities: steady friction at 100 um/s", model.steady(1e-4), float(late.friction.mean()), 0.005, "1",
+              quadrature, relative=True),
+        Check("asperities: mean age of contacts at 1 um/s", 0.4, float(first.mean_age.mean()), 0.03, "s",
+              "mean length / slip rate", relative=True),
+        Check("asperities: b - a of the ageing law", weakening, fitted, 0.15, "1", quadrature, relative=True),
+        Check("asperities: a of the ageing law", direct, float(data.ageing_a), 0.25, "1", emerges, relative=True),
+        Check("asperities: misfit of the ageing law over the range of friction", 0.03,
+              float(data.ageing_misfit) / span, 0, "1", emerges, "at most"),
+        Check("asperities: healing per e-fold over b of the ageing law", 1, float(data.healing / data.ageing_b), 0, "1",
+              emerges, "at least"),
+        Check("asperities: run time", 20, seconds, unit="s", relation="at most"),
+    ]  # fmt: skip
 
 
 def figure() -> Figure:

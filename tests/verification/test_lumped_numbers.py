@@ -21,6 +21,10 @@ def test_roughness() -> None:
     assert failed(lumped.roughness_checks()) == []
 
 
+def test_asperities() -> None:
+    assert failed(lumped.asperity_checks()) == []
+
+
 @pytest.mark.slow
 def test_slider() -> None:
     assert failed(lumped.slider_checks()) == []

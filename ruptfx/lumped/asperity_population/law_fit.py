@@ -1,0 +1,60 @@
+"""The rate-and-state law that is closest to a trace of friction at given slip rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ruptfx.friction._rate_and_state import RateAndState
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Friction while the slip rate is constant by parts.
+
+    Attributes
+    ----------
+    duration, slip_rate, friction : ndarray, shape (samples,)
+        How long [s] the slip rate [m/s] holds, and the friction coefficient at the end of it.
+    """
+
+    duration: np.ndarray
+    slip_rate: np.ndarray
+    friction: np.ndarray
+
+    def predicted(self, law: RateAndState) -> tuple[np.ndarray, np.ndarray]:
+        """Friction coefficient and theta [s] of a law that begins in steady sliding, shapes (samples,)."""
+        theta = np.empty(len(self.duration))
+        one, last = np.ones(()), np.asarray(law.D_c / self.slip_rate[0])
+        bounds = [0, *(np.flatnonzero(np.diff(self.slip_rate)) + 1), len(theta)]
+        for first, end in pairwise(bounds):  # `advance` is exact at a constant slip rate
+            part, speed = slice(first, end), self.slip_rate[first] * one
+            theta[part] = law.advance({"theta": last}, speed, one, np.cumsum(self.duration[part]))["theta"]
+            last = theta[end - 1]
+        return np.asarray(law.strength(self.slip_rate, one, {"theta": theta})), theta
+
+    def fit(self, start: RateAndState) -> tuple[RateAndState, float]:
+        """The law with the a, b, D_c and f_0 of least squares over slip, and its RMS misfit.
+
+        Parameters
+        ----------
+        start : RateAndState
+            Where the search begins; its class and V_0 are kept.
+        """
+        weight = np.sqrt(self.duration * self.slip_rate)
+        weight /= np.linalg.norm(weight)
+
+        def law(x: np.ndarray) -> RateAndState:
+            a, b, D_c = np.exp(x[:3])
+            return start.model_copy(update={"a": float(a), "b": float(b), "D_c": float(D_c), "f_0": float(x[3])})
+
+        def misfit(x: np.ndarray) -> np.ndarray:
+            residual: np.ndarray = weight * (self.predicted(law(x))[0] - self.friction)
+            return residual
+
+        begin = [*np.log([float(start.a), float(start.b), float(start.D_c)]), float(start.f_0)]
+        found = least_squares(misfit, begin, x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4)
+        return law(found.x), float(np.linalg.norm(found.fun))
