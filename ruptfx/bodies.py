@@ -8,11 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
+from ruptfx.closest import closest
 from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.schema import nearest
 
@@ -353,7 +351,7 @@ def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
         np.stack([raw.points[nodes].min(axis=0), raw.points[nodes].max(axis=0)]) for nodes in (here, there)
     )
     shift = (high - low).mean(axis=0)
-    distance, partner = cKDTree(raw.points[here]).query(raw.points[there] - shift)
+    distance, partner = closest(raw.points[there] - shift, raw.points[here])
     lonely, extent = int(np.argmax(distance)), float(np.ptp(raw.points, axis=0).max())
     facets = here[partner][np.searchsorted(there, raw.edges[second])]
     same = {frozenset(facet) for facet in facets.tolist()} == {frozenset(f) for f in raw.edges[first].tolist()}
@@ -372,6 +370,9 @@ def destinations(
     raw: RawMesh, parts: int, tied: Sequence[Facets] = (), sliding: Collection[str] = (), neighbours: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
+    from scipy import sparse  # a mesh that ranks make by themselves starts without it
+    from scipy.sparse.csgraph import connected_components
+
     count = len(raw.cells)
     if parts == 1:
         return np.zeros(count, np.int32), np.arange(count + 1, dtype=np.int32)
@@ -416,6 +417,8 @@ def destinations(
 
 def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
     """Owner of every cell from a graph partitioner on the dual graph of the glued mesh."""
+    from scipy import sparse
+
     count = len(cells)
     facets = np.concatenate([np.sort(cells[:, list(facet)], axis=1) for facet in FACETS[cell]])
     _, label = np.unique(facets, axis=0, return_inverse=True)
@@ -432,6 +435,8 @@ def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
 
 def _cell_of_facets(raw: RawMesh) -> Callable[[np.ndarray], np.ndarray]:
     """A function: facets by vertices -> the cell each belongs to."""
+    from scipy import sparse
+
     sorted_cells = raw.cells[:, : VERTICES[raw.cell]]
     touching = sparse.csr_matrix(
         (

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel
+from ruptfx.closest import closest
 from ruptfx.nodes import Nodes
 
 Measure = Literal["x", "arc length", "first tangent"]
@@ -289,7 +289,7 @@ def _pair(
     if len(plus) == 0 or len(minus) == 0:
         return plus, minus, RuptfxError(f"interface '{name}': this rank has one side only (a fault of the partition)")
     extent = np.ptp(x, axis=0).max()
-    distance, partner = cKDTree(x[minus]).query(x[plus])
+    distance, partner = closest(x[plus], x[minus])
     lonely = int(np.argmax(distance))
     if distance[lonely] > 1e-8 * extent or len(plus) != len(minus):
         where = ", ".join(f"{value:.6g}" for value in x[plus[lonely]])
@@ -369,5 +369,5 @@ def _order(
     line = Line(measure, origin, float(position[0]), float(position[-1]))
     if len(points) == 0:
         return np.zeros(0), np.zeros(0, dtype=np.int64), len(places), line
-    _, number = cKDTree(places).query(points)
+    _, number = closest(points, places)
     return position[number], number, len(places), line

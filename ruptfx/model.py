@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
+from ruptfx.closest import closest
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
 from ruptfx.interface import Interface, build_interface
@@ -159,14 +159,16 @@ class Model:
 
     def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
         """Cells whose centre is that close to one of the points, or those that touch one."""
-        tree = cKDTree(points)
         if thickness is None:
-            dofs = self.space.dofmap.list
-            close = 1e-6 * np.linalg.norm(np.ptp(self.coordinates[dofs], axis=1), axis=1)
+            dofs, x = self.space.dofmap.list, self.coordinates
+            close = 1e-6 * np.linalg.norm(np.ptp(x[dofs], axis=1), axis=1)
             # Nobody asks how far away the others are.
-            distance, _ = tree.query(self.coordinates, distance_upper_bound=close.max(initial=0.0))
+            low, high = points.min(axis=0) - close.max(initial=0.0), points.max(axis=0) + close.max(initial=0.0)
+            there = np.flatnonzero(((x >= low) & (x <= high)).all(axis=1))
+            distance = np.full(len(x), np.inf)
+            distance[there] = closest(x[there], points)[0]
             return np.asarray(distance[dofs].min(axis=1) < close)
-        return np.asarray(tree.query(centres)[0] <= thickness)
+        return np.asarray(closest(centres, points)[0] <= thickness)
 
     def free_inverse_mass(self) -> np.ndarray:
         """Inverse mass [1/kg] of every degree of freedom, of tied ones together; zero where motion is prescribed."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, fem, parallel, slabs
 from ruptfx.bodies import Bodies
+from ruptfx.closest import closest
 
 
 class Nodes:
@@ -62,7 +62,7 @@ class Nodes:
             )
             pairs.append(np.stack([first, first]).astype(np.int64))
             if len(first) or len(second):
-                near = cKDTree(self.coordinates[second]).query(self.coordinates[first] + tie.shift)
+                near = closest(self.coordinates[first] + tie.shift, self.coordinates[second])
                 if len(first) != len(second) or np.any(near[0] > 1e-8 * extent):
                     error = RuptfxError(f"{tie.key}: this rank has nodes of one edge only (a fault of the partition)")
                     break

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -296,9 +296,14 @@ def own_kinds(package: str) -> list[str]:
 
 
 @cache
+def offered() -> EntryPoints:
+    """What installed packages offer to anyone; to find it a file of every one of them is read, so once only."""
+    return entry_points()
+
+
 def installed(package: str) -> dict[str, EntryPoint]:
     """What installed packages offer, by kind."""
-    return {entry.name: entry for entry in entry_points(group=package)}
+    return {entry.name: entry for entry in offered().select(group=package)}
 
 
 def kinds(package: str) -> list[str]:

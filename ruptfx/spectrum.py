@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
 from ruptfx import RuptfxError, parallel
 
@@ -105,7 +104,7 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
         w -= diagonal[-1] * vector
         beta = np.sqrt(dot(w, w))
         if len(diagonal) % 10 == 0 or beta == 0:
-            last, highest = highest, eigh_tridiagonal(diagonal, off, eigvals_only=True)[-1]
+            last, highest = highest, _largest_of(diagonal, off)
             if highest - last < 2e-3 * highest:
                 break
         off.append(beta)
@@ -113,3 +112,8 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     if not np.isfinite(diagonal[-1]) or highest <= 0:
         raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
     return float(np.sqrt(highest))
+
+
+def _largest_of(diagonal: list[float], off: list[float]) -> float:
+    """Largest eigenvalue of a symmetric tridiagonal matrix; so small that importing a solver for it does not pay."""
+    return float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off, -1))[-1])

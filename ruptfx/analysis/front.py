@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Array = np.ndarray
 
@@ -239,14 +237,25 @@ def trace_fronts(
     linked = (ahead >= 0) & (behind[ahead] == event)
     spacing = distance[column[ahead]] - distance[column]
     linked &= np.abs(when[ahead] - when) <= spacing / slowest + 2 * np.diff(time).max()
-    links = coo_array((np.ones(linked.sum()), (event[linked], ahead[linked])), shape=(len(event),) * 2)
-    label = connected_components(links, directed=False)[1]
+    label = _first_of_chains(event[linked], ahead[linked], len(event))
     order = np.lexsort((column, label))
     groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
     fronts = [Front(distance[column[group]], when[group]) for group in groups]
     fronts = [front for front in fronts if np.ptp(front.distance) >= min_length and len(front.time) >= 4]
     # At equal distance the earlier front leads: sort by retarded time at the fastest front's speed.
     return sorted(fronts, key=lambda front: float(np.median(front.time - front.distance / _fastest(fronts))))
+
+
+def _first_of_chains(event: Array, following: Array, count: int) -> Array:
+    """The first event of the chain that each is in, from links in each of which `following` is the later number.
+
+    No event has two links ahead or two behind.
+    """
+    first = np.arange(count)
+    first[following] = event
+    while np.any(first[first] != first):  # twice as far in every turn
+        first = first[first]
+    return first
 
 
 def _fastest(fronts: list[Front]) -> float:

@@ -15,7 +15,6 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from ruptfx import Table, fem, native
 from ruptfx.cracks import CrackLaws, Fracture
@@ -28,6 +27,8 @@ from ruptfx.state import FaultState, State
 from ruptfx.tracing import Expression, constant, depends, record, symbol, to_c
 
 if TYPE_CHECKING:
+    from scipy import sparse
+
     from ruptfx.bodies import Bodies
 
 LANES = 8  # ends that the C code does at a time
@@ -192,6 +193,8 @@ class CrackStep:
     @cached_property
     def _springs(self) -> sparse.csr_matrix:
         """Stiffness between nodes, the same for both components [N/m]; rows of nodes that other ranks own are empty."""
+        from scipy import sparse  # a run without cracks starts without it
+
         minus, plus = (self.corners[:, side].ravel() for side in (0, 1))
         stiffness = np.repeat(self.weight * self.stiffness, 2)
         rows, columns = np.concatenate([minus, plus, minus, plus]), np.concatenate([minus, plus, plus, minus])

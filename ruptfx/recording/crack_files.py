@@ -10,7 +10,6 @@ import h5netcdf
 import h5py
 import numpy as np
 
-from ruptfx.analysis.emission import magnitude
 from ruptfx.cracks._step import CrackStep
 from ruptfx.state import FaultState
 
@@ -203,6 +202,8 @@ def events(
     facets, names, thickness
         As for `CrackFiles`.
     """
+    from ruptfx.analysis.emission import magnitude  # with what it imports of SciPy, only where there are events
+
     failed = np.flatnonzero(np.isfinite(state["time_of_failure"]))
     failed = failed[np.argsort(state["time_of_failure"][failed], kind="stable")]
     of = {name: values[failed] for name, values in (state | facets).items()}

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
@@ -20,6 +19,8 @@ from ruptfx.schema import CaseError
 from ruptfx.sensed import Sensed, Stresses
 
 if TYPE_CHECKING:
+    from scipy import sparse
+
     from ruptfx.model import Model
     from ruptfx.state import State
 
@@ -161,7 +162,10 @@ class Samples:
                 rows = np.full(len(share.places), row)
                 entries.setdefault(share.source, []).append((rows, share.places, share.weights))
         sizes = {fault.name: len(fault.interface.position) for fault in self._model.faults}
-        nodal, at_faults = dict[str, sparse.csr_matrix](), dict[tuple[str, str], sparse.csr_matrix]()
+        nodal: dict[str, sparse.csr_matrix] = {}
+        at_faults: dict[tuple[str, str], sparse.csr_matrix] = {}
+        if entries:
+            from scipy import sparse  # a run without instruments starts without it
         for source, parts in entries.items():
             rows, places, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
             if isinstance(source, str):

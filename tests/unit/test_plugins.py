@@ -309,12 +309,12 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: laws-of-others\nVersion: 1.0\n")
         (folder / "entry_points.txt").write_text(f"[ruptfx.friction]\n{entries}\n")
         monkeypatch.syspath_prepend(tmp_path)
-        schema.installed.cache_clear()
+        schema.offered.cache_clear()
 
     yield install
     sys.modules.pop("laws_of_others", None)
     monkeypatch.undo()
-    schema.installed.cache_clear()
+    schema.offered.cache_clear()
 
 
 def test_entry_points(package: Any, tmp_path: Path) -> None:

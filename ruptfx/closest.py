@@ -1,0 +1,47 @@
+"""The nearest of some points: at once where points coincide but for rounding, as nodes of interfaces do.
+
+Only others need SciPy's tree, whose import takes as long as all of DOLFINx.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Found = tuple[np.ndarray, np.ndarray]
+ROUNDING = 1e-10  # of their largest coordinate, up to which points coincide
+
+
+def closest(points: np.ndarray, others: np.ndarray) -> Found:
+    """Distance from every point to the nearest of others, and its number.
+
+    Parameters
+    ----------
+    points, others : ndarray, shapes (n, dim) and (m, dim)
+        At least one other.
+
+    Returns
+    -------
+    distance, number : ndarray, shape (n,)
+    """
+    found = _coinciding(points, others)
+    if found is not None:
+        return found
+    from scipy.spatial import cKDTree
+
+    distance, number = cKDTree(others).query(points)
+    return distance, number
+
+
+def _coinciding(points: np.ndarray, others: np.ndarray) -> Found | None:
+    """The same where every point is that of an other; None where one is not, or where it is not clear."""
+    dim = others.shape[1]
+    direction = np.sqrt([2.0, 3.0, 5.0])[:dim]  # along which no two points of a mesh are expected to be alike
+    close = ROUNDING * max(np.abs(others).max(initial=0.0), np.abs(points).max(initial=0.0))
+    along = others @ direction
+    order = np.argsort(along)
+    reach = close * direction.sum()
+    single = np.diff(along[order], prepend=-np.inf) > 2 * reach  # the first of those that coincide
+    along, order = along[order][single], order[single]
+    number = order[np.minimum(np.searchsorted(along, points @ direction - reach), len(along) - 1)]
+    distance = np.linalg.norm(points - others[number], axis=1)
+    return (distance, number) if distance.max(initial=0.0) <= close else None
