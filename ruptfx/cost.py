@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,10 +34,11 @@ LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`
 # Bytes per node of a model in its first step, by components of the motion: the least that a run takes. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0}
-# Processor time of the start of the program, of the analysis at its end and of a figure, all of them Python at work,
-# over that of a fixed piece of Python; bytes of a figure's file.
-START, ANALYSIS, DRAWING, PICTURE = 20.0, 21.0, 19.5, 0.2e6
-FIGURES = 250e6  # bytes of memory of what draws
+# Processor time of the start of the program at most, of the analysis at its end and of a figure, all of them Python at
+# work, over that of a fixed piece of Python; bytes of a figure's file (`ruptfx bench command_cost`).
+START, ANALYSIS, DRAWING, PICTURE = 40.0, 2.5, 16.5, 0.2e6
+PACES = 5  # parts of that piece, the middle one of which counts
+FIGURES = 150e6  # bytes of memory of what draws
 BYTES = {"double": 8, "single": 4}
 
 
@@ -58,7 +60,7 @@ class Cost:
     disk: float
 
 
-def rehearse(model: Model, motion: Motion, steps: int | None, built: float) -> Cost:
+def rehearse(model: Model, motion: Motion, steps: int | None, started: float) -> Cost:
     """The cost of a run.
 
     Parameters
@@ -67,10 +69,12 @@ def rehearse(model: Model, motion: Motion, steps: int | None, built: float) -> C
     motion : Motion
     steps : int or None
         None where their number is not known; only the first are counted then.
-    built : float
-        Processor time that model and motion took [s].
+    started : float
+        Processor time of this program when it began with the model [s]: what starting takes, in a program that did
+        nothing else.
     """
-    case, began = model.case, time.process_time()
+    case, pace = model.case, _pace()
+    spared = max(started - START * pace, 0.0)  # a program that did something else before
     with tempfile.TemporaryDirectory() as folder, Recorder(model, motion, Path(folder)) as recorder:
         state = model.initial_state()
 
@@ -89,17 +93,16 @@ def rehearse(model: Model, motion: Motion, steps: int | None, built: float) -> C
         of_snapshot = _each(lambda: record("bulk"), 1)
     figures = number_of_figures(case) if case.output.figures else 0
     records, snapshots = _counts(case, steps)
-    total = built + time.process_time() - began
-    total += max((steps or 0) - STEPS, 0) * step
+    total = time.process_time() - spared - pace + max((steps or 0) - STEPS, 0) * step
     total += max(records - 3, 0) * of_record + max(snapshots - 2, 0) * of_snapshot
-    total += (START + ANALYSIS + figures * DRAWING) * _pace()
+    total += (ANALYSIS + figures * DRAWING) * pace
     memory = largest_memory() + FIGURES * bool(figures)
     return Cost(step, total, memory, _bytes_of_files(model, steps) + figures * PICTURE)
 
 
 def _pace() -> float:
     """Processor time of a fixed piece of Python [s], about 0.04."""
-    return _each(lambda: sum(len(f"{number:.3g}") for number in range(100_000)), 1)
+    return PACES * median(_each(lambda: sum(len(f"{number:.3g}") for number in range(20_000)), 1) for _ in range(PACES))
 
 
 def _each(action: Callable[[], object], times: int) -> float:

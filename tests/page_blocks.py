@@ -4,7 +4,8 @@
   must come: line by line, `...` standing for anything.
 - `python` blocks share their names.
 - A `toml`, `python` or other block with a `:caption:` is saved under that name, and not run.
-- `toml` blocks without one must be TOML; other languages are only shown.
+- `toml` blocks without one are parts of a case: they are put into one, which must know every key; other languages are
+  only shown.
 - `<!-- not run: why -->` before a block leaves it out.
 """
 
@@ -78,12 +79,43 @@ def run_page(page: Path, directory: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(block.text)
         elif block.language == "toml":
-            tomllib.loads(block.text)
+            _check_part(block)
         elif block.language == "python":
             source = "\n" * block.line + block.text  # tracebacks name the line of the page
             exec(compile(source, str(page), "exec"), names)
         elif block.language in ("sh", "console"):
             _run_shell(block, directory)
+
+
+def _check_part(block: Block) -> None:
+    """Put a part of a case into a whole one: what is known must be known by that name, and take that value.
+
+    What it lacks, as the page does not show it, does not count.
+    """
+    from small_cases import plates
+
+    from ruptfx.case import Case, parse_case
+    from ruptfx.schema import CaseError
+
+    part = tomllib.loads(block.text)
+    if not part.keys() <= Case.model_fields.keys():
+        return  # of a file that is no case
+    try:
+        parse_case(_joined(plates(), part))
+    except CaseError as error:
+        wrong = [line for line in str(error).splitlines() if "unknown key" in line or "input should" in line]
+        assert not wrong, f"{block}: {wrong}"
+
+
+def _joined(table: dict, part: dict) -> dict:
+    """A table with what is given; a table of another kind is replaced."""
+    if "kind" in part and part["kind"] != table.get("kind"):
+        return part
+    both = {**table, **part}
+    for key in table.keys() & part.keys():
+        if isinstance(table[key], dict) and isinstance(part[key], dict):
+            both[key] = _joined(table[key], part[key])
+    return both
 
 
 def _run_shell(block: Block, directory: Path) -> None:

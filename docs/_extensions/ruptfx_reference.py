@@ -115,7 +115,9 @@ class Commands(Directive):
     @staticmethod
     def _command(name: str, command: object) -> nodes.section:
         block = section(f"ruptfx {name}", f"command-{name}")
-        block += paragraph(" ".join(inspect.cleandoc(command.callback.__doc__ or "").split()))  # type: ignore[attr-defined]
+        text, _, example = inspect.cleandoc(command.callback.__doc__ or "").partition("\n\nExample: ")  # type: ignore[attr-defined]
+        block += [paragraph(" ".join(part.split())) for part in text.split("\n\n")]
+        block += nodes.literal_block(example, example, language="sh")
         rows = []
         for parameter in command.params:  # type: ignore[attr-defined]
             if parameter.name == "help":

@@ -163,7 +163,7 @@ def fit_speed(
     variance = np.sum(residual[keep] ** 2) / max(keep.sum() - 2, 1)
     deviation = np.sqrt(variance / np.sum((x[keep] - centre) ** 2))
     # Points that all start together, or in no order, have no front speed.
-    if abs(slowness) < max(3 * deviation, 1e-9 * np.abs(t).max() / np.ptp(x)):
+    if abs(slowness) <= max(3 * deviation, 1e-9 * np.abs(t).max() / np.ptp(x)):
         return Speed(points=int(keep.sum()))
     ends = float(x[keep].min()), float(x[keep].max())
     return Speed(float(1 / slowness), float(deviation / slowness**2), *ends, int(keep.sum()))

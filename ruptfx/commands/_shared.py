@@ -6,7 +6,7 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,7 +26,8 @@ errors = console(stderr=True)
 
 CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
 Overrides = Annotated[
-    list[str] | None, typer.Option("--set", help="KEY=VALUE, e.g. faults.main.initial_stress.normal=30e6; repeatable.")
+    list[str] | None,
+    typer.Option("--set", help='KEY=VALUE, e.g. faults.main.initial_stress.normal="30 MPa"; repeatable.'),
 ]
 EXIT_ERROR = RuptfxError.exit_code
 
@@ -55,6 +56,11 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
         sys.stderr.flush()
         time.sleep(0.5)  # mpiexec passes it on before it ends all
         comm.Abort(EXIT_ERROR)
+
+
+def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What the Tab key offers in a shell: the names, found when it is hit, that begin with what was typed."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 
 def show_plugins(case: HasPlugins, wanted: bool) -> None:

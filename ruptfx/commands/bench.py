@@ -7,16 +7,31 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import EXIT_ERROR, reported
+from ruptfx.commands._shared import EXIT_ERROR, completed_from, reported
+
+
+def names() -> list[str]:
+    """What can be run."""
+    from ruptfx.schema import own_kinds
+
+    return ["all", "list", "table", *own_kinds("ruptfx.bench")]
 
 
 def bench(
-    name: Annotated[str, typer.Argument(help="A benchmark, `all`, `list`, or `table` (of saved numbers).")] = "list",
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="A benchmark, `all`, `list`, or `table` (of saved numbers).", autocompletion=completed_from(names)
+        ),
+    ] = "list",
     as_json: Annotated[bool, typer.Option("--json", help="Machine-readable rows.")] = False,
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
-    out: Annotated[Path, typer.Option(help="Where figures go.")] = Path("bench"),
+    out: Annotated[Path, typer.Option(help="Where figures and numbers go.")] = Path("bench"),
 ) -> None:
-    """Run verification and speed benchmarks; exits non-zero when a check fails."""
+    """Run verification and speed benchmarks; exits non-zero when a check fails.
+
+    Example: ruptfx bench waves --fine
+    """
     with reported():
         from ruptfx.bench import run_benchmark
 

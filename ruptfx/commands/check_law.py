@@ -17,7 +17,10 @@ def check_law(
     set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
     out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("."),
 ) -> None:
-    """Check that a friction law keeps its contract, and draw it; exits non-zero when something fails or is missing."""
+    """Check that a friction law keeps its contract, and draw it; exits non-zero when something fails or is missing.
+
+    Example: ruptfx check-law my_law.py --set mu_s=0.6 --set L=20e-6
+    """
     with reported():
         from ruptfx.check_law import check_law as check
         from ruptfx.check_law import save_figure

@@ -27,5 +27,8 @@ BIBTEX = f"""@software{{ruptfx,
 
 
 def cite() -> None:
-    """How to cite ruptfx, and what it is built on, as BibTeX."""
+    """How to cite ruptfx, and what it is built on, as BibTeX.
+
+    Example: ruptfx cite
+    """
     screen.print(BIBTEX, markup=False, highlight=False, soft_wrap=True)

@@ -23,7 +23,10 @@ def compare(
     second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
     out: Annotated[Path, typer.Option(help="The figure that shows both.")] = Path("comparison.png"),
 ) -> None:
-    """Two runs side by side: what differs in their cases, their numbers, and both in one figure."""
+    """Two runs side by side: what differs in their cases, their numbers, and both in one figure.
+
+    Example: ruptfx compare runs/impact runs/pressed --out both.png
+    """
     with reported():
         from ruptfx.record import Record
 

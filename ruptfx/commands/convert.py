@@ -15,7 +15,10 @@ def convert(
     file: Annotated[Path, typer.Argument(help="Input of SEM2DPACK, mostly Par.inp.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="Case file to write; default NAME.toml beside it.")] = None,
 ) -> None:
-    """Write the case of a simple SEM2DPACK input: a Cartesian box with a slip-weakening fault."""
+    """Write the case of a simple SEM2DPACK input: a Cartesian box with a slip-weakening fault.
+
+    Example: ruptfx convert Par.inp --out fault.toml
+    """
     with reported():
         import tomllib
 

@@ -16,7 +16,10 @@ def demos(
     out: Annotated[Path, typer.Argument(help="A directory that does not exist yet.")] = Path("demos"),
     notebooks: Annotated[bool, typer.Option("--notebooks", help="Scripts also as Jupyter notebooks.")] = False,
 ) -> None:
-    """Copy the demo cases and scripts, which an installed ruptfx brings along."""
+    """Copy the demo cases and scripts, which an installed ruptfx brings along.
+
+    Example: ruptfx demos mine --notebooks
+    """
     import shutil
 
     with reported():

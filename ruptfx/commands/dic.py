@@ -24,7 +24,10 @@ def dic(
     pixel: Annotated[float | None, typer.Option(help="Size of a pixel in m; without it lengths are in pixels.")] = None,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
 ) -> None:
-    """Displacements and strains from two pictures, by digital image correlation; needs the extra dic."""
+    """Displacements and strains from two pictures, by digital image correlation; needs the extra dic.
+
+    Example: ruptfx dic before.png after.png --pixel 20e-6 --out strains
+    """
     with reported():
         import xarray
 

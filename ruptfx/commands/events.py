@@ -33,7 +33,10 @@ def events(
         help="Distance [m] and speed [m/s]: closer events within the time that the speed needs are one.")] = None,
     out: Annotated[Path, typer.Option(help="The figure.")] = Path("events.png"),
 ) -> None:
-    """b-value, fractal dimension and Omori exponent of acoustic emission, each with its error, and a figure."""
+    """b-value, fractal dimension and Omori exponent of acoustic emission, each with its error, and a figure.
+
+    Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
+    """
     with reported():
         from ruptfx.analysis.emission import clusters, read_catalogue
         from ruptfx.plots._catalogue import catalogue_statistics

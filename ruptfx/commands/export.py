@@ -35,6 +35,8 @@ def export(
 
     csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
     bodies and interfaces with all their times, for ParaView.
+
+    Example: ruptfx export runs/impact --format vtkhdf
     """
     with reported():
         from ruptfx import vtk_files

@@ -16,7 +16,10 @@ from ruptfx.commands._shared import reported, screen
 def list(
     directory: Annotated[Path, typer.Argument(help="Where run directories are.")] = Path("runs"),
 ) -> None:
-    """The runs below a directory: status, sliding mode, newest checkpoint, size."""
+    """The runs below a directory: status, sliding mode, newest checkpoint, size.
+
+    Example: ruptfx list runs
+    """
     with reported():
         found = sorted(path.parent for path in directory.rglob("case.toml"))
         if not found:

@@ -16,7 +16,10 @@ def mesh(
     set_: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="Picture; default NAME_mesh.png.")] = None,
 ) -> None:
-    """Draw bodies, edges and interfaces of a case: names, elements, origin, normal, tangent and patches."""
+    """Draw bodies, edges and interfaces of a case: names, elements, origin, normal, tangent and patches.
+
+    Example: ruptfx mesh demos/gmsh.toml --out mesh.png
+    """
     with reported():
         from ruptfx.case import Case, read_case
 

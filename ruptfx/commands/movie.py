@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import reported, screen
+from ruptfx.commands._shared import completed_from, reported, screen
 
 
 class Format(StrEnum):  # older Typers know no Literal
@@ -18,15 +18,28 @@ class Format(StrEnum):  # older Typers know no Literal
     mp4 = "mp4"
 
 
+def films() -> list[str]:
+    """What can be shown."""
+    from ruptfx.schema import own_kinds
+
+    return own_kinds("ruptfx.movies")
+
+
 def movie(
     run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
-    what: Annotated[str, typer.Option(help="fringes, max_shear, slip_rate or velocity.")] = "velocity",
+    what: Annotated[
+        str,
+        typer.Option(help="fringes, max_shear, slip_rate or velocity.", autocompletion=completed_from(films)),
+    ] = "velocity",
     format_: Annotated[Format, typer.Option("--format", help="mp4 needs the extra movie, or ffmpeg.")] = Format.gif,
     out: Annotated[Path | None, typer.Option(help="File; default RUN/figures/WHAT.gif.")] = None,
     rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Frames per second.")] = 12.0,
     frames: Annotated[int, typer.Option(min=2, help="Largest number of frames.")] = 200,
 ) -> None:
-    """Show a run as a movie: a field of the bodies with the slip rate below it; needs no DOLFINx."""
+    """Show a run as a movie: a field of the bodies with the slip rate below it; needs no DOLFINx.
+
+    Example: ruptfx movie runs/impact --what fringes --rate 3
+    """
     with reported():
         from ruptfx import movies
         from ruptfx.progress import Progress

@@ -11,24 +11,41 @@ import typer
 
 import ruptfx
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported, screen
+from ruptfx.commands._shared import completed_from, reported, screen
+
+DEMOS = Path(ruptfx.__file__).with_name("demos")
+
+
+def cases() -> list[str]:
+    """Demos that are cases, not studies."""
+    from ruptfx.case import read_toml
+
+    return sorted(path.stem for path in DEMOS.glob("*.toml") if "axes" not in read_toml(path))
 
 
 def new(
     name: Annotated[Path, typer.Argument(help="Name of the case; NAME.toml is written.", show_default=False)],
-    from_: Annotated[str, typer.Option("--from", help="A demo: impact, antiplane, bimaterial, gmsh ...")] = "impact",
+    from_: Annotated[
+        str,
+        typer.Option(
+            "--from", help="A demo: impact, antiplane, bimaterial, gmsh ...; a wrong name lists them.",
+            autocompletion=completed_from(cases),
+        ),
+    ] = "impact",
 ) -> None:
-    """Write a commented case that runs, to begin your own from."""
+    """Write a commented case that runs, to begin your own from.
+
+    Example: ruptfx new mine --from bimaterial
+    """
     from ruptfx.schema import nearest
 
     with reported():
-        demos = Path(ruptfx.__file__).with_name("demos")
-        known = [path.stem for path in demos.glob("*.toml") if "axes" not in _tables(path)]
+        known = cases()
         if from_ not in known:
             raise RuptfxError(f"--from {from_}: {nearest(from_, known)}")
-        source = demos / f"{from_}.toml"
-        case = name.with_suffix(".toml") if name.suffix != ".toml" else name
-        files = [demos / file for file in re.findall(r'^file = "([^"]+)"', source.read_text(), re.MULTILINE)]
+        source = DEMOS / f"{from_}.toml"
+        case = name if name.suffix == ".toml" else Path(f"{name}.toml")
+        files = [DEMOS / file for file in re.findall(r'^file = "([^"]+)"', source.read_text(), re.MULTILINE)]
         taken = [path for path in (case, *(case.parent / file.name for file in files)) if path.exists()]
         if taken:
             raise RuptfxError(f"{taken[0]}: exists already; choose another name, or remove it")
@@ -39,8 +56,3 @@ def new(
             shutil.copy(file, case.parent)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
 
-
-def _tables(path: Path) -> dict[str, object]:
-    from ruptfx.case import read_toml
-
-    return read_toml(path)

@@ -14,7 +14,10 @@ def plot(
     run: Annotated[Path, typer.Argument(help="Run or study directory.", show_default=False)],
     format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
 ) -> None:
-    """Draw the figures of a run, or the map of a study, again; needs no DOLFINx."""
+    """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
+
+    Example: ruptfx plot runs/impact --format pdf --format png
+    """
     with reported():
         if (run / "study.json").exists():
             from ruptfx.study import mode_map

@@ -18,7 +18,10 @@ def resume(
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
-    """Go on with a run that was stopped, from its newest checkpoint; with --duration also with one that is finished."""
+    """Go on with a run that was stopped, from its newest checkpoint; with --duration also with one that is finished.
+
+    Example: ruptfx resume runs/impact --duration "90 us" --ranks 2
+    """
     case = run / "case.toml"
     with reported():
         if not case.exists():

@@ -23,7 +23,10 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
-    """Run a case and leave a run directory with data, figures and a summary."""
+    """Run a case and leave a run directory with data, figures and a summary.
+
+    Example: ruptfx run demos/impact.toml --ranks 2 --set duration="20 us"
+    """
     from ruptfx import launch
     from ruptfx.case import Case, read_case
 

@@ -21,7 +21,10 @@ def study(
     set_: Overrides = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
-    """Run a case over axes of parameters; started again, it runs only what is new."""
+    """Run a case over axes of parameters; started again, it runs only what is new.
+
+    Example: ruptfx study demos/slip_weakening_map.toml --cores 2
+    """
     with reported():
         from ruptfx.study import read_study, run_study
 

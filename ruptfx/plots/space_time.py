@@ -14,6 +14,8 @@ from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark
 from ruptfx.plots._record import along, end_time, guides, has_slip_rates, is_uneven, rate_range, whose_speeds
 from ruptfx.record import Files
 
+APART = 0.05  # parts of the picture between labels, at least
+
 
 def suits(record: Files) -> bool:
     """Whether the run slides and one scale of time shows it."""
@@ -62,6 +64,7 @@ def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> None:
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
     (left, right), top = ax.get_xlim(), ax.get_ylim()[1]
     halo = [withStroke(linewidth=1.5, foreground="white")]
+    labelled: list[tuple[float, float]] = []  # where, in parts of the picture
     for name, speed, style in guides(record):
         slope = speed * t_size / x_size
         for sign, room in ((1, right - start), (-1, start - left)):
@@ -75,6 +78,11 @@ def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> None:
                 continue  # labels at one side are enough
             # c_R and c_s are close: above the picture their labels lean away from each other.
             leans_left = not at_side and (name == "$c_R$") == (sign > 0)
+            place = (end[0] - left) / (right - left), end[1] / top
+            if not leans_left and any(max(abs(x - place[0]), abs(y - place[1])) < APART for x, y in labelled):
+                continue  # a run that was stopped early: there is no room for another one
+            if not leans_left:
+                labelled.append(place)
             ax.annotate(
                 name, end, (3, 0) if at_side else (0, 3), textcoords="offset points", color=GUIDE,
                 ha="right" if leans_left else "left", va="center" if at_side else "bottom",

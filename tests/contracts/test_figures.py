@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import synthetic
+from labels import label_faults
 from matplotlib import pyplot
 
 from ruptfx import plots
@@ -69,7 +70,7 @@ def test_figure(name, kind, records):
     if not plots.suits(name, records[kind]):
         return
     figure = plots.FIGURES[name](records[kind])
-    figure.draw_without_rendering()
+    assert label_faults(figure) == []
     assert pyplot.get_fignums() == []  # belongs to no window, and is gone when nobody holds it
     shown = [ax for ax in figure.axes if ax.get_visible()]
     labels = [axis.get_label_text() for ax in shown for axis in (ax.xaxis, ax.yaxis)]

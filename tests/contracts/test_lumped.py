@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from labels import label_faults
 from matplotlib import pyplot
 
 from ruptfx.case import parse_case
@@ -40,7 +41,7 @@ def test_example(kind: str, tmp_path: Path) -> None:
     assert {f"{name}.png" for name in figures} == {path.name for path in (tmp_path / "run" / "figures").iterdir()}
     assert figures and pyplot.get_fignums() == []
     for figure in figures.values():
-        figure.draw_without_rendering()
+        assert label_faults(figure) == []
         labels = [axis.get_label_text() for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
         assert sum(map(bool, labels)) >= 2
         for ax in figure.axes:

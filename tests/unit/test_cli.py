@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -11,12 +13,15 @@ from typing import Any
 
 import pytest
 import tomli_w
+import typer
 from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
 from ruptfx import __version__, launch, summary_fields
 from ruptfx.cli import app
 from ruptfx.schema import kinds
+
+GROUP: Any = typer.main.get_command(app)
 
 
 def ruptfx(*arguments: str | Path) -> Result:
@@ -312,6 +317,30 @@ def test_version_and_help() -> None:
     assert ruptfx("--version").output.strip() == __version__
     for command in ("run", "check", "plot", "describe", "demos", "bench", "study"):
         assert command in ruptfx("--help").output
+
+
+@pytest.mark.parametrize("name", GROUP.commands)
+def test_help_of_a_command(name: str) -> None:
+    """What it does, an example that it would accept, and a word on every argument and option."""
+    command = GROUP.commands[name]
+    text, _, example = inspect.cleandoc(command.callback.__doc__ or "").partition("\n\nExample: ")
+    assert text.endswith(".")
+    program, called, *arguments = shlex.split(example)
+    assert (program, called) == ("ruptfx", name)
+    command.make_context(name, arguments)  # no such option, or a value that it does not take: an error
+    assert all(parameter.help for parameter in command.params if parameter.name != "help")
+    assert f"Example: ruptfx {name}" in said(ruptfx(name, "--help"))
+
+
+def test_the_tab_key_offers_names() -> None:
+    from ruptfx.commands import bench, describe, movie, new
+    from ruptfx.commands._shared import completed_from
+
+    assert completed_from(describe.topics)("fr") == ["friction"]
+    assert "impact" in completed_from(new.cases)("") and "mode_map" not in new.cases()
+    assert completed_from(bench.names)("wav") == ["waves"]
+    shown = said(ruptfx("movie", "--help"))
+    assert [film for film in completed_from(movie.films)("") if film not in shown] == []
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from small_cases import merged, plates
 from typer.testing import CliRunner, Result
 
 from ruptfx.cli import app
+from ruptfx.commands.new import cases
 from ruptfx.record import Record
 
 ROOT = Path(__file__).parents[2]
@@ -46,17 +47,32 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # -- new and mesh ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("demo", ["impact", "antiplane", "bimaterial", "rate_state", "gmsh", "spring_slider"])
-def test_new_writes_a_case_that_is_valid(demo: str, tmp_path: Path) -> None:
-    from ruptfx.case import read_case
+@pytest.mark.parametrize("demo", cases())
+def test_new_writes_a_case_that_is_commented_and_runs(demo: str, tmp_path: Path) -> None:
+    """Every demo: what it is in the first line, comments at every other key or so, and a run of a few steps."""
+    from ruptfx.case import Case, read_case
 
-    result = ruptfx("new", tmp_path / "mine", "--from", demo)
-    assert result.exit_code == 0 and f"ruptfx check {tmp_path / 'mine.toml'}" in said(result)
-    assert "# " in (tmp_path / "mine.toml").read_text()
-    case = read_case(tmp_path / "mine.toml")
+    result = ruptfx("new", tmp_path / "mine.own", "--from", demo)
+    path = tmp_path / "mine.own.toml"
+    assert result.exit_code == 0 and f"ruptfx check {path}" in said(result)
+    lines = path.read_text().splitlines()
+    assert lines[0].startswith("# ") and f"demos/{demo}.toml" not in path.read_text()
+    assert "exists already" in said(ruptfx("new", tmp_path / "mine.own", "--from", demo))
+    case = read_case(path)
+    if not isinstance(case, Case):
+        return  # tests/contracts/test_lumped.py runs them
+    assert sum("#" in line for line in lines) >= 0.15 * sum("=" in line for line in lines)
+    pytest.importorskip("dolfinx")
     if demo == "gmsh":
-        assert Path(case.mesh.file).parent == tmp_path
-    assert "exists already" in said(ruptfx("new", tmp_path / "mine", "--from", demo))
+        pytest.importorskip("gmsh")
+    short = [f"duration={1e-3 * case.duration!r}", "output.figures=false"]
+    short += [f"stages.{number}.duration={1e-3 * stage.duration!r}" for number, stage in enumerate(case.stages)]
+    if hasattr(case.mesh, "element_size"):
+        short.append(f"mesh.element_size={2 * case.mesh.element_size!r}")
+    options = [item for value in short for item in ("--set", value)]
+    result = ruptfx("run", path, "--out", tmp_path / "run", "--quiet", *options)
+    assert result.exit_code == 0, said(result)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["steps"] > 0
 
 
 def test_new_knows_its_demos(tmp_path: Path) -> None:

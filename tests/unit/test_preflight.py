@@ -282,41 +282,23 @@ def test_size_of_files(changes: dict[str, Any], tmp_path: Path) -> None:
     assert rows(table)["files"].value == pytest.approx(there / 1e6, rel=0.3)
 
 
-def test_time_and_memory_of_the_whole_command(tmp_path: Path) -> None:
-    """Within 30 % of what `ruptfx run` takes, with pictures; on a machine that does much else time counts twice."""
-    import subprocess
-    import sys
-
+def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
+    """Within 30 % of what `ruptfx run` takes, with pictures; where other programs disturb, in one of three attempts."""
     import tomli_w
+
+    from ruptfx.bench.command_cost import ALIKE, compared
 
     table = plates({"duration": 20e-6, "output.figures": True, "boundaries": [
         {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0}
     ]})  # fmt: skip
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
-    program = [
-        "from ruptfx.case import read_case", "from ruptfx.preflight import preflight",
-        "found = {row.quantity: row.value for row in preflight(read_case('case.toml'))}",
-        "print(found['expected run time'], found['memory'], found['files'])",
-    ]  # fmt: skip
-    told = subprocess.run(
-        [sys.executable, "-c", "\n".join(program)], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout.split()
-    program = [
-        "import atexit, resource, sys", "from ruptfx.cli import app", "from ruptfx.cost import largest_memory",
-        "def say():",
-        "    usage = resource.getrusage(resource.RUSAGE_SELF)",
-        "    print(largest_memory(), usage.ru_utime + usage.ru_stime)",
-        "atexit.register(say)", "app(['run', 'case.toml', '--quiet'])",
-    ]  # fmt: skip
-    taken = subprocess.run(
-        [sys.executable, "-c", "\n".join(program)], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout.split()
-    largest, seconds = map(float, taken[-2:])
-    files = sum(path.stat().st_size for path in (tmp_path / "runs" / "case").rglob("*") if path.is_file())
-    time, memory, disk = map(float, told)
-    assert memory == pytest.approx(largest / 1e6, rel=0.3)
-    assert disk == pytest.approx(files / 1e6, rel=0.3)
-    assert 0.5 < time / seconds < 2
+    for attempt in range(3):
+        told, taken = compared(tmp_path / "case.toml")
+        assert told["memory"] == pytest.approx(taken["memory"], rel=ALIKE)
+        assert told["files"] == pytest.approx(taken["files"], rel=ALIKE)
+        if told["expected run time"] == pytest.approx(taken["expected run time"], rel=ALIKE):
+            return
+    raise AssertionError(f"after {attempt + 1} attempts: {told}, {taken}")
 
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Tab, browser, visit
+from labels import label_faults
 from PIL import Image
 
 from ruptfx.directories import write_json
@@ -140,6 +141,7 @@ def test_modes_of_two_studies_side_by_side(page):
     figure = mode_map.draw_modes([shown, shown])
     assert [ax.get_title() for ax in figure.axes] == ["A", "B", "A", "B"]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["crack", "pulse", "failed"]
+    assert label_faults(figure) == [] == label_faults(mode_map.draw(shown))
 
 
 @browser

@@ -1,0 +1,101 @@
+"""What `ruptfx check` tells of time, memory and files, over what `ruptfx run` takes: within 30 % for every demo.
+
+Both in processes of their own, on one rank, with all outputs and pictures; processor time, so that other programs count
+little. Where step sizes follow the state `check` tells no time; such demos are compared over a part of their duration,
+by memory alone. Without `--fine`: the demos of a few seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import ruptfx
+from ruptfx import RuptfxError
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._parts import Parts
+from ruptfx.case import Case, read_case
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
+
+DEMOS = Path(ruptfx.__file__).with_name("demos")
+QUICK = ("antiplane", "gmsh", "impact", "rate_state", "pressed_block")
+ALIKE = 0.3
+ADAPTIVE = 0.02  # of the duration, where only memory is compared
+UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
+# What check tells, as JSON; and what a run takes, in its last line.
+TOLD = """
+import json, sys
+from ruptfx.case import read_case
+from ruptfx.preflight import preflight
+rows = {row.quantity: row.value for row in preflight(read_case(sys.argv[1], sys.argv[2:]))}
+print(json.dumps({name: rows.get(name) for name in ("expected run time", "memory", "files")}))
+"""
+TAKEN = """
+import json, runpy
+from ruptfx import cost, stopwatch
+try:
+    runpy.run_module("ruptfx", run_name="__main__")
+except SystemExit as ended:
+    if ended.code:
+        raise
+print(json.dumps([sum(stopwatch.phases().values()), cost.largest_memory() / 1e6]))
+"""
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    del comm
+    parts = Parts()
+    for path in sorted(DEMOS.glob("*.toml")):
+        if not (fine or path.stem in QUICK) or not _is_run(path):
+            continue
+        with parts.one(path.stem):
+            told, taken = compared(path)
+            for what, unit in UNITS.items():
+                value = told[what]
+                if value is not None:
+                    name, numbers = f"{path.stem}: {what}, told / taken", f"{value:.4g} over {taken[what]:.4g} {unit}"
+                    parts.checks.append(Check(name, 1.0, value / taken[what], ALIKE, "1", numbers))
+    return Outcome(parts.checks, rows=parts.rows)
+
+
+def _is_run(path: Path) -> bool:
+    try:
+        return isinstance(read_case(path), Case)
+    except RuptfxError:  # a study
+        return False
+
+
+def compared(path: Path, overrides: list[str] | None = None) -> tuple[dict[str, float | None], dict[str, float]]:
+    """Processor time [s], memory and files [MB] of a case, as check tells them, and as a run takes them.
+
+    Raises
+    ------
+    RuptfxError
+        One of both failed, with what it said.
+    """
+    given = list(overrides or [])
+    case = read_case(path, given)
+    assert isinstance(case, Case)
+    if case.stepper.adaptive:
+        given.append(f"duration={ADAPTIVE * case.duration!r}")
+    with tempfile.TemporaryDirectory() as folder:
+        told: dict[str, float | None] = json.loads(_last_line([TOLD, str(path), *given], folder))
+        options = [item for value in given for item in ("--set", value)]
+        taken = json.loads(_last_line([TAKEN, "run", str(path), "--out", "run", "--quiet", *options], folder))
+        size = sum(file.stat().st_size for file in Path(folder, "run").rglob("*") if file.is_file())
+    return told, dict(zip(UNITS, [*taken, size / 1e6], strict=True))
+
+
+def _last_line(arguments: list[str], folder: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=3600
+    )
+    if done.returncode:
+        raise RuptfxError(f"bench command_cost, {' '.join(arguments[1:])}: {done.stderr.strip()[-2000:]}")
+    return done.stdout.splitlines()[-1]
