@@ -148,7 +148,8 @@ class Case(CaseFile):
     title: str = ""
     """What figures and tables are headed with."""
     plane: Plane
-    """Plane stress, plane strain, antiplane shear (motion in z only) or a solid in three dimensions."""
+    """Plane stress, plane strain, antiplane shear (motion in z only), a solid in three dimensions, or `axisymmetric`,
+    the section of bodies of revolution about y = 0: y is the radius."""
     order: Annotated[int, Field(ge=1, le=8)] = 4
     """Polynomial order of the spectral elements."""
     operator: str = "matrix_free"
@@ -195,12 +196,13 @@ class Case(CaseFile):
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
-        allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}[self.plane]
+        allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
         for key, boundary in self.all_boundaries():
             boundary.check(key, self.plane, allowed)
         self._check_stages()
         self._check_instruments(allowed)
         self._check_fracture()
+        self._check_axisymmetric()
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -265,6 +267,18 @@ class Case(CaseFile):
         for key, boundary in self.all_boundaries():
             if boundary.tied_edges is not None:
                 raise ValueError(f"{key}.kind = '{boundary.kind()}': bodies that break cannot be tied; leave it out")
+
+    def _check_axisymmetric(self) -> None:
+        if self.plane != "axisymmetric":
+            return
+        for name, fault in self.faults.items():
+            if fault.sliding is not None:
+                raise ValueError(f"faults.{name}.sliding: only motion in a plane slides far; leave it out")
+            if fault.initial_stress.tensor is not None:
+                raise ValueError(
+                    f"faults.{name}.initial_stress.tensor: around an axis no uniform stress is in equilibrium in "
+                    "general; give the normal and shear stress of the interface"
+                )
 
     @property
     def initial_tensor(self) -> np.ndarray | None:

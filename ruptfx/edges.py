@@ -93,7 +93,7 @@ class Edge:
         test = self._loaded_cells(limits) * fem.ufl.TestFunction(self.model.space)
         scalar = self.model.components == 1
         density = traction[0] * test if scalar else fem.ufl.inner(fem.ufl.as_vector(list(traction)), test)
-        return fem.assemble_summed(self.model.space, density * self.model.edge_measure(self.tag))
+        return fem.assemble_summed(self.model.space, self.model.around(density) * self.model.edge_measure(self.tag))
 
     def integral(self, density: Callable[[list[Expr], Expr], Expr]) -> np.ndarray:
         """Integral over the edge of what is linear in the test function, at every local degree of freedom.
@@ -105,7 +105,7 @@ class Edge:
         test = fem.ufl.TestFunction(self.model.space)
         tests = [test] if self.model.components == 1 else list(test)
         expression = density(tests, fem.ufl.FacetNormal(self.model.mesh))
-        return fem.assemble_summed(self.model.space, expression * self.model.edge_measure(self.tag))
+        return fem.assemble_summed(self.model.space, self.model.around(expression) * self.model.edge_measure(self.tag))
 
     def _loaded_cells(self, limits: Limits) -> fem.dolfinx.fem.Function:
         """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
-from ruptfx.boundaries import Action, Boundary, Support
+from ruptfx import axisymmetry, parallel
+from ruptfx.boundaries import Action, Boundary, Motion, Support
 from ruptfx.edges import Edge
 from ruptfx.inside import Inside
 from ruptfx.schema import CaseError
@@ -47,6 +47,8 @@ class Loads:
         self._acts = [(each, self.act(each, f"{key}.{number}")) for number, each in enumerate(boundaries)]
         actions = [action for _, found in self._acts for action in found]
         self.motions = [action.motion for action in actions if action.motion is not None]
+        if model.case.plane == "axisymmetric":
+            self.motions.append(_resting(2 * np.flatnonzero(axisymmetry.on_axis(model.coordinates)) + 1))
         self.forces = [action.force for action in actions if action.force is not None]
         self.supports: list[Support] = [action.support for action in actions if action.support is not None]
         self.dashpot = np.zeros(model.nodes * model.components)
@@ -136,3 +138,12 @@ class Loads:
         u, total = displacement.reshape(-1, self.model.components), force.reshape(-1, self.model.components)
         for support in self.supports:
             total[support.nodes] -= np.einsum("nij,nj->ni", support.stiffness, u[support.nodes])
+
+
+def _resting(dofs: np.ndarray) -> Motion:
+    """What does not move: the radial displacement on an axis of revolution."""
+
+    def zero(time: float) -> float:
+        return 0.0
+
+    return Motion(dofs, zero, zero, zero)

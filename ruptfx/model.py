@@ -7,12 +7,12 @@ exchange nothing but the internal force.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, operators, parallel
+from ruptfx import RuptfxError, axisymmetry, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
@@ -81,6 +81,8 @@ class Model:
         if (dim == 3) != (case.plane == "solid"):
             raise CaseError(f"plane = '{case.plane}': the mesh has {dim} dimensions")
         self.components = {"antiplane": 1, "solid": 3}.get(case.plane, 2)
+        if case.plane == "axisymmetric":
+            parallel.raise_on_all(self.comm, axisymmetry.put_on_axis(self.mesh))
         if case.fracture is not None and self.mesh.basix_cell().name != "triangle":
             raise CaseError(f"fracture: bodies break along triangles, and this mesh has {self.mesh.basix_cell().name}s")
         broken = case.fracture is not None
@@ -194,9 +196,17 @@ class Model:
         ufl = fem.ufl
         dx = self.measure()
         density = [material.density for material in self.materials]
-        return fem.assemble_summed(
-            self.space, sum(rho * self.sum_of(ufl.TestFunction(self.space)) * dx(i) for i, rho in enumerate(density))
-        )
+        test = self.around(self.sum_of(ufl.TestFunction(self.space)))
+        mass = fem.assemble_summed(self.space, sum(rho * test * dx(i) for i, rho in enumerate(density)))
+        if self.case.plane == "axisymmetric":
+            gained = axisymmetry.mass_on_axis(self.space, np.array(density)[self.bodies.cell_body])
+            self.layout.sum_shared(gained)
+            mass += gained
+        return mass
+
+    def around(self, density: fem.Expr) -> fem.Expr:
+        """What a density of the section is worth all round the axis, where there is one."""
+        return axisymmetry.around(density, self.mesh, self.case.plane)
 
     def measure(self) -> fem.ufl.Measure:
         return fem.ufl.Measure(
@@ -219,6 +229,13 @@ class Model:
             if fault.gap is not None:
                 raise CaseError(f"faults.{name}.gap: surfaces that slide have the distance that they have in the mesh")
             face = build_sliding(self.layout, name, fault.sliding.follow)
+        if self.case.plane == "axisymmetric":
+            radius = face.points[:, 1]
+            reaches = axisymmetry.on_axis(face.points).any()
+            parallel.raise_on_all(self.comm, CaseError(
+                f"faults.{name}: the interface reaches the axis, where it has no area; make the bodies hollow"
+            ) if reaches else None)  # fmt: skip
+            face = replace(face, weight=2 * np.pi * radius * face.weight)
         if fault.initial_stress.tensor is not None and (
             self.components == 1 or len(fault.initial_stress.tensor) != (3, 6)[self.components == 3]
         ):

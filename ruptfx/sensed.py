@@ -50,7 +50,7 @@ class Sensed:
         self.model, self._initial_stress = model, initial_stress
         self.axes = {"z": 0} if model.components == 1 else {name: i for i, name in enumerate("xyz"[: model.components])}
         self.entries = _ENTRIES[model.components]
-        self.force_unit = "N" if model.components == 3 else "N/m"
+        self.force_unit = "N" if model.case.plane in ("solid", "axisymmetric") else "N/m"
 
     def unit_vector(self, component: int) -> np.ndarray:
         return np.eye(self.model.components)[component]
@@ -195,6 +195,10 @@ class SensedPoint:
         model, coefficients = self._plates.model, np.zeros(self._shape)
         stiffness = tangent_stiffness(model.materials[self._place.body], model.case.plane)
         coefficients[1:] = stiffness[entry[0]][:, None] if stiffness.ndim == 2 else stiffness[entry].T
+        if model.case.plane == "axisymmetric":
+            around = tangent_stiffness(model.materials[self._place.body], "solid")[(*entry, 2, 2)]
+            radius = self._point[1]  # on the axis u_r / r is du_r/dr
+            coefficients[(0, 1) if radius > 0 else (2, 1)] += around / (radius or 1.0)
         return self.reading(coefficients)
 
     def initial_stress(self, label: str) -> float:

@@ -11,8 +11,9 @@ from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent
 from ruptfx.schema import Alternative, alternative
 from ruptfx.units import Density, FringeConstant
 
-Plane = Literal["stress", "strain", "antiplane", "solid"]
-"""What the displacement is: two components in plane stress or strain, the one out of plane, or all three in 3D."""
+Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
+"""What the displacement is: two components in plane stress or strain, the one out of plane, all three in 3D, or two in
+the section of bodies of revolution, along the axis and the radius."""
 
 
 class WaveSpeeds(NamedTuple):
@@ -43,6 +44,8 @@ class Material(Alternative):
         ----------
         strain : UFL expression
             Symmetric gradient, shape (d, d); in antiplane the gradient of the out-of-plane displacement, shape (2,).
+        plane : str
+            Around an axis it is `solid`, and in what concerns short waves `strain`.
         """
         raise NotImplementedError
 

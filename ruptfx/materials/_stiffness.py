@@ -21,6 +21,7 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
     ----------
     material : Material
     plane : str
+        Around an axis the stiffness is that in the section, of plane strain.
 
     Returns
     -------
@@ -34,6 +35,8 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
     """
     import ufl
 
+    if plane == "axisymmetric":
+        plane = "strain"
     dim = 3 if plane == "solid" else 2
     at_rest = np.zeros((dim,) if plane == "antiplane" else (dim, dim))
     strain = ufl.variable(ufl.as_tensor(at_rest.tolist()))

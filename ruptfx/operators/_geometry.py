@@ -18,7 +18,8 @@ def numbers(
     """Kind of every batch, where its numbers begin (in vectors), and the numbers.
 
     A batch takes the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for cells that
-    only fill up a batch) and the geometry.
+    only fill up a batch) and the geometry; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
+    is one number in an affine cell, one for each node in a curved one, and left to the kernel in others.
 
     Parameters
     ----------
@@ -34,7 +35,12 @@ def numbers(
     kind = np.empty(len(cells), dtype=np.uint8)
     for part in _slices(len(cells)):
         kind[part] = _classify(mesh, cells[part])
-    width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * len(permutation)])[kind]
+    nodes, axisymmetric = len(permutation), bulk.plane == "axisymmetric"
+    width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * nodes])
+    if axisymmetric:
+        kind[kind == BOX] = AFFINE
+        width += 2 * nodes + np.array([1, 1, 0, nodes])
+    width = width[kind]
     start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
     number = native.aligned((int(start[-1]), lanes))
     moduli = np.array([material.lame(bulk.plane) for material in bulk.materials])
@@ -46,6 +52,8 @@ def numbers(
             sign, geometry = _geometry(bulk.space, chosen, int(value), permutation)
             modulus = moduli[bulk.cell_material[chosen]] * (sign * ~padding[batch])[..., None]
             found = np.concatenate([modulus, geometry], axis=-1)
+            if axisymmetric:
+                found = np.concatenate([found, _rings(bulk.space, chosen, int(value), permutation)], axis=-1)
             number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)
     return kind, start[:-1], number
 
@@ -72,6 +80,20 @@ def _geometry(
     if kind == BOX:
         return upright, np.diagonal(scaled, axis1=-2, axis2=-1)
     return upright, scaled.reshape(*cells.shape, -1)
+
+
+def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, permutation: np.ndarray) -> np.ndarray:
+    """2 pi r and 1 / r (0 on the axis) of the nodes of cells, and sqrt(det J); shape (batches, lanes, numbers)."""
+    mesh = space.mesh
+    shape = _coordinate_element(mesh).tabulate(1, np.asarray(space.element.basix_element.points)[permutation])
+    values, slopes = np.asarray(shape)[0, :, :, 0], np.asarray(shape)[1:, :, :, 0]
+    x = _nodes(mesh, cells)
+    radius = np.einsum("qk,blk->blq", values, x[..., 1])
+    axis = radius <= 1e-12 * np.abs(x).max()
+    inverse = np.where(axis, 0.0, 1 / np.where(axis, 1.0, radius))
+    size = np.sqrt(np.abs(np.linalg.det(np.einsum("dqk,blka->blqda", slopes, x))))
+    sizes = {AFFINE: size[..., :1], MULTILINEAR: size[..., :0], POINTWISE: size}[kind]
+    return np.concatenate([2 * np.pi * np.where(axis, 0.0, radius), inverse, sizes], axis=-1)
 
 
 def is_tensor(mesh: fem.dolfinx.mesh.Mesh) -> bool:

@@ -2,6 +2,8 @@
 // the nodes that need nothing else.  matrix_free.py writes in front of this file what is known at compile time: DIM,
 // COMPONENTS, ORDER, SIMPLEX, and as TABLES those of the Gauss-Lobatto-Legendre points on [0, 1].
 //
+// AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
+//
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
 // other (sum factorisation), stress, transposed gradient, scatter.
 
@@ -34,7 +36,7 @@ struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
-    const lanes *number;           // lambda, shear modulus, geometry
+    const lanes *number;           // lambda, shear modulus, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
@@ -127,8 +129,9 @@ INLINE void box_flux(const struct cell *cell, lanes p[DIM][COMPONENTS])
 #endif
 }
 
-// The same in any cell: G C G' with Hooke's law C.
-INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
+// The same in any cell: G C G' with Hooke's law C. Axisymmetric, `hoop` is the strain around the axis, times what G is
+// times, and becomes the stress around it.
+INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes *hoop, lanes p[DIM][COMPONENTS])
 {
     lanes h[COMPONENTS][DIM], s[COMPONENTS][DIM];
     UNROLL for (int c = 0; c < COMPONENTS; c++)
@@ -141,7 +144,13 @@ INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMP
 #else
     lanes pressure = h[0][0];
     UNROLL for (int a = 1; a < DIM; a++) pressure += h[a][a];
+#if AXISYMMETRIC
+    pressure += *hoop;
+#endif
     pressure *= lambda;
+#if AXISYMMETRIC
+    *hoop = pressure + (shear + shear) * *hoop;
+#endif
     UNROLL for (int c = 0; c < DIM; c++) {
         s[c][c] = pressure + (shear + shear) * h[c][c];
         UNROLL for (int a = 0; a < c; a++) s[c][a] = s[a][c] = shear * (h[c][a] + h[a][c]);
@@ -154,23 +163,41 @@ INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes p[DIM][COMP
         }
 }
 
-INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes p[DIM][COMPONENTS])
+// Axisymmetric, `hoop` is the radial displacement and becomes the force that the stress around the axis gives it.
+INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes *hoop,
+                    lanes p[DIM][COMPONENTS])
 {
     if (geometry == BOX) {
         box_flux(cell, p);
         return;
     }
     lanes lambda = cell->lambda, shear = cell->shear;
+#if AXISYMMETRIC
+    const lanes *const ring = cell->geometry + (geometry == AFFINE ? 4 : geometry == MULTILINEAR ? 6 : 4 * NODES);
+    lanes size = {0};
+    if (geometry != MULTILINEAR) size = ring[2 * NODES + (geometry == POINTWISE ? node : 0)];
+#endif
     if (geometry == MULTILINEAR) {
         lanes j[DIM][DIM];
         tangents(cell->geometry, xi, j);
         const lanes inverse = adjugate(j, cell->g);
         lambda *= inverse, shear *= inverse;
+#if AXISYMMETRIC
+        size = 1.0 / inverse;
+#endif
     }
     if (geometry == POINTWISE)
         UNROLL for (int d = 0; d < DIM; d++)
             UNROLL for (int a = 0; a < DIM; a++) cell->g[d][a] = cell->geometry[(node * DIM + d) * DIM + a];
-    flux(cell->g, lambda, shear, p);
+#if AXISYMMETRIC
+    *hoop *= size * ring[NODES + node];
+    flux(cell->g, lambda, shear, hoop, p);
+    *hoop *= size * ring[NODES + node] * ring[node];
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c] *= ring[node];
+#else
+    flux(cell->g, lambda, shear, hoop, p);
+#endif
 }
 
 // -- gather and scatter ---------------------------------------------------------------------------------------------
@@ -258,7 +285,7 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
     lanes p[DIM][COMPONENTS];
     UNROLL for (int d = 0; d < DIM; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c] = u[c][d + 1] - u[c][0];
-    flux_at(geometry, &cell, 0, 0, p);
+    flux_at(geometry, &cell, 0, 0, 0, p);
     UNROLL for (int c = 0; c < COMPONENTS; c++) {
         u[c][0] = p[0][c];
         UNROLL for (int d = 1; d < DIM; d++) u[c][0] += p[d][c];
@@ -313,6 +340,10 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
     KEEP for (int line = 0; line < NODES; line += N) {
         lanes last[COMPONENTS][N];
         UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &DERIVATIVE, u[c] + line, last[c], 1);
+        lanes hoop[N];
+#if AXISYMMETRIC
+        UNROLL for (int q = 0; q < N; q++) hoop[q] = u[1][line + q];
+#endif
         UNROLL for (int q = 0; q < N; q++) {
             lanes p[DIM][COMPONENTS];
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
@@ -324,13 +355,16 @@ INLINE void apply(const int geometry, const lanes *number, lanes u[COMPONENTS][N
 #else
             const double xi[3] = {POINT[line / (N * N)], POINT[line / N % N], POINT[q]};
 #endif
-            flux_at(geometry, &cell, line + q, xi, p);
+            flux_at(geometry, &cell, line + q, xi, hoop + q, p);
             UNROLL for (int c = 0; c < COMPONENTS; c++) {
                 UNROLL for (int d = 0; d < DIM - 1; d++) g[d][c][line + q] = p[d][c];
                 last[c][q] = p[DIM - 1][c];
             }
         }
         UNROLL for (int c = 0; c < COMPONENTS; c++) along(0, &TRANSPOSED, last[c], u[c] + line, 1);
+#if AXISYMMETRIC
+        UNROLL for (int q = 0; q < N; q++) u[1][line + q] += hoop[q];
+#endif
     }
     UNROLL for (int d = 0; d < DIM - 1; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++)

@@ -47,7 +47,7 @@ class MatrixFree:
         self._components = space.dofmap.index_map_bs
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map)
-        permutation, constants = _reference_cell(space)
+        permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric")
         self._library = native.load("matrix_free", constants + files(__package__).joinpath("matrix_free.c").read_text())
         self._library.step.restype = ctypes.c_double
         lanes = self._library.lanes_per_batch()
@@ -226,6 +226,8 @@ def _refuse_unknown(bulk: Bulk) -> None:
     limit = 8 if is_tensor(bulk.space.mesh) else 1
     if order > limit:
         raise RuptfxError(f"matrix_free goes up to order {limit} on a {cell}, not {order}; {remedy}")
+    if limit == 1 and bulk.plane == "axisymmetric":
+        raise RuptfxError(f"matrix_free goes round an axis with quadrilaterals only, not with a {cell}; {remedy}")
     if limit == 1 and geometry_element(bulk.space.mesh).degree > 1:
         raise RuptfxError(f"matrix_free wants a {cell} with straight edges; {remedy}")
 
@@ -257,13 +259,13 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
 
 
-def _reference_cell(space: fem.dolfinx.fem.FunctionSpace) -> tuple[np.ndarray, str]:
+def _reference_cell(space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool) -> tuple[np.ndarray, str]:
     """Tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim
     sizes = {
         "DIM": dim, "COMPONENTS": space.dofmap.index_map_bs, "ORDER": order, "FETCH": _fetch(space),
-        "SIMPLEX": int(not is_tensor(space.mesh)),
+        "SIMPLEX": int(not is_tensor(space.mesh)), "AXISYMMETRIC": int(axisymmetric),
     }  # fmt: skip
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if not is_tensor(space.mesh):

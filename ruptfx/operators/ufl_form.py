@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx import Table, fem
+from ruptfx import Table, axisymmetry, fem
+from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
 
 
-def strain(displacement: fem.ufl.core.expr.Expr) -> fem.ufl.core.expr.Expr:
-    """Symmetric gradient; of a scalar (antiplane) displacement its gradient."""
+def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane) -> fem.Expr:
+    """Symmetric gradient; of a scalar (antiplane) displacement its gradient, around an axis with the third strain."""
+    if plane == "axisymmetric":
+        return axisymmetry.strain(displacement, mesh)
     gradient = fem.ufl.grad(displacement)
     return gradient if len(displacement.ufl_shape) == 0 else fem.ufl.sym(gradient)
 
@@ -32,11 +35,19 @@ def measure(bulk: Bulk) -> fem.ufl.Measure:
     )
 
 
-def energy(bulk: Bulk, displacement: fem.ufl.core.expr.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:
-    """Strain energy of the bodies [J, per metre of thickness in 2D]."""
+def energy_density(bulk: Bulk, index: int, strain: fem.Expr) -> fem.Expr:
+    """Of one of the materials; what goes round an axis is solid to it."""
+    seen: Plane = "solid" if bulk.plane == "axisymmetric" else bulk.plane
+    return bulk.materials[index].energy_density(strain, seen)
+
+
+def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:
+    """Strain energy of the bodies [J, per metre of thickness in plane stress, plane strain and antiplane]."""
+    mesh = bulk.space.mesh
+    e = strain(displacement, mesh, bulk.plane)
     return sum(
-        material.energy_density(strain(displacement), bulk.plane) * dx(index)
-        for index, material in enumerate(bulk.materials)
+        axisymmetry.around(energy_density(bulk, index, e), mesh, bulk.plane) * dx(index)
+        for index in range(len(bulk.materials))
     )
 
 

@@ -31,11 +31,13 @@ def energy_budget(record: Files) -> Figure:
         del parts["fracture"]
     work = energy["boundary_work"].values
     (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
+    whole = record.case.get("plane") in ("solid", "axisymmetric")
+    label = f"Energy ({unit.removesuffix('/m')})" if whole else f"Energy per thickness ({unit})"
     figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[1.6, 1])
     axes[0].plot(time / t_size, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
     for name, values in parts.items():
         axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
-    axes[0].set(xlabel=f"Time ({t_unit})", ylabel=f"Energy per thickness ({unit})")
+    axes[0].set(xlabel=f"Time ({t_unit})", ylabel=label)
     axes[0].legend(loc="best")
     missing = 100 * np.abs(closure(work, parts))
     axes[1].semilogy(time / t_size, np.where(missing > 0, missing, np.nan), color="#1a1a1a")

@@ -204,13 +204,13 @@ class BulkFields:
         if self._stress_forms is None:
             self._displacement = fem.dolfinx.fem.Function(space)
             test, dx = ufl.TestFunction(space), model.measure()
-            variable = ufl.variable(ufl_form.strain(self._displacement))
+            variable = ufl.variable(ufl_form.strain(self._displacement, model.mesh, model.case.plane))
             forms = []
             entries = _entries(c)
             for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
                 form: Any = 0
-                for index, material in enumerate(model.bulk.materials):
-                    stress = ufl.diff(material.energy_density(variable, model.case.plane), variable)
+                for index in range(len(model.bulk.materials)):
+                    stress = ufl.diff(ufl_form.energy_density(model.bulk, index, variable), variable)
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
                 forms.append((fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS), len(pair)))
@@ -246,7 +246,8 @@ class BulkFields:
         None where the pressure is even, the interface not flat, or the stress given; collective.
         """
         model = self.model
-        if not model.faults or model.components != 2 or model.case.initial_tensor is not None:
+        flat = model.case.plane in ("stress", "strain")
+        if not model.faults or not flat or model.case.initial_tensor is not None:
             return None
         fault = model.faults[0]
         face = fault.interface
@@ -271,6 +272,8 @@ class BulkFields:
             return np.array([given[entry] for entry in entries]), "given"
         if not model.faults:
             return np.zeros(len(entries)), "none"
+        if model.case.plane == "axisymmetric":
+            return np.zeros(len(entries)), "unknown: what carries the tractions is left out"
         fault = model.faults[0]
         stress = self._carried_by(fault)
         text = (

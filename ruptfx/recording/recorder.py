@@ -134,7 +134,7 @@ class Recorder:
         self.log.propagate = False
         self._energies = TableFile(self.out / "energy.csv", [*ENERGIES, "closure"], (
             "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
-            "energies in J (per metre of thickness in 2D), closure relative to the largest work"
+            "energies in J (in 2D per metre of thickness, but around an axis), closure relative to the largest work"
         ))  # fmt: skip
         case = self.model.case
         for fault, place in zip(self.model.faults, places, strict=True):

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, fem, operators
+from ruptfx.axisymmetry import around
 from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.operators import Bulk, FusedOperator
@@ -44,6 +45,11 @@ SETTINGS = [
     Setting("quadrilateral", 5, "strain", "bent"),
     Setting("quadrilateral", 8, "antiplane", "affine"),
     Setting("quadrilateral", 3, "stress", "curved"),
+    Setting("quadrilateral", 1, "axisymmetric", "box"),
+    Setting("quadrilateral", 4, "axisymmetric", "affine"),
+    Setting("quadrilateral", 3, "axisymmetric", "bent"),
+    Setting("quadrilateral", 2, "axisymmetric", "curved"),
+    Setting("triangle", 1, "axisymmetric", "box"),
     Setting("hexahedron", 1, "solid", "bent"),
     Setting("hexahedron", 2, "solid", "box"),
     Setting("hexahedron", 2, "solid", "affine"),
@@ -96,6 +102,8 @@ def curved_mesh(cell: str) -> Any:
 @cache
 def make_bulk(setting: Setting) -> Bulk:
     mesh = make_mesh(setting.cell, setting.shape)
+    if setting.plane == "axisymmetric" and setting.shape in ("bent", "curved"):
+        mesh.geometry.x[:, 1] += 0.2  # the others reach the axis
     components = {"antiplane": 1, "solid": 3}.get(setting.plane, 2)
     space = fem.lagrange(mesh, setting.order, components)
     # By place, not by number: the same on any number of ranks.
@@ -172,7 +180,9 @@ def test_rigid_motion_gives_no_force(kind: str, setting: Setting) -> None:
     bulk, operator = make_bulk(setting), make_operator(kind, setting)
     x = bulk.space.tabulate_dof_coordinates()
     motions = [np.ones_like(x)]
-    if setting.plane != "antiplane":
+    if setting.plane == "axisymmetric":
+        motions = [np.eye(3)[[0] * len(x)]]
+    elif setting.plane != "antiplane":
         motions.append(np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1))
     scale = np.abs(internal_force(operator, random_fields(bulk, 1)[0])).max(initial=0)
     for motion in motions:
@@ -187,9 +197,13 @@ def test_energy_of_a_linear_field_is_exact(kind: str, setting: Setting) -> None:
     gradient = np.array([[0.3, -0.2, 0.1], [0.5, 0.4, -0.3], [0.2, -0.1, 0.6]])
     dim = bulk.space.mesh.geometry.dim
     gradient[dim:, :], gradient[:, dim:] = 0, 0
+    if setting.plane == "axisymmetric":
+        gradient[1, 0] = 0  # else the strain around the axis is not constant
     x = bulk.space.tabulate_dof_coordinates()
     field = nodal(bulk, x @ gradient.T)
     strain = 0.5 * (gradient + gradient.T)
+    if setting.plane == "axisymmetric":
+        strain[2, 2] = gradient[1, 1]
     expected = 0.0
     for index, material in enumerate(bulk.materials):
         if setting.plane == "antiplane":
@@ -209,7 +223,7 @@ def volume(bulk: Bulk, index: int) -> float:
         mesh, mesh.topology.dim, np.arange(len(bulk.cell_material), dtype=np.int32), bulk.cell_material
     )
     dx = fem.ufl.Measure("dx", domain=mesh, subdomain_data=tags)
-    one = fem.dolfinx.fem.Constant(mesh, 1.0)
+    one = around(fem.dolfinx.fem.Constant(mesh, 1.0), mesh, bulk.plane)
     return mesh.comm.allreduce(fem.dolfinx.fem.assemble_scalar(fem.dolfinx.fem.form(one * dx(index))))
 
 

@@ -1,0 +1,146 @@
+"""Bodies of revolution: Lamé's cylinders, waves along a bar, what lies on the axis, friction round a fibre."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import jv
+
+pytest.importorskip("dolfinx")
+
+from scipy.sparse import diags
+from scipy.sparse.linalg import eigsh, spsolve
+from small_cases import march
+
+from ruptfx import fem
+from ruptfx.axisymmetry import on_axis
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.operators.assembled import stiffness_form
+from ruptfx.schema import CaseError
+from ruptfx.spectrum import highest_frequency
+
+pytestmark = pytest.mark.fem
+
+E, NU, RHO = 70e9, 0.25, 2500.0
+LAME, SHEAR = E * NU / ((1 + NU) * (1 - 2 * NU)), E / (2 * (1 + NU))
+ELASTIC = {"kind": "isotropic_elastic", "young_modulus": E, "poisson_ratio": NU, "density": RHO}
+HELD = [
+    {"kind": "driven", "edge": f"{body}.{side}", "component": "x", "velocity": 0.0}
+    for body in ("fibre", "matrix") for side in ("left", "right")
+]  # fmt: skip
+
+
+def case(mesh: dict[str, Any], boundaries: list[Any], order: int = 4, **changes: Any) -> Any:
+    table = {
+        "plane": "axisymmetric", "order": order, "duration": 1e-6,
+        "mesh": {"kind": "fibre_in_matrix", "radius": 2e-3, "outer_radius": 5e-3, "length": 4e-3,
+                 "element_size": 1e-3, **mesh},
+        "materials": {"default": ELASTIC}, "boundaries": boundaries,
+        "faults": {"main": {"contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 0.3},
+                            "initial_stress": {"normal": 10e6}}},
+        "output": {"figures": False}, **changes,
+    }  # fmt: skip
+    return parse_case(table)
+
+
+def fibre(mesh: dict[str, Any], boundaries: list[Any], order: int = 4) -> Model:
+    return Model(case(mesh, boundaries, order))
+
+
+def stiffness(model: Model) -> Any:
+    return fem.local_matrix(stiffness_form(model.bulk)).tocsc()
+
+
+def test_cylinders_under_pressure() -> None:
+    """Lamé: u_r = A r + B / r; the two bodies are not in contact, and their ends do not move along the axis."""
+    inside, outside = 30e6, 20e6
+    model = fibre({"hole": 0.8e-3, "element_size": 0.4e-3}, [
+        *HELD, {"kind": "traction", "edge": "fibre.bottom", "traction": [0.0, inside]},
+        {"kind": "traction", "edge": "matrix.top", "traction": [0.0, -outside]},
+    ])  # fmt: skip
+    free = ~model.loads.prescribed
+    u = np.zeros(len(free))
+    u[free] = spsolve(stiffness(model)[free][:, free], model.loads.force(1.0)[free])
+    r = model.coordinates[:, 1]
+    found = u.reshape(-1, 2)
+    cylinders = {"fibre": (0.8e-3, 2e-3, inside, 0.0), "matrix": (2e-3, 5e-3, 0.0, outside)}
+    for body, (a, b, p_a, p_b) in cylinders.items():
+        A = (p_a * a**2 - p_b * b**2) / (2 * (LAME + SHEAR) * (b**2 - a**2))
+        B = (p_a - p_b) * a**2 * b**2 / (2 * SHEAR * (b**2 - a**2))
+        here = model.layout.body == model.bodies.names.index(body)
+        exact = A * r[here] + B / r[here]
+        np.testing.assert_allclose(found[here, 1], exact, rtol=0, atol=2e-5 * np.abs(exact).max())
+        assert np.abs(found[here, 0]).max() < 2e-5 * np.abs(exact).max()
+
+
+def pochhammer(k: float, a: float) -> float:
+    """Frequency [rad/s] of the first longitudinal mode of a free cylinder: Pochhammer (1876), Chree (1889)."""
+    c_p, c_s = np.sqrt((LAME + 2 * SHEAR) / RHO), np.sqrt(SHEAR / RHO)
+
+    def equation(omega: float) -> float:
+        p, q = (np.sqrt(complex((omega / c) ** 2 - k**2)) for c in (c_p, c_s))
+        value = (
+            2 * p / a * (q**2 + k**2) * jv(1, p * a) * jv(1, q * a) - (q**2 - k**2) ** 2 * jv(0, p * a) * jv(1, q * a)
+            - 4 * k**2 * p * q * jv(1, p * a) * jv(0, q * a)
+        )  # fmt: skip
+        return float(value.real)
+
+    bar = k * np.sqrt(E / RHO)
+    return brentq(equation, 0.9 * bar, 0.9999 * bar, rtol=1e-13)
+
+
+def bar_mode(order: int, size: float) -> float:
+    """The same from K v = omega^2 M v of a cylinder of half a wavelength whose ends stay plane."""
+    length, a = 8e-3, 2e-3
+    model = fibre({"length": length, "element_size": size}, HELD, order)
+    here = np.repeat(model.layout.body == model.bodies.names.index("fibre"), 2)
+    keep = np.flatnonzero(here & ~model.loads.prescribed)
+    assert model.mass.min() > 0
+    omega = pochhammer(np.pi / length, a)
+    K, M = stiffness(model)[keep][:, keep], diags(model.mass[keep]).tocsc()
+    return float(np.sqrt(eigsh(K, 1, M, sigma=0.97 * omega**2)[0][0]) / omega)
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_waves_along_a_bar(order: int) -> None:
+    """Fourth order: what nodes on the axis gain of the mass moves those next to it by h^2, in a volume of h^2."""
+    coarse, fine = (abs(bar_mode(order, size) - 1) for size in (2e-3, 1e-3))
+    assert fine < (5e-6 if order == 4 else 3e-4) and np.log2(coarse / fine) > 3.8
+
+
+def test_nodes_on_the_axis_do_not_shorten_the_step() -> None:
+    solid, hollow = (2 / highest_frequency(fibre({"hole": hole}, HELD)) for hole in (0.0, 1e-3))
+    assert solid > 0.98 * hollow
+
+
+def test_mass_is_that_of_the_cylinders() -> None:
+    model = fibre({}, [], 3)
+    total = np.pi * 5e-3**2 * 4e-3 * RHO
+    assert model.mass[1::2].sum() == pytest.approx(total, rel=1e-13)
+
+
+@pytest.mark.parametrize("operator", ["matrix_free", "ufl_form"])
+def test_energy_and_force_of_a_fibre_that_is_pulled(operator: str) -> None:
+    """Explicit steps with slip: the budget closes, and friction on all of the interface is 2 pi R L mu p."""
+    pull = {"kind": "driven", "edge": "fibre.left", "component": "x", "velocity": -1.0, "ramp": 0.5e-6}
+    model, motion, state = march(case({}, [pull, HELD[2]], 3, operator=operator, duration=8e-6))
+    energy = motion.energies(state)
+    found = sum(value for name, value in energy.items() if name != "boundary_work")
+    assert energy["frictional_dissipation"] > 0.05 * energy["boundary_work"]
+    assert found == pytest.approx(energy["boundary_work"], rel=1e-10)
+    axis = on_axis(model.coordinates)
+    assert axis.any() and not state.displacement.reshape(-1, 2)[axis, 1].any()
+    fault = model.faults[0]
+    assert fault.interface.weight[fault.interface.owned].sum() == pytest.approx(2 * np.pi * 2e-3 * 4e-3, rel=1e-13)
+
+
+def test_what_cannot_be() -> None:
+    plates = {"kind": "two_plates", "length": 4e-3, "height": 1e-3, "element_size": 1e-3}
+    with pytest.raises(CaseError, match="y is the radius"):
+        Model(case({}, []).changed("mesh", plates))
+    with pytest.raises(CaseError, match="reaches the axis"):
+        Model(case({}, []).changed("mesh", {**plates, "kind": "block_on_rigid"}))
