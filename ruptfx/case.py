@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ruptfx import Table
 from ruptfx.boundaries import AnyBoundary, Boundary
+from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import AnyContact
 from ruptfx.cracks import AnyFracture
 from ruptfx.friction import AnyFriction
@@ -56,6 +57,8 @@ class FaultCase(Part):
     """How opening and slip are enforced."""
     friction: AnyFriction
     """The law of the strength."""
+    cohesion: AnyCohesion | None = None
+    """What holds both sides together in tension and shear, besides friction, until it has failed."""
     initial_stress: InitialStress
     """What the interface carries before anything moves."""
     gap: VaryingGap | None = None

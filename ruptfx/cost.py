@@ -121,7 +121,7 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     for fault in model.faults:
         recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
         names = [name for field in recorded for name in field.names(fault.tangents)]
-        numbers += records * fault.interface.total * (len(names) + len(fault.friction.all_state_fields()))
+        numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
     for instrument, channels in measured(model, 0.0) if case.instruments else []:
         numbers += case.duration / instrument.interval * (1 + len(channels))
     dim, c = model.coordinates.shape[1], model.components

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ruptfx import bond
+from ruptfx.bond import TracedBond
+from ruptfx.cohesion import CohesiveLaw
 from ruptfx.contact import ContactMethod
 from ruptfx.fields import FIELDS, MONITORS, component_names
 from ruptfx.friction import FrictionLaw
@@ -37,6 +40,8 @@ class Fault:
         What is added to it in time.
     gap : ndarray, shape (n,), or None
         Opening where nothing has moved [m].
+    cohesion : CohesiveLaw or None
+        What holds it together besides friction, until it has failed.
     """
 
     name: str
@@ -47,6 +52,7 @@ class Fault:
     shear_traction_0: np.ndarray
     nucleation: tuple[Nucleation, ...] = ()
     gap: np.ndarray | None = None
+    cohesion: CohesiveLaw | None = None
 
     @property
     def slides(self) -> bool:
@@ -71,7 +77,15 @@ class Fault:
 
     def traced_law(self) -> TracedLaw:
         """The friction law as the contact method sees it in explicit steps."""
-        return TracedLaw(self.friction, self.contact.traction_ends_slip)
+        return TracedLaw(self.friction, self.contact.traction_ends_slip, self.cohesion is not None)
+
+    def traced_bond(self) -> TracedBond | None:
+        """The cohesive law, if there is one."""
+        return None if self.cohesion is None else TracedBond(self.cohesion)
+
+    def state_fields(self) -> dict[str, str]:
+        """Names and units of the state of friction and cohesion."""
+        return {**self.friction.all_state_fields(), **({} if self.cohesion is None else bond.STATE)}
 
     @property
     def tangents(self) -> int:
@@ -95,6 +109,8 @@ class Fault:
         state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
         if self.slides:
             state["slip_followed"] = np.zeros(n)  # tangential jump when it was last found what points face
+        if self.cohesion is not None:
+            state |= {name: np.zeros(n) for name in bond.STATE}
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
     def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
@@ -134,6 +150,8 @@ class Fault:
             shear[:, 0] -= self.load(time)
         now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list((jump - slip).T))
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
+        if self.cohesion is not None:
+            now = now + bond.stored(state)
         area = face.owned * face.weight
         return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
 
@@ -148,5 +166,5 @@ class Fault:
         """Raise the error for one point."""
         x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
         where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
-        known = {name: float(state[name][point]) for name in self.friction.all_state_fields()}
+        known = {name: float(state[name][point]) for name in self.state_fields()}
         raise explain(self.friction, int(self.interface.number[point]), where, values | known)

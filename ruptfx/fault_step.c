@@ -59,12 +59,13 @@ INLINE void push(int count, double kick, const long *plus, const long *minus, co
 }
 
 // plus, minus: first degree of freedom of the nodes. result: as points.c says; fields and velocities are of no use when a
-// point failed.
+// point failed. result[6] is what cohesion took in shear [J].
 void update(long n, const struct times *times, const long *plus, const long *minus, const double *displacement,
             double *velocity, double *force, const double *fixed, const double *number, double *const *field,
             double *result)
 {
     lanes dissipated = {0};
+    double fractured = 0;
     result[1] = -1;
     for (long first = 0; first < n; first += LANES) {
         struct points points;
@@ -76,9 +77,13 @@ void update(long n, const struct times *times, const long *plus, const long *min
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
         settle(count, times, number, &points, dissipated);
+#if BONDED
+        for (int l = 0; l < LANES; l++) fractured += points.fractured[l];
+#endif
         store(first, count, field, &points);
         push(count, times->kick, plus + first, minus + first, &points, velocity, force);
     }
     result[0] = 0;
     for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
+    result[6] = fractured;
 }

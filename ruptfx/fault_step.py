@@ -82,7 +82,8 @@ class FaultStep:
         self._library = self._code.compile("fault_step", self.sources, known, macros)
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
-        self._result = np.zeros(2 + len(FAILURE))
+        self._result = np.zeros(3 + len(FAILURE))
+        self._held = (np.zeros(0), np.zeros(0))  # tension and opening before
         self._bound: tuple[object, ...] = ()
         self._was_open = True
 
@@ -93,7 +94,8 @@ class FaultStep:
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
         """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""
-        is_open = self.fault.interface.has_normal and bool(np.any(state["normal_stress"] <= 0))
+        bonded = self.fault.cohesion is not None
+        is_open = self.fault.interface.has_normal and (bonded or bool(np.any(state["normal_stress"] <= 0)))
         collides, self._was_open = is_open or self._was_open, is_open
         return self.fault.interface.split(self.fault.interface.rate(velocity))[0] if collides else None
 
@@ -103,8 +105,22 @@ class FaultStep:
             return 0.0
         face = self.fault.interface
         rate, _ = face.split(face.rate(velocity))
-        power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, rate)
+        power = self.fault.contact.lost_in_impact(np.maximum(state["normal_stress"], 0.0), rate_old, rate)
         return float((face.owned * face.weight) @ power) * self.clock.kick
+
+    def fractured(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
+        """Energy that cohesion took over a step, points of this rank [J]: its work, but for what is stored."""
+        if self.fault.cohesion is None:
+            return 0.0
+        shear = float(self._result[-1])
+        if rate_old is None:
+            return shear
+        face, (tension_old, opening_old) = self.fault.interface, self._held
+        tension, opening = np.maximum(-state["normal_stress"], 0.0), state["opening"]
+        rate, _ = face.split(face.rate(velocity))
+        work = 0.5 * tension * (rate_old + rate) * self.clock.kick
+        kept = 0.5 * (tension * opening - tension_old * opening_old)
+        return shear + float((face.owned * face.weight) @ (work - kept))
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
         """Collect the pointers once; the arrays of a run keep their place."""
@@ -135,6 +151,8 @@ class FaultStep:
             load, rate_old = fault.load(time), state[first] * (since > 0)
             self._code.put("shear_traction_0", fault.shear_traction_0[:, 0] + load)  # the others stay
         self._times[-1] = time
+        if fault.cohesion is not None:
+            self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
         self._library.update(*self._pointers)
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)

@@ -76,7 +76,8 @@ def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["sa
         engine = figure.get_layout_engine()
         if engine is not None:
             for ax in figure.axes:  # ticks point inwards: no side of a frame reaches beyond it
-                ax.spines[["left", "right", "bottom", "top"]].set_in_layout(False)
+                for spine in ax.spines.values():
+                    spine.set_in_layout(False)
             figure.set_dpi(dpi)
             engine.execute(figure)
             figure.set_layout_engine(None)

@@ -252,13 +252,21 @@ class Model:
             for nucleation in fault.nucleation:
                 nucleation.at(face.position)  # its profiles are refused here, not in the first step
                 law = nucleation.weaken(law, face.position)
+            cohesion = None if fault.cohesion is None else fault.cohesion.at(face.position)
+            if cohesion is not None and (fault.gap is not None or fault.sliding is not None):
+                raise CaseError("cohesion: an interface with a gap, or one that slides, holds nothing; leave it out")
+            if cohesion is not None and contact.traction_ends_slip:
+                raise CaseError(
+                    f"cohesion: not with contact.kind = '{contact.kind()}', whose springs know their opening too late; "
+                    "use 'split_node', which is rigid, or let bodies break along springs with [fracture]"
+                )
             gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
             if gap is not None and np.any((gap > 0) & (normal > 0)):
                 raise CaseError("gap: where it is open, initial_stress.normal must be zero")
         except CaseError as caught:  # of a profile, at the points of this rank
             error = CaseError(f"faults.{name}: {caught}")
         parallel.raise_on_all(self.comm, error)
-        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap)
+        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion)
 
     def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
         """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.

@@ -15,6 +15,7 @@ from itertools import accumulate
 import numpy as np
 
 from ruptfx import native
+from ruptfx.bond import STATE
 from ruptfx.contact import Array, Point, Trial
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment
@@ -50,6 +51,8 @@ class PointCode:
         self._fault, self._law = fault, law
         parameters, self._contact = parameters_as_symbols(fault.contact, "c_")
         parameters |= law.parameters
+        self._bond = fault.traced_bond()
+        parameters |= {} if self._bond is None else self._bond.parameters
         n = len(fault.normal_stress_0)
         columns = {
             "gap": np.zeros(n) if fault.gap is None else fault.gap, "normal_stress_0": fault.normal_stress_0,
@@ -63,7 +66,9 @@ class PointCode:
         numbers = {name: value for name, value in parameters.items() if name not in columns}
         self._number_names = list(numbers)
         self.numbers = np.array([*numbers.values(), 0.0])
-        self.names = [name for field in (*FIELDS, *MONITORS) for name in field.names(fault.tangents)] + law.state_names
+        bond = [] if self._bond is None else list(STATE)
+        self.names = [name for field in (*FIELDS, *MONITORS) for name in field.names(fault.tangents)]
+        self.names += law.state_names + bond
 
     def put(self, name: str, values: np.ndarray) -> None:
         """Values of one column or several, shape (n,) or (n, k)."""
@@ -77,7 +82,7 @@ class PointCode:
 
     def fail(self, state: FaultState, time: float, result: np.ndarray) -> None:
         """Raise the error for the point that the C code left in its result."""
-        values = dict(zip(FAILURE, map(float, result[2:]), strict=True))
+        values = dict(zip(FAILURE, map(float, result[2 : 2 + len(FAILURE)]), strict=True))
         self._fault.fail(state, int(result[1]), time, values)
 
     def compile(
@@ -108,6 +113,7 @@ class PointCode:
         return {
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
+            "BONDED": int(self._bond is not None),
             "TOLERANCE": TOLERANCE, "MAX_ITERATIONS": MAX_ITERATIONS, "BISECT_EVERY": BISECT_EVERY,
         }  # fmt: skip
 
@@ -115,7 +121,7 @@ class PointCode:
         """Where arrays are, and what the symbols of law and contact method stand for."""
         law = self._law
         of_state = {field.name: len(field.names(self._fault.tangents)) for field in (*FIELDS, *MONITORS)}
-        of_state |= dict.fromkeys(law.state_names, 1)
+        of_state |= dict.fromkeys([*law.state_names, *({} if self._bond is None else STATE)], 1)
         places = {
             "FIXED": self._places, "STATE": _places(of_state), "BEGUN": _places(dict.fromkeys(law.state_names, 1)),
         }  # fmt: skip
@@ -123,7 +129,7 @@ class PointCode:
             f"{kind}_PLACES": ", ".join(f"{kind}_{name} = {place}" for name, place in of_kind.items())
             for kind, of_kind in places.items()
         }
-        found |= {name: f"FIXED({name})" for name in self._places if name.startswith(("c_", "p_"))}
+        found |= {name: f"FIXED({name})" for name in self._places if name.startswith(("b_", "c_", "p_"))}
         found |= {name: f"number[{place}]" for place, name in enumerate(self._number_names)}
         found |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
         return found | {f"h_{name}": f"BEGUN({name})" for name in law.state_names}
@@ -161,7 +167,11 @@ class PointCode:
             "DISSIPATED": {"taken": taken},
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
-        return {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
+        strengths: dict[str, object] = {}
+        if self._bond is not None:
+            formulas |= {"DAMAGE": {"damage": self._bond.damage}, "LEFT": {"left": self._bond.left}}
+            strengths = {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
+        return strengths | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
 
 
 def filled(values: np.ndarray) -> np.ndarray:

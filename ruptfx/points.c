@@ -2,7 +2,7 @@
 // is written back). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py
 // writes in front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END,
 // TOLERANCE, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
-// monitors, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
+// monitors, BONDED and the formulas of cohesion, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
 // `guess` a slip rate to begin with.
 #include <math.h>
 #include <string.h>
@@ -43,6 +43,9 @@ struct points {
     lanes rate_now, speed_then;                  // slip rate at the traction, and at the one before
     lanes slope, stress_slope, before_slope;     // of the strength, for implicit steps
     lanes change[LOCAL];                         // traction beyond the initial one
+#if BONDED
+    lanes tension, bond, fractured;              // what holds the points together, and took in shear [J]
+#endif
 };
 
 // Names in the formulas.
@@ -54,9 +57,20 @@ struct points {
     const double dt = times->dt, kick = times->kick, since = times->since, extrapolation = times->extrapolation, \
         threshold = times->threshold, time = times->time; \
     (void)dt; (void)kick; (void)since; (void)extrapolation; (void)threshold; (void)time;
+#if BONDED
+#define TOGETHER(normal_stress) ((normal_stress) > 0 || points->tension[l] > 0 || points->bond[l] > 0)
+#define PRESSURE(normal_stress) ((normal_stress) > 0 ? (normal_stress) : 0)
+#define GIVEN_BOND const double bond = points->bond[l]; (void)bond;
+#else
+#define TOGETHER(normal_stress) ((normal_stress) > 0)
+#define PRESSURE(normal_stress) (normal_stress)
+#define GIVEN_BOND
+#endif
 #define GIVEN(v) \
     const double slip_rate = v, rate_before = along[l], speed_before = faster[l], speed_then = points->speed_then[l], \
-        normal_stress = points->sigma[l], normal_stress_before = OLD(normal_stress), radiation = RADIATION; \
+        normal_stress = PRESSURE(points->sigma[l]), normal_stress_before = PRESSURE(OLD(normal_stress)), \
+        radiation = RADIATION; \
+    GIVEN_BOND \
     (void)slip_rate; (void)rate_before; (void)speed_before; (void)speed_then; (void)normal_stress; \
     (void)normal_stress_before; (void)radiation;
 
@@ -71,6 +85,35 @@ INLINE double next_rate(double v, double low, double high, double residual, doub
     return step > low && step < high && !bisect ? step : middle;
 }
 
+#if BONDED
+// What cohesion holds, and with it the normal stress (bond.py).
+INLINE void hold(const struct times *times, const double *number, struct points *points)
+{
+    UNPACK_TIMES
+    EACH_LANE {
+        double slid = 0;
+        EACH_TANGENT slid += OLD(mean_slip_rate + k) * OLD(mean_slip_rate + k);
+        const double before = OLD(largest_opening);
+        const double bond_opening = points->opening[l] > before ? points->opening[l] : before;
+        const double bond_slip = OLD(damaging_slip) + since * sqrt(slid);
+        double damage, left;
+        { DAMAGE }
+        const double bond_damage = damage > OLD(damage) ? damage : OLD(damage);
+        { LEFT }
+        left = bond_damage < 1 ? left : 0;
+        NEW(largest_opening) = bond_opening;
+        NEW(damaging_slip) = bond_slip;
+        NEW(damage) = bond_damage;
+        const double most = TENSILE_STRENGTH * left, pulled = -points->trial_normal[l];
+        const double secant = most > 0 ? most / (most + bond_opening / points->compliance[l]) : 0;
+        const double carried = pulled * secant < most ? pulled * secant : most;
+        points->tension[l] = most;
+        points->bond[l] = COHESION * left;
+        points->sigma[l] = pulled < 0 ? -pulled : 0 - carried;
+    }
+}
+#endif
+
 // The trial, and what the law admits of it; V is not a number where there is nothing admissible.
 INLINE void point(const struct times *times, const double *number, struct points *points)
 {
@@ -82,6 +125,9 @@ INLINE void point(const struct times *times, const double *number, struct points
         TRIAL
         points->sigma[l] = points->trial_normal[l] > 0 ? points->trial_normal[l] : 0;
     }
+#if BONDED
+    hold(times, number, points);
+#endif
     EACH_LANE {
         // What slid the other way has come to rest before it turns.
         double product = 0, square = 0, length = 0, loose = 0, trial_square = 0, shift_square = 0, square_then = 0;
@@ -131,7 +177,7 @@ INLINE void point(const struct times *times, const double *number, struct points
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) {
         const double begin = points->size[l] - mean_z[l] * points->taken[l] - rest[l], free_rate = high[l];
-        const int closed = points->sigma[l] > 0, yields = closed && begin > 0 && free_rate > 0;
+        const int closed = TOGETHER(points->sigma[l]), yields = closed && begin > 0 && free_rate > 0;
         double guess = 0;
         GUESS
         const double linear = begin / mean_z[l] < free_rate ? begin / mean_z[l] : free_rate;
@@ -204,8 +250,8 @@ INLINE void settle(int count, const struct times *times, const double *number, s
     const double duration = AT_END ? since : kick;
     EACH_LANE {
         const double normal_stress = points->sigma[l], speed_then = points->speed_then[l], v = points->rate[l];
-        const int closed = normal_stress > 0, stuck = (v == 0) & closed;
-        double power = 0, square = 0;
+        const int closed = TOGETHER(normal_stress), stuck = (v == 0) & closed;
+        double power = 0, square = 0, whole = 0;
         if (NORMAL) points->change[0][l] = FIXED(normal_stress_0) - normal_stress;
         EACH_TANGENT {
             const double before = OLD(mean_slip_rate + k), way = points->way[k][l];
@@ -218,6 +264,7 @@ INLINE void settle(int count, const struct times *times, const double *number, s
             DISSIPATED
             power += taken;
             square += rate_now * rate_now;
+            whole += traction * traction;
             NEW(slip_rate + k) = rate_now;
             NEW(mean_slip_rate + k) = rate;
             NEW(shear_traction + k) = traction;
@@ -228,6 +275,12 @@ INLINE void settle(int count, const struct times *times, const double *number, s
         NEW(opening) = AT_END ? (normal_stress - points->trial_normal[l]) * points->compliance[l]
                               : OLD(normal_stress) > 0 || apart < 0 ? 0 : apart;
         NEW(normal_stress) = normal_stress;
+        (void)whole;
+#if BONDED
+        const double part = whole > points->bond[l] * points->bond[l] ? points->bond[l] / sqrt(whole) : 1;
+        points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;
+        power -= part * power;
+#endif
         dissipated[l] += l < count ? FIXED(owned_area) * power * duration : 0;
         (void)speed, (void)speed_then;
         MONITORS

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from ruptfx.fields import Array
 from ruptfx.friction import FrictionLaw
 from ruptfx.schema import Part
 from ruptfx.tracing import Expression, constant, derivative, record, symbol, to_numpy
+
+if TYPE_CHECKING:
+    from ruptfx.bond import Held
 
 TOLERANCE = 1e-13  # of the trial traction
 MAX_ITERATIONS = 100
@@ -67,6 +71,8 @@ class TracedLaw:
     at_end : bool
         Whether the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
         contact, implicit steps) or of the step around whose beginning it acts (split nodes).
+    bonded : bool
+        Whether `bond` is held besides friction.
 
     Notes
     -----
@@ -83,7 +89,7 @@ class TracedLaw:
     overshoot. `advance` being exact, a step never has to be divided, whatever the slip rate.
     """
 
-    def __init__(self, law: FrictionLaw, at_end: bool = False) -> None:
+    def __init__(self, law: FrictionLaw, at_end: bool = False, bonded: bool = False) -> None:
         self.law, self.at_end = law, at_end
         self.state_names = list(law.all_state_fields())
         self.parameters, traced = parameters_as_symbols(law, "p_")
@@ -114,6 +120,8 @@ class TracedLaw:
             ended = advance(known, now, stress, 0.5 * dt)
             new |= {name: ended[name] for name in old if name not in sums}
         strength: Array = strength_of(now, stress, new) + symbol("radiation") * now
+        if bonded:
+            strength = strength + symbol("bond")
         self.outputs = {
             "strength": strength,
             "slope": derivative(strength, rate),
@@ -160,6 +168,7 @@ class TracedLaw:
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
         points: Array = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
         speed_then: np.ndarray | float = 0.0, extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
+        bond: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
         """Evaluate at some points.
 
@@ -181,6 +190,8 @@ class TracedLaw:
             e above; without it, the strength sees V itself.
         radiation : ndarray, shape (n,)
             Traction per slip rate [Pa s/m] on top of the strength.
+        bond : ndarray, shape (n,)
+            Strength beyond friction [Pa].
         """
 
         def pick(value: Array) -> Array:
@@ -188,7 +199,7 @@ class TracedLaw:
 
         stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
         given = (slip_rate, pick(before), pick(speed_before), pick(speed_then), normal_stress, stress_before, dt,
-                 extrapolation, pick(radiation), *map(pick, self.parameters.values()))  # fmt: skip
+                 extrapolation, pick(radiation), pick(bond), *map(pick, self.parameters.values()))  # fmt: skip
         begin, finish = self._functions
         with np.errstate(all="ignore"):
             found = finish(*given, *begin(*given, *(pick(state[name]) for name in self.state_names)))
@@ -201,7 +212,7 @@ class TracedLaw:
 # What a traced law takes besides state and parameters, by name.
 GIVEN = (
     "slip_rate", "rate_before", "speed_before", "speed_then", "normal_stress", "normal_stress_before", "since",
-    "extrapolation", "radiation",
+    "extrapolation", "radiation", "bond",
 )  # fmt: skip
 
 
@@ -316,6 +327,7 @@ def project(
     guess: np.ndarray | None = None,
     where: str = "",
     tangent: bool = False,
+    held: Held | None = None,
 ) -> Projected:
     """Bring trial tractions back to what the law admits.
 
@@ -342,13 +354,16 @@ def project(
         Added to the message of an error, e.g. the time.
     tangent : bool
         Differentiate, too.
+    held : Held, optional
+        Tension and shear strength beyond friction.
 
     Raises
     ------
     ProjectionError
         A trial that is not finite, or a law without a root.
     """
-    sigma = np.maximum(trial_normal, 0.0)
+    sigma = np.maximum(trial_normal, 0.0) if held is None else held.normal_stress(trial_normal)
+    together = sigma > 0 if held is None else (sigma > 0) | held.intact
     shape = trial_shear.shape
     z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
     before = np.zeros(shape) if before is None else before
@@ -364,20 +379,22 @@ def project(
     known: Table = {
         "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
         "speed_then": np.zeros(len(size)) if then is None else then, "radiation": radiation,
+        "bond": 0.0 if held is None else held.shear,
     }  # fmt: skip
-    rate, direction = _solve(law, state, sigma, shifted, z, carried, dt, guess, known)
+    pressure = sigma if held is None else np.maximum(sigma, 0.0)
+    rate, direction = _solve(law, state, pressure, together, shifted, z, carried, dt, guess, known)
     bad = ~np.isfinite(rate)
     if np.any(bad):
         i = int(np.flatnonzero(bad)[0])
         values = {"trial_shear_traction": size[i], "trial_normal_stress": trial_normal[i], "Z": z[i].max()}
         raise explain(law.law, i, where, values | {name: state[name][i] for name in law.state_names})
-    found = law(rate, sigma, state, dt, **known)
-    stuck = ((rate == 0) & (sigma > 0))[:, None]
+    found = law(rate, pressure, state, dt, **known)
+    stuck = ((rate == 0) & together)[:, None]
     mean = np.where(stuck, 0.0, (rate + carried)[:, None] * direction - turning)
     now = np.where(stuck, 0.5 * before * (not law.at_end), found.rate_now[:, None] * direction)
     return Projected(
         normal_stress=sigma,
-        shear_traction=np.where((sigma > 0)[:, None], trial_shear - z * mean, 0.0),
+        shear_traction=np.where(together[:, None], trial_shear - z * mean, 0.0),
         mean_slip_rate=mean,
         slip_rate=now,
         state={name: np.array(value) for name, value in found.state.items()},
@@ -423,6 +440,7 @@ def _solve(
     law: TracedLaw,
     state: Mapping[str, np.ndarray],
     sigma: np.ndarray,
+    together: np.ndarray,
     trial: np.ndarray,
     z: np.ndarray,
     carried: np.ndarray,
@@ -443,10 +461,10 @@ def _solve(
         loose = np.where(z > 0, trial / z, 0.0)
     speed = np.linalg.norm(loose, axis=1)
     free = np.where(speed > 0, speed - carried, 0.0)  # the slip rate at which no traction is left
-    open_ = sigma <= 0  # not where sigma is not a number
+    open_ = (sigma <= 0) & ~together  # not where sigma is not a number
     rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
     begin = size - mean_z * carried - at_rest
-    todo = np.flatnonzero((sigma > 0) & (begin > 0) & (free > 0))
+    todo = np.flatnonzero(together & (begin > 0) & (free > 0))
     low, high = np.zeros(len(todo)), free[todo]
     v = np.minimum(begin[todo] / mean_z[todo], high)
     if guess is not None:

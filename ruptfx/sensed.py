@@ -99,7 +99,7 @@ class Sensed:
         mine = np.array([weights[int(number)] for number in face.number[here]])
         described = {field.name: (field.unit, field.long_name) for field in FIELDS if field.recorded}
         described |= {
-            state: (unit, f"state variable {state}") for state, unit in fault.friction.all_state_fields().items()
+            state: (unit, f"state variable {state}") for state, unit in fault.state_fields().items()
         }
         return [
             Channel(field, unit, text, [Share((name, field), here, mine)]) for field, (unit, text) in described.items()

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     VaryingFactor = Varying
     VaryingLength = Varying
     VaryingGap = Varying
+    VaryingEnergy = Varying
     VaryingHeight = Varying
     VaryingSpeed = Varying
     VaryingVelocity = Varying
@@ -63,6 +64,7 @@ else:
     VaryingFactor = varying(float, "1")
     VaryingLength = varying(Positive, "m")
     VaryingGap = varying(NonNegative, "m")
+    VaryingEnergy = varying(Positive, "J/m2")
     VaryingHeight = varying(float, "m")
     VaryingSpeed = varying(Positive, "m/s")
     VaryingVelocity = varying(NonNegative, "m/s")

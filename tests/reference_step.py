@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ruptfx.bond import Held
 from ruptfx.contact import Array, Trial
 from ruptfx.fault import Fault
 from ruptfx.fault_step import impedances
@@ -31,11 +32,14 @@ class Settled:
         Of friction [W/m2].
     change : ndarray, shape (n, local)
         Traction beyond the initial one in the local frame [Pa], tension positive: what `Interface.assemble` takes.
+    fractured : ndarray, shape (n,)
+        Power of cohesion in shear [W/m2].
     """
 
     state: FaultState
     power: np.ndarray
     change: np.ndarray
+    fractured: np.ndarray
 
 
 def point(
@@ -63,12 +67,31 @@ def point(
     trial = closed_and_stuck(fault, jump, fault.components(state, "slip"), clock, time, **known)
     before, then = (fault.components(state, name) for name in ("mean_slip_rate", "slip_rate"))
     near = fault.components(guess or state, "mean_slip_rate")
+    known_state = {name: state[name] for name in law.state_names}
     return trial, project(
-        law, {name: state[name] for name in (*law.state_names, "normal_stress")}, trial.normal_stress,
+        law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
         np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
         np.linalg.norm(then, axis=1), clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
         where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent,
+        held=held(fault, state, jump, trial, clock),
     )  # fmt: skip
+
+
+def bonded(
+    fault: Fault, state: FaultState, jump: np.ndarray, clock: Clock
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Damage, largest opening and slip of cohesion at the time of the traction."""
+    largest = np.maximum(state["largest_opening"], fault.opening(fault.interface.split(jump)[0]))
+    slid = state["damaging_slip"] + clock.since * np.linalg.norm(fault.components(state, "mean_slip_rate"), axis=1)
+    return fault.traced_bond().damage_after(state["damage"], largest, slid), largest, slid
+
+
+def held(fault: Fault, state: FaultState, jump: np.ndarray, trial: Trial, clock: Clock) -> Held | None:
+    """What cohesion holds."""
+    if fault.cohesion is None:
+        return None
+    damage, largest, _ = bonded(fault, state, jump, clock)
+    return fault.traced_bond().held(damage, largest, trial.normal_compliance)
 
 
 def settle(
@@ -98,12 +121,20 @@ def settle(
     })  # fmt: skip
     speed, then = (np.linalg.norm(fault.components(fields, "slip_rate"), axis=1) for fields in (new, old))
     power, duration = frictional_power(fault, old, new, since), since if law.at_end else clock.kick
+    fractured = np.zeros_like(power)
+    if fault.cohesion is not None:
+        damage, largest, slid = bonded(fault, old, jump, clock)
+        of_bond = held(fault, old, jump, trial, clock)
+        whole = np.linalg.norm(done.shear_traction, axis=1)
+        part = np.where(whole > of_bond.shear, of_bond.shear / np.where(whole > 0, whole, 1.0), 1.0)
+        power, fractured = (1 - part) * power, part * power
+        new |= {"damage": damage, "largest_opening": largest, "damaging_slip": slid}
     at = Moment(time, since, speed, then, done.normal_stress, power, duration, threshold)
     new |= {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
     change = [done.shear_traction - fault.driving_shear(time)]
     if fault.interface.has_normal:
         change.insert(0, (fault.normal_stress_0 - done.normal_stress)[:, None])
-    return Settled(new | done.state, power, np.concatenate(change, axis=1))
+    return Settled(new | done.state, power, np.concatenate(change, axis=1), fractured)
 
 
 def advance_reference(
@@ -120,6 +151,21 @@ def advance_reference(
 ) -> float:
     """The explicit step in arrays; changes `state`, `velocity` and `force`, returns the energy dissipated on this
     rank [J]."""
+    face = fault.interface
+    settled = advance_settled(fault, law, state, displacement, velocity, inverse_mass, clock, time, threshold)
+    for name, values in settled.state.items():
+        state[name][:] = values
+    face.add_force(velocity, clock.kick * settled.change, scale=inverse_mass)
+    face.add_force(force, settled.change, scale=np.ones_like(force))
+    duration = clock.since if law.at_end else clock.kick
+    return float(np.sum(face.owned * face.weight * settled.power) * duration)
+
+
+def advance_settled(
+    fault: Fault, law: TracedLaw, state: FaultState, displacement: np.ndarray, velocity: np.ndarray,
+    inverse_mass: np.ndarray, clock: Clock, time: float, threshold: float,
+) -> Settled:  # fmt: skip
+    """What the explicit step finds; changes nothing."""
     face, jump = fault.interface, fault.interface.jump(displacement)
     opening_velocity, slip_velocity = face.split(face.jump(velocity))
     z_n, z_s = impedances(face, inverse_mass, clock.kick)
@@ -128,12 +174,7 @@ def advance_reference(
         normal_impedance=z_n, shear_impedance=list(z_s.T),
     )  # fmt: skip
     settled = settle(fault, law, state, jump, found, clock, time, threshold)
-    for name, values in settled.state.items():
-        state[name][:] = values
-    face.add_force(velocity, clock.kick * settled.change, scale=inverse_mass)
-    face.add_force(force, settled.change, scale=np.ones_like(force))
-    duration = clock.since if law.at_end else clock.kick
-    return float(np.sum(face.owned * face.weight * settled.power) * duration)
+    return settled
 
 
 def respond_reference(

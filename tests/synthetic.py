@@ -23,6 +23,9 @@ UNITS = {
 _GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
 
 
+HOMALITE = {"kind": "isotropic_elastic", "young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
+
+
 def points(cells: int = 100, length: float = LENGTH) -> Array:
     """Order-4 Gauss-Lobatto-Legendre points of equal cells: 4 per cell and the last end."""
     return np.append((np.arange(cells)[:, None] + _GLL4).ravel(), cells) * (length / cells)
@@ -105,7 +108,7 @@ def write_run(
     path.mkdir(parents=True)
     case = {
         "title": "Synthetic", "plane": plane, "order": 4, "duration": DURATION, "mesh": {"kind": "none"},
-        "materials": {"default": {"fringe_constant": 22.6e3}}, "output": {"plate_thickness": 9.5e-3},
+        "materials": {"default": {**HOMALITE, "fringe_constant": 22.6e3}}, "output": {"plate_thickness": 9.5e-3},
         "instruments": [{"kind": "receiver", "name": "point"}, {"kind": "load_cell", "name": "cell"}],
     }  # fmt: skip
     (path / "case.toml").write_text(tomli_w.dumps(case), encoding="utf-8")
@@ -238,9 +241,16 @@ def write_cracks(path: Path, failed: int) -> None:
     with h5py.File(path / "cracks.h5", "w") as file:
         file.attrs["bodies"] = ["rock"]
         file["points"], file["lines"] = ends.reshape(-1, 2), np.arange(6).reshape(3, 2)
+        file["length"] = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         file["time"], file["status"] = time, np.array([[1, 0, 0], np.where(np.arange(3) < failed, 2, 0)], dtype=np.int8)
     middle, modes = ends.mean(axis=1)[:failed], np.array(["tensile", "shear"][:failed], dtype=object)
-    columns = {"x": ("event", middle[:, 0]), "y": ("event", middle[:, 1]), "mode": ("event", modes)}
+    along = (ends[:, 1] - ends[:, 0])[:failed]
+    numbers = {
+        "x": middle[:, 0], "y": middle[:, 1], "time": time[:failed], "time_of_failure": time[:failed],
+        "energy": np.array([1e-6, 0.0])[:failed], "inclination": np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 180,
+        "length": np.hypot(*along.T),
+    }  # fmt: skip
+    columns = {**{name: ("event", values) for name, values in numbers.items()}, "mode": ("event", modes)}
     xarray.Dataset(columns).to_netcdf(path / "events.h5", engine="h5netcdf")
     rows = ["time,rock.top.displacement_y,rock.top.force_y", "0.0,0.0,0.0", "1e-6,1e-6,5e4", "2e-6,2e-6,1e4"]
     (path / "edges.csv").write_text("\n".join(rows) + "\n")

@@ -19,7 +19,8 @@ __all__ = ["UNITS", "Modes", "classify", "modes_of", "rupture_origin", "summaris
 UNITS = {
     "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
     "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
-    "first_sliding": "s", "healing_time": "s",
+    "first_sliding": "s", "healing_time": "s", "first_peak_stress": "Pa", "largest_stress": "Pa",
+    "elastic_modulus": "Pa", "first_peak_time": "s", "failed_length": "m",
 }  # of the summary; everything else is a name or a pure number
 
 
@@ -64,6 +65,10 @@ def summarise(record: Files) -> Table:
     for name in ("peak_slip_rate", "max_slip", "max_opening"):
         field = name.removeprefix("max_")
         values[name] = _largest(data[field]) if field in data else np.nan
+    if (record.path / "events.h5").is_file():
+        from ruptfx.analysis.compression import summarise_fracture  # other runs end without what it needs
+
+        values |= summarise_fracture(record)
     if (record.path / "energy.csv").is_file():
         values["energy_closure"] = budget(record.energy)["energy_closure"]
     return {name: _plain(value) for name, value in values.items()}

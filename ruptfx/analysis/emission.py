@@ -7,9 +7,10 @@ estimate comes with its standard error.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -20,6 +21,7 @@ from ruptfx import RuptfxError
 from ruptfx.number_files import number
 
 Array = np.ndarray
+T = TypeVar("T")
 
 FEWEST = 10  # events an estimate is made of
 RADII = 20  # at which pairs are counted
@@ -377,6 +379,65 @@ def clusters(catalogue: Catalogue, distance: float, speed: float) -> Clusters:
     place = np.empty(count, dtype=int)
     place[order] = np.arange(count)
     return Clusters(place[label], events, np.bincount(label, minlength=count)[order])
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Every estimate, or the error that says why there is none; None where it was not asked for."""
+
+    b: BValue | RuptfxError
+    D: FractalDimension | RuptfxError | None = None
+    p: Omori | RuptfxError | None = None
+
+    def rows(self) -> Iterator[tuple[str, str, str]]:
+        """What it is, its value with its error, and what it was taken from."""
+        b, D, p = self.b, self.D, self.p
+        if isinstance(b, RuptfxError):
+            yield "b-value", "none", str(b)
+        else:
+            yield "b-value", f"{b.b:.3f} ± {b.error:.3f}", f"{b.count} of at least magnitude {b.completeness:.2f}"
+        if isinstance(D, RuptfxError):
+            yield "fractal dimension", "none", str(D)
+        elif D is not None:
+            yield "fractal dimension", f"{D.D:.3f} ± {D.error:.3f}", f"{D.radius[0]:.3g} to {D.radius[-1]:.3g} m"
+        if isinstance(p, RuptfxError):
+            yield "Omori exponent", "none", str(p)
+        elif p is not None:
+            yield "Omori exponent", f"{p.p:.3f} ± {p.error:.3f}", f"c = {p.c:.3g} s"
+
+
+def estimate(
+    found: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
+    failure_time: float | None = None,
+) -> Estimates:
+    """All that the catalogue allows.
+
+    Parameters
+    ----------
+    found : Catalogue
+        Seismic events.
+    completeness : float, optional
+        As for `b_value`.
+    distances : (float, float), optional
+        As for `fractal_dimension` [m]; default: a thirtieth and a third of the narrower extent.
+    failure_time : float, optional
+        Of the failure that events precede [s]; without it, no Omori exponent is asked for.
+    """
+    narrow = min(float(np.ptp(found.x)), float(np.ptp(found.y))) if len(found) else 0.0
+    near, far = distances or (narrow / 30, narrow / 3)
+    return Estimates(
+        tried(lambda: b_value(found.magnitude, completeness)),
+        tried(lambda: fractal_dimension(found.x, found.y, near, far)),
+        None if failure_time is None else tried(lambda: omori(failure_time - found.time)),
+    )
+
+
+def tried(estimate: Callable[[], T]) -> T | RuptfxError:
+    """The estimate, or why there is none."""
+    try:
+        return estimate()
+    except RuptfxError as error:
+        return error
 
 
 def tensile_share(xx: Array, yy: Array, xy: Array) -> Array:

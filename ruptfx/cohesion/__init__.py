@@ -13,7 +13,7 @@ import numpy as np
 
 from ruptfx.fields import Array
 from ruptfx.schema import Alternative, alternative
-from ruptfx.units import EnergyPerArea, Strength
+from ruptfx.units import VaryingEnergy, VaryingPressure
 
 
 class CohesiveLaw(Alternative):
@@ -26,13 +26,13 @@ class CohesiveLaw(Alternative):
     area: ClassVar[float]
     """Integral of `left` from 0 to 1: with a strength and a fracture energy it fixes the length over which it fails."""
 
-    f_t: Strength
-    """Tensile strength."""
-    c: Strength
+    f_t: VaryingPressure
+    """Tensile strength; where it is zero, as is `c`, nothing is held: a crack from the start."""
+    c: VaryingPressure
     """Cohesion: shear strength without friction."""
-    G_Ic: EnergyPerArea
+    G_Ic: VaryingEnergy
     """Energy that opening takes to failure."""
-    G_IIc: EnergyPerArea
+    G_IIc: VaryingEnergy
     """Energy that slip takes to failure, beyond friction."""
 
     @property

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -14,93 +13,99 @@ from ruptfx import RuptfxError
 from ruptfx.commands._shared import reported, screen
 
 if TYPE_CHECKING:
-    from ruptfx.analysis.emission import BValue, Catalogue, FractalDimension, Omori
-
-T = TypeVar("T")
+    from ruptfx.analysis.emission import Estimates
 
 
 def events(
-    catalogue: Annotated[Path, typer.Argument(
-        help="CSV file with the columns time (s), x, y (m) and magnitude or energy (J).", show_default=False)],
-    smallest: Annotated[float, typer.Option(help="Smallest magnitude that counts.")] = -100.0,
+    source: Annotated[Path, typer.Argument(
+        help="Directory of a run whose bodies broke, or a CSV file with the columns time (s), x, y (m) and magnitude "
+             "or energy (J).", show_default=False)],
+    smallest: Annotated[float | None, typer.Option(
+        help="Smallest magnitude that counts; default: all of a catalogue, -10 of a run.", show_default=False)] = None,
     completeness: Annotated[float | None, typer.Option(
         help="Magnitude from which on all events were recorded; default: where most are.")] = None,
     distances: Annotated[tuple[float, float] | None, typer.Option(
-        help="Smallest and largest distance of the fractal dimension [m]; default: a thirtieth and a third of the "
-             "narrower extent.")] = None,
-    failure_time: Annotated[float | None, typer.Option(help="Of the failure that events precede [s].")] = None,
+        help="Smallest and largest distance of the fractal dimension [m]; default: of a catalogue a thirtieth and a "
+             "third of the narrower extent, of a run two cells and a third of the narrower side.")] = None,
+    failure_time: Annotated[float | None, typer.Option(
+        help="Of the failure that events precede [s]; default: of a run that of its first stress peak.")] = None,
     link: Annotated[tuple[float, float] | None, typer.Option(
-        help="Distance [m] and speed [m/s]: closer events within the time that the speed needs are one.")] = None,
-    out: Annotated[Path, typer.Option(help="The figure.")] = Path("events.png"),
+        help="Distance [m] and speed [m/s]: closer events within the time that the speed needs are one; default: of a "
+             "run three cells and half the slowest shear wave speed.")] = None,
+    table: Annotated[bool, typer.Option(
+        "--csv", help="Also write all events of a run as events.csv beside its files.")] = False,
+    out: Annotated[Path | None, typer.Option(
+        help="The figure; default: events.png, of a run that of its figures.", show_default=False)] = None,
 ) -> None:
     """b-value, fractal dimension and Omori exponent of acoustic emission, each with its error, and a figure.
 
     Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
     """
     with reported():
-        from ruptfx.analysis.emission import clusters, read_catalogue
-        from ruptfx.plots._catalogue import catalogue_statistics
-
-        found = read_catalogue(catalogue).seismic(smallest)
-        if link is not None:
-            found = clusters(found, *link).events.seismic(smallest)
-        estimates = estimates_of(found, completeness, distances, failure_time)
-        screen.print(f"{len(found)} {'clusters of events' if link else 'events'} that radiate energy")
-        table = Table("", "estimate", "from", box=None, pad_edge=False)
-        for row in estimates.rows():
-            table.add_row(*row)
-        screen.print(table)
-        if len(found):
-            out.parent.mkdir(parents=True, exist_ok=True)
-            catalogue_statistics(found, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
-            screen.print(f"Picture: {out}", soft_wrap=True)
+        if source.is_dir():
+            _of_run(source, smallest, completeness, distances, failure_time, link, table, out)
+            return
+        if table:
+            raise RuptfxError(f"--csv: {source} is a table already; the option is for the directory of a run")
+        _of_catalogue(source, smallest, completeness, distances, failure_time, link, out or Path("events.png"))
 
 
-@dataclass(frozen=True)
-class Estimates:
-    """Every estimate, or the error that says why there is none."""
+def _of_catalogue(
+    path: Path, smallest: float | None, completeness: float | None, distances: tuple[float, float] | None,
+    failure_time: float | None, link: tuple[float, float] | None, out: Path,
+) -> None:  # fmt: skip
+    from ruptfx.analysis.emission import clusters, estimate, read_catalogue
+    from ruptfx.plots._catalogue import catalogue_statistics
 
-    b: BValue | RuptfxError
-    D: FractalDimension | RuptfxError
-    p: Omori | RuptfxError | None
-
-    def rows(self) -> Iterator[tuple[str, str, str]]:
-        """What it is, its value with its error, and what it was taken from."""
-        b, D, p = self.b, self.D, self.p
-        if isinstance(b, RuptfxError):
-            yield "b-value", "none", str(b)
-        else:
-            yield "b-value", f"{b.b:.3f} ± {b.error:.3f}", f"{b.count} of at least magnitude {b.completeness:.2f}"
-        if isinstance(D, RuptfxError):
-            yield "fractal dimension", "none", str(D)
-        else:
-            yield "fractal dimension", f"{D.D:.3f} ± {D.error:.3f}", f"{D.radius[0]:.3g} to {D.radius[-1]:.3g} m"
-        if isinstance(p, RuptfxError):
-            yield "Omori exponent", "none", str(p)
-        elif p is not None:
-            yield "Omori exponent", f"{p.p:.3f} ± {p.error:.3f}", f"c = {p.c:.3g} s"
+    least = -math.inf if smallest is None else smallest
+    found = read_catalogue(path).seismic(least)
+    if link is not None:
+        found = clusters(found, *link).events.seismic(least)
+    estimates = estimate(found, completeness, distances, failure_time)
+    screen.print(f"{len(found)} {'clusters of events' if link else 'events'} that radiate energy")
+    _show({"": estimates})
+    if len(found):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        catalogue_statistics(found, estimates.b, estimates.D, estimates.p, failure_time).savefig(out, dpi=150)
+        screen.print(f"Picture: {out}", soft_wrap=True)
 
 
-def estimates_of(
-    found: Catalogue, completeness: float | None, distances: tuple[float, float] | None, failure_time: float | None
-) -> Estimates:
-    """All that the catalogue allows."""
-    import numpy as np
+def _of_run(
+    run: Path, smallest: float | None, completeness: float | None, distances: tuple[float, float] | None,
+    failure_time: float | None, link: tuple[float, float] | None, table: bool, out: Path | None,
+) -> None:  # fmt: skip
+    from ruptfx.analysis.compression import SMALLEST, emission_of
+    from ruptfx.analysis.emission import Estimates
+    from ruptfx.figure_style import save
+    from ruptfx.plots.emission import emission
+    from ruptfx.record import Record
 
-    from ruptfx.analysis.emission import b_value, fractal_dimension, omori
+    with Record(run) as record:
+        least = SMALLEST if smallest is None else smallest
+        found = emission_of(record, least, completeness, distances, failure_time, link)
+        when = "of the whole run" if found.failure_time is None else f"until {found.failure_time:.4g} s"
+        screen.print(
+            f"{len(found.events)} failed facets, {found.before.sum()} {when}, {len(found.seismic)} of these radiate a "
+            f"magnitude of {least:g} at least; {len(found.linked)} clusters of the whole run"
+        )
+        shares = ", ".join(f"{name} {share:.1%}" for name, share in found.shares.items())
+        if len(found.seismic):
+            screen.print(f"Modes of these: {shares}")
+        _show({"events": found.of_events, "clusters": Estimates(found.of_clusters, None, None)})
+        if table:
+            path = run / "events.csv"
+            record.events.to_dataframe().to_csv(path, index_label="event")
+            screen.print(f"Table: {path}", soft_wrap=True)
+        path = out or run / "figures" / "emission.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save(emission(record, found), path, path.suffix[1:] or "png")
+        screen.print(f"Picture: {path}", soft_wrap=True)
 
-    narrow = min(float(np.ptp(found.x)), float(np.ptp(found.y))) if len(found) else 0.0
-    near, far = distances or (narrow / 30, narrow / 3)
-    return Estimates(
-        tried(lambda: b_value(found.magnitude, completeness)),
-        tried(lambda: fractal_dimension(found.x, found.y, near, far)),
-        None if failure_time is None else tried(lambda: omori(failure_time - found.time)),
-    )
 
-
-def tried(estimate: Callable[[], T]) -> T | RuptfxError:
-    """The estimate, or why there is none."""
-    try:
-        return estimate()
-    except RuptfxError as error:
-        return error
+def _show(estimates: dict[str, Estimates]) -> None:
+    """A table of all of them."""
+    table = Table("", "estimate", "from", box=None, pad_edge=False)
+    for of, each in estimates.items():
+        for what, value, source in each.rows():
+            table.add_row(f"{what} of {of}" if of else what, value, source)
+    screen.print(table)

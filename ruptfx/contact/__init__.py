@@ -166,6 +166,11 @@ def require(faults: Iterable[Fault], way: Way) -> None:
                 f"faults.{fault.name}.contact.kind = '{contact.kind()}': on an interface that slides neighbouring "
                 "points depend on each other; use 'forward_lagrange' (rigid as well) or 'compliant'"
             )
+        if fault.cohesion is not None and way == "implicit":
+            raise CaseError(
+                f"faults.{fault.name}.cohesion: interfaces break in explicit steps only; use the stepper 'leapfrog', "
+                "or the friction law 'cohesion', which weakens with slip"
+            )
         if not getattr(contact, way):
             able = [kind for kind, cls in alternatives("ruptfx.contact").items() if getattr(cls, way)]
             raise CaseError(

@@ -346,8 +346,11 @@ def _check(key: str, laws: CrackLaws) -> None:
     CaseError
         Names the key.
     """
-    for name, value in _varying(laws.friction, f"{key}.friction"):
+    for name, value in _varying(laws, key):
         raise CaseError(f"{name} = {value}: varies along an interface, and cracks are everywhere; give a number")
+    for name in ("f_t", "c"):
+        if laws.cohesion is not None and getattr(laws.cohesion, name) <= 0:
+            raise CaseError(f"{key}.cohesion.{name} = 0: must be above zero; facets that hold nothing have no cohesion")
     friction: FrictionLaw = laws.friction
     kind = f"{key}.friction.kind = '{friction.kind()}'"
     state = {name: symbol(f"s_{name}") for name in friction.all_state_fields()}

@@ -16,7 +16,7 @@ LARGEST_MARK = 60.0  # points^2
 
 @styled
 def catalogue_statistics(
-    catalogue: Catalogue, b: BValue | RuptfxError, D: FractalDimension | RuptfxError,
+    catalogue: Catalogue, b: BValue | RuptfxError, D: FractalDimension | RuptfxError | None,
     p: Omori | RuptfxError | None = None, failure_time: float | None = None,
 ) -> Figure:
     """Where events are, how large, how they gather, and how their rate grows.
@@ -32,10 +32,10 @@ def catalogue_statistics(
         To which times are counted [s]; without it the rate is that over the whole record.
     """
     figure, axes = new_figure(2, 2, 5.6)
-    _places(axes[0, 0], catalogue)
-    _sizes(axes[0, 1], catalogue, b)
-    _pairs(axes[1, 0], D)
-    _rates(axes[1, 1], catalogue, p, failure_time)
+    places(axes[0, 0], catalogue)
+    sizes(axes[0, 1], catalogue, b)
+    pairs(axes[1, 0], D)
+    rates(axes[1, 1], catalogue, p, failure_time)
     letter(axes.flat)
     M = catalogue.magnitude
     remark(figure, f"{len(catalogue)} events of magnitude {M.min():.3g} to {M.max():.3g}; circles grow with magnitude, "
@@ -43,7 +43,8 @@ def catalogue_statistics(
     return figure
 
 
-def _places(ax: Axes, catalogue: Catalogue) -> None:
+def places(ax: Axes, catalogue: Catalogue) -> None:
+    """Where events are; circles grow with magnitude."""
     size, unit = scale(np.concatenate([catalogue.x, catalogue.y]), "m")
     M = catalogue.magnitude
     span = max(float(np.ptp(M)), 1.0)
@@ -52,10 +53,11 @@ def _places(ax: Axes, catalogue: Catalogue) -> None:
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
 
 
-def _sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
+def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
+    """How many events there are of at least a magnitude; b against the magnitude of completeness as an inset."""
     M = np.sort(catalogue.magnitude)
     ax.semilogy(M, np.arange(len(M), 0, -1), ".", color="#1a1a1a", ms=2.5)
-    ax.set(xlabel="Magnitude M", ylabel="Events of at least M")
+    ax.set(xlabel="Magnitude M", ylabel="Number of events of at least M")
     if isinstance(b, RuptfxError):
         _why(ax, b)
         return
@@ -73,10 +75,11 @@ def _sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
     inset.tick_params(labelsize=5)
 
 
-def _pairs(ax: Axes, D: FractalDimension | RuptfxError) -> None:
-    ax.set(xlabel="Distance r (m)", ylabel="Part of pairs closer than r")
-    if isinstance(D, RuptfxError):
-        _why(ax, D)
+def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:
+    """Correlation integral, and its slope."""
+    ax.set(xlabel="Distance r (m)", ylabel="Fraction of pairs closer than r")
+    if D is None or isinstance(D, RuptfxError):
+        _why(ax, D or "not asked for")
         return
     size, unit = scale(D.radius, "m")
     ax.loglog(D.radius / size, D.correlation, "o", color="#1a1a1a", ms=3)
@@ -91,12 +94,13 @@ def _pairs(ax: Axes, D: FractalDimension | RuptfxError) -> None:
     ax.legend(loc="upper left")
 
 
-def _rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure_time: float | None) -> None:
+def rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure_time: float | None) -> None:
+    """Events per second before the failure, or over the whole record."""
     if failure_time is None:
         size, unit = scale(catalogue.time, "s")
         counts, limits = np.histogram(catalogue.time, 40)
         ax.stairs(counts / np.diff(limits), limits / size, color="#1a1a1a")
-        ax.set(xlabel=f"Time ({unit})", ylabel="Events per second")
+        ax.set(xlabel=f"Time ({unit})", ylabel="Number of events per second")
         return
     before = failure_time - catalogue.time
     before = before[before > 0]
@@ -109,7 +113,7 @@ def _rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failur
     middle = np.sqrt(limits[1:] * limits[:-1])
     seen = counts > 0
     ax.loglog(middle[seen] / size, (counts / np.diff(limits))[seen], "o", color="#1a1a1a", ms=3)
-    ax.set(xlabel=f"Time to failure ({unit})", ylabel="Events per second")
+    ax.set(xlabel=f"Time to failure ({unit})", ylabel="Number of events per second")
     if isinstance(p, Omori):
         ax.loglog(limits / size, p.rate(limits), color=GUIDE, label=f"p = {p.p:.2f} ± {p.error:.2f}")
         ax.legend(loc="lower left")
@@ -117,7 +121,7 @@ def _rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failur
         _why(ax, p)
 
 
-def _why(ax: Axes, error: RuptfxError) -> None:
+def _why(ax: Axes, error: RuptfxError | str) -> None:
     words, lines = str(error).split(), [""]
     for word in words:
         if len(lines[-1]) + len(word) > 38:

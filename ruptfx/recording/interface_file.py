@@ -43,7 +43,7 @@ class InterfaceFile(GrowingFile):
         for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())):
             for name in field.names(fault.tangents) if field.recorded else ():
                 _variable(file, name, ("time", "position"), field.unit, field.long_name, meanings=field.meanings)
-        for name, unit in fault.friction.all_state_fields().items():
+        for name, unit in fault.state_fields().items():
             _variable(file, name, ("time", "position"), unit, f"state variable {name}")
         for monitor in MONITORS:
             _variable(file, monitor.name, ("position",), monitor.unit, monitor.long_name)

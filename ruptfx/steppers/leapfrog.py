@@ -168,6 +168,8 @@ class LeapfrogMotion:
             )
             state.energy["boundary_work"] += fault.work
             state.energy["impact"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
+            if isinstance(fault, FaultStep) and fault.fault.cohesion is not None:
+                state.energy["fracture"] += fault.fractured(state.faults[name], state.velocity, rate_old)
         # Tied nodes move together; an interface that ends there has changed the velocity of one of them only.
         self.model.layout.equalise(state.velocity)
         self._load_work(state, kick, factors)

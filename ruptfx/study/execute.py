@@ -114,9 +114,11 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
     if refined:
         write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
     if any(axis.numeric for axis in study.axes):
-        from ruptfx.study import mode_map
+        from ruptfx.study import curves, mode_map
 
         mode_map.save(store.path)
+        if curves.suits(shown := mode_map.read_map(store.path)):
+            curves.save(shown)
 
 
 @dataclass

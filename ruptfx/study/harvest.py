@@ -16,7 +16,10 @@ from ruptfx.record import Files
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES = {"space_time": "Slip rate in space and time", "wavefield": "Particle speed in the bodies"}
+PICTURES = {
+    "space_time": "Slip rate in space and time", "wavefield": "Particle speed in the bodies",
+    "cracks": "Facets that failed, and the force", "emission": "Acoustic emission",
+}  # fmt: skip
 """Figures of the page and their captions."""
 
 
@@ -32,9 +35,11 @@ def harvest(run: Path, keep: list[str]) -> Table:
     """
     summary = json.loads((run / "summary.json").read_text())
     values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
-    if (run / "interface.h5").is_file() or list(run.glob("interface_*.h5")):
+    slides = (run / "interface.h5").is_file() or list(run.glob("interface_*.h5"))
+    if slides or (run / "events.h5").is_file():
         with Files(run) as record:
-            values |= {"rupture": _rupture(values), **_energies(record)}
+            values |= {"rupture": _rupture(values)} if slides else {}
+            values |= _energies(record)
             if "pictures" in keep:
                 _draw(record, run.parent)
     if "run" not in keep:
@@ -66,6 +71,8 @@ def _draw(record: Files, directory: Path) -> None:
     from ruptfx import plots
 
     for name in PICTURES:
+        if not plots.suits(name, record):
+            continue
         try:
             figure = getattr(plots, name)(record)
         except Exception as error:  # a picture that fails is no reason to lose the run

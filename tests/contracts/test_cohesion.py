@@ -102,6 +102,8 @@ def test_a_law_survives_toml(kind: str) -> None:
     assert TypeAdapter(AnyCohesion).validate_python(again) == law
 
 
-def test_a_strength_must_be_positive() -> None:
-    with pytest.raises(CaseError, match=r"f_t = 0.0: input should be greater than 0"):
-        LAWS["linear"](f_t=0.0, c=1e6, G_Ic=1.0, G_IIc=1.0)
+def test_a_strength_must_not_be_negative() -> None:
+    """Zero is a crack from the start, along an interface; facets all over a body refuse it."""
+    with pytest.raises(CaseError, match=r"f_t = -1.0: input should be greater than or equal to 0"):
+        LAWS["linear"](f_t=-1.0, c=1e6, G_Ic=1.0, G_IIc=1.0)
+    LAWS["linear"](f_t=0.0, c=0.0, G_Ic=1.0, G_IIc=1.0)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_step import advance_reference
+from pydantic import TypeAdapter
+from reference_step import advance_reference, advance_settled
 from small_cases import COMPLIANT, HOMALITE, case, march, tilted
 
 from ruptfx.check_law.examples import friction, friction_laws, table
@@ -17,6 +18,7 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 pytest.importorskip("dolfinx")
 
 from ruptfx import native
+from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import Point
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep, impedances
@@ -92,9 +94,12 @@ def a_fault(method: str, law: Any, components: int, random: np.random.Generator)
     return Fault("main", face, contact(method), law.at(face.position), normal, shear)
 
 
-def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> tuple[float, float, float]:
+def steps_agree(
+    fault: Fault, components: int, random: np.random.Generator, bond: dict[str, Any] | None = None
+) -> tuple[float, float, float]:
     """Largest relative difference of C and reference over a few steps on random motion, the start among them; largest
-    share of points that were open at once, and share of those that slid at some time."""
+    share of points that were open at once, and share of those that slid at some time. `bond` gets the last damage of
+    cohesion, and what it took in shear."""
     dt, threshold = 1e-7, 1e-3
     inverse = np.repeat(random.uniform(1e4, 1e5, 2 * POINTS), components)
     driven = fault.interface.plus[random.random(POINTS) < 0.1] * components
@@ -117,7 +122,8 @@ def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> t
     for step, clock in enumerate(clocks):
         displacement = apart(fault.interface, random.normal(size=(POINTS, components)) * sizes(fault.interface, size))
         velocity, force = random.normal(size=(2, len(inverse))) * [[2.0], [1e3]]
-        mine, forces = velocity.copy(), force.copy()
+        mine, forces, untouched = velocity.copy(), force.copy(), velocity.copy()
+        before = {name: values.copy() for name, values in theirs.items()}
         lost = compiled[step](ours, displacement, mine, forces, step * dt)
         expected = advance_reference(
             fault, law, theirs, displacement, velocity, force, inverse, clock, step * dt, threshold
@@ -128,6 +134,12 @@ def steps_agree(fault: Fault, components: int, random: np.random.Generator) -> t
         power = np.abs(theirs_shear * theirs_rate).sum(axis=1)
         typical = np.abs(theirs_shear).max() * np.abs(theirs_rate).max() * fault.interface.weight.sum() * dt
         compare(np.array([lost]), np.array([expected]), typical)
+        if bond is not None:
+            found = advance_settled(fault, law, before, displacement, untouched, inverse, clock, step * dt, threshold)
+            torn = float((fault.interface.owned * fault.interface.weight) @ found.fractured)
+            torn *= clock.kick
+            compare(np.array([compiled[step].fractured(ours, mine, None)]), np.array([torn]), typical)
+            bond |= {"last": theirs["damage"], "taken": bond.get("taken", 0.0) + torn}
         for name in theirs:
             compare(ours[name], theirs[name])
         opened = max(opened, float(np.mean(theirs["normal_stress"] == 0)))
@@ -162,6 +174,27 @@ def test_compiled_step_with_a_gap(method: str) -> None:
     worst, opened, _ = steps_agree(replace(fault, gap=gap), 2, random)
     assert worst < 1e-10
     assert 0.05 < opened < 0.99
+
+
+@pytest.mark.parametrize("method", [kind for kind, cls in METHODS.items() if not cls.traction_ends_slip])
+@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.cohesion")), ("linear", 3)])
+def test_compiled_step_with_cohesion(method: str, kind: str, components: int) -> None:
+    """Some points crack from the start; motion tears, closes and shears the others until most have failed."""
+    random = np.random.default_rng(13)
+    fault = a_fault(method, friction("linear_slip_weakening", None, profiles=True), components, random)
+    size = 4e6 * compliances(fault.contact, 1e6, 1e-7)  # of the jumps
+    area = alternatives("ruptfx.cohesion")[kind].area
+    values = table(alternatives("ruptfx.cohesion")[kind]) | {
+        "kind": kind, "G_Ic": 4e6 * area * size[0], "G_IIc": 16e6 * area * min(size[1], 3e-5), "c": 3e6,
+    }  # fmt: skip
+    strength = np.where(random.random(POINTS) < 0.1, 0.0, random.uniform(1e6, 3e6, POINTS))
+    law = TypeAdapter(AnyCohesion).validate_python(values).substituted({"f_t": strength})
+    fault = replace(fault, cohesion=law, normal_stress_0=fault.normal_stress_0 - 0.5e6)
+    worst, *_ = steps_agree(fault, components, random, damage := {})
+    assert worst < 1e-10
+    last = damage["last"]
+    assert 0.02 < np.mean(last >= 1) < 0.95 and np.mean((last > 0) & (last < 1)) > 0.02
+    assert damage["taken"] > 0
 
 
 @every_method

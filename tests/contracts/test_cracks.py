@@ -18,7 +18,7 @@ from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
-from ruptfx.schema import alternatives
+from ruptfx.schema import CaseError, alternatives
 
 pytestmark = pytest.mark.fem
 COHESION = list(alternatives("ruptfx.cohesion"))
@@ -150,6 +150,15 @@ def test_slip_weakening_friction_goes_on_after_failure() -> None:
     pressed = -5e6 / facet.stiffness
     facet.follow(np.linspace(0, pressed, 10), 0.0)
     assert facet.follow(pressed, np.linspace(0, 2e-3, 4000))[-1, 1] == pytest.approx(0.2 * 5e6, rel=1e-9)
+
+
+@pytest.mark.parametrize(("key", "value", "said"), [
+    ("f_t", 0.0, r"f_t = 0: must be above zero"),
+    ("c", {"kind": "boxcar", "inside": 1e6, "outside": 2e6, "center": 0.0, "half_width": 1e-3}, "varies along an interface"),
+])  # fmt: skip
+def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: str) -> None:
+    with pytest.raises(CaseError, match=said):
+        Model(case({**PAIR, f"fracture.default.cohesion.{key}": value}))
 
 
 # -- bodies ----------------------------------------------------------------------------------------------------------

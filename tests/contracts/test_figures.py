@@ -7,6 +7,7 @@ import pytest
 import synthetic
 from labels import label_faults
 from matplotlib import pyplot
+from matplotlib.patches import Patch
 
 from ruptfx import plots
 from ruptfx.record import Record
@@ -15,7 +16,8 @@ from ruptfx.schema import own_kinds
 TIME, POSITION = synthetic.times(121), synthetic.points(40)
 QUANTITY = r"[fpnµmckMGT]?(?:m|s|g|N|Pa|J|W|K|Hz|rad)[²³]?"
 # Numbers without a unit say what they count.
-UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|per fringe|coefficient|fraction|ratio|number", re.I)
+WORDS = "per fringe|coefficient|fraction|ratio|number|magnitude"
+UNIT = re.compile(rf"\(({QUANTITY}([/ ]{QUANTITY})*|%[^)]*|°C?)\)|{WORDS}", re.I)
 
 
 def write(path, kind):
@@ -79,7 +81,8 @@ def test_figure(name, kind, records):
     for label in filter(None, labels):
         assert UNIT.search(label), label
     for ax in shown:
-        drawn = [artist for artist in (*ax.lines, *ax.collections, *ax.images) if np.size(values_of(artist))]
+        artists = (*ax.lines, *ax.collections, *ax.images, *ax.patches)
+        drawn = [artist for artist in artists if np.size(values_of(artist))]
         assert drawn or any(text.get_text().strip() for text in ax.texts)  # a panel without data says why
     letters = [ax.get_title(loc="left") for ax in shown if ax.get_title(loc="left")]
     assert letters == [f"({chr(97 + i)})" for i in range(len(letters))]
@@ -87,6 +90,8 @@ def test_figure(name, kind, records):
 
 def values_of(artist):
     """What an artist shows."""
+    if isinstance(artist, Patch):
+        return artist.get_path().vertices
     values = artist.get_xdata() if hasattr(artist, "get_xdata") else artist.get_array()
     return values if values is not None else artist.get_offsets()
 

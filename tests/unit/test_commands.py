@@ -9,12 +9,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import synthetic
 import tomli_w
 import xarray
 from matplotlib.image import imread
 from small_cases import merged, plates
 from typer.testing import CliRunner, Result
 
+from ruptfx.analysis.emission import read_catalogue
 from ruptfx.cli import app
 from ruptfx.commands.new import cases
 from ruptfx.record import Record
@@ -273,3 +275,19 @@ def test_events_of_a_measured_catalogue(tmp_path: Path) -> None:
     (tmp_path / "none.csv").write_text("time,x,y,magnitude\n")
     none = ruptfx("events", tmp_path / "none.csv", "--out", tmp_path / "none.png")
     assert none.exit_code == 0 and "0 events" in said(none) and not (tmp_path / "none.png").exists()
+
+
+def test_events_of_a_run(tmp_path: Path) -> None:
+    """Their table can be read as a catalogue again."""
+    time, position = synthetic.times(61), synthetic.points(20)
+    run = synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position)
+    synthetic.write_cracks(run, failed=2)
+    result = ruptfx("events", run, "--csv")
+    assert result.exit_code == 0 and "2 failed facets" in said(result) and "1 of these radiate" in said(result)
+    assert "tensile 100.0%" in said(result)
+    assert imread(run / "figures" / "emission.png").std() > 0.02
+    again = read_catalogue(run / "events.csv")
+    assert again.energy.tolist() == [1e-6, 0.0] and again.x.tolist() == [5e-3, 10e-3]
+    refused = ruptfx("events", run / "events.csv", "--csv")
+    assert refused.exit_code != 0 and "is a table already" in said(refused)
+

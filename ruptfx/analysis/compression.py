@@ -1,0 +1,238 @@
+"""A specimen that is pressed until it breaks: stress against strain, what it emits, and into how many pieces it falls.
+
+All is read from the files of a run: `edges.csv`, `events.h5`, `cracks.h5`, `bulk.h5`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ruptfx import RuptfxError, Table
+from ruptfx.analysis.emission import (
+    Array,
+    BValue,
+    Catalogue,
+    Estimates,
+    b_value,
+    clusters,
+    estimate,
+    first_peak,
+    tried,
+)
+
+if TYPE_CHECKING:
+    from ruptfx.record import Files
+
+SMALLEST = -10.0
+"""Magnitude of the smallest events that count, as in Zhao (2013)."""
+CELLS = 3.0  # distance of events that are one, in facets
+RIPPLES = 0.5  # part of the largest stress below which a maximum is a wave
+ELASTIC = (0.2, 0.5)  # parts of the first peak between which the modulus is taken
+MODES = ("tensile", "shear", "mixed")
+
+
+@dataclass(frozen=True)
+class Loading:
+    """A specimen between two edges, its bottom and its top.
+
+    Attributes
+    ----------
+    time, strain, stress : ndarray, shape (n,)
+        [s]; approach of the edges over the height of the specimen; mean force at both over its width [Pa]. Both are
+        positive in compression.
+    peak : int or None
+        The first maximum that is followed by a fall of 3 % before it is exceeded; maxima below half of the largest
+        stress are waves.
+    """
+
+    time: Array
+    strain: Array
+    stress: Array
+    peak: int | None
+
+    @property
+    def modulus(self) -> float:
+        """Slope of stress over strain between 20 and 50 % of the first peak, or of the largest stress [Pa]."""
+        top = float(self.stress.max() if self.peak is None else self.stress[self.peak])
+        until = int(np.argmax(self.stress >= ELASTIC[1] * top)) + 1
+        below = np.flatnonzero(self.stress[:until] <= ELASTIC[0] * top)
+        part = slice(int(below[-1]) if len(below) else 0, until)
+        if until - part.start < 3:
+            return float(np.nan)
+        return float(np.polyfit(self.strain[part], self.stress[part], 1)[0])
+
+
+def loading(record: Files) -> Loading | None:
+    """How a rectangular specimen was pressed or pulled; None for other bodies, and where its ends were not held."""
+    mesh = record.case.get("mesh", {})
+    shape = mesh.get("shape", {})
+    if mesh.get("kind") != "specimen" or shape.get("kind") != "rectangle":
+        return None
+    body = mesh["platens"].get("body", "platen") if mesh.get("platens") else "specimen"
+    if not (record.path / "edges.csv").is_file():
+        return None
+    edges = record.edges
+    names = [f"{body}.{side}.{what}_y" for what in ("displacement", "force") for side in ("bottom", "top")]
+    if any(name not in edges for name in names) or not edges.sizes["time"]:
+        return None
+    bottom, top, below, above = (edges[name].values for name in names)
+    strain, stress = (bottom - top) / shape["height"], 0.5 * (below - above) / shape["width"]
+    begin = int(np.argmax(stress > RIPPLES * stress.max()))
+    peak = first_peak(stress[begin:])
+    return Loading(edges["time"].values, strain, stress, None if peak is None else begin + peak)
+
+
+@dataclass(frozen=True)
+class Emission:
+    """What a run emitted.
+
+    Attributes
+    ----------
+    events : Catalogue
+        All facets that failed, in the order of their failure.
+    before : ndarray of bool, shape (events,)
+        Which of them failed before the failure of the specimen.
+    mode : ndarray of str, shape (events,)
+    inclination, length : ndarray, shape (events,)
+        Of the facets [degrees, m].
+    failure_time : float or None
+        Of the first peak of the stress [s], or as given.
+    seismic : Catalogue
+        Events before it that radiate, from the smallest magnitude on.
+    linked : Catalogue
+        Clusters of seismic events of the whole run.
+    of_events : Estimates
+        Of `seismic`.
+    of_clusters : BValue, or why there is none
+    """
+
+    events: Catalogue
+    before: Array
+    mode: Array
+    inclination: Array
+    length: Array
+    failure_time: float | None
+    seismic: Catalogue
+    counted: Array
+    linked: Catalogue
+    of_events: Estimates
+    of_clusters: BValue | RuptfxError
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Parts of the modes in `seismic`; not a number where there is no event."""
+        modes = self.mode[self.counted]
+        return {name: float(np.mean(modes == name)) if len(modes) else float(np.nan) for name in MODES}
+
+
+def emission_of(
+    record: Files, smallest: float = SMALLEST, completeness: float | None = None,
+    distances: tuple[float, float] | None = None, failure_time: float | None = None,
+    link: tuple[float, float] | None = None,
+) -> Emission:  # fmt: skip
+    """Events of a run and their statistics.
+
+    Parameters
+    ----------
+    record : Record or Files
+    smallest : float
+        Magnitude of the smallest events that count.
+    completeness : float, optional
+        As for `b_value`.
+    distances : (float, float), optional
+        Range of the fractal dimension [m]; default: two facets and a third of the narrower side of the bodies.
+    failure_time : float, optional
+        Of the specimen [s]; default: that of the first peak of the stress, if there is one.
+    link : (float, float), optional
+        Distance [m] and speed [m/s] of `clusters`; default: three facets and half the slowest shear wave speed.
+    """
+    data, facets = record.events, record.cracks
+    columns = {name: np.asarray(data[name].values) for name in ("x", "y", "energy", "time", "time_of_failure")}
+    events = Catalogue(columns["time"], columns["x"], columns["y"], columns["energy"])
+    pressed = loading(record)
+    if failure_time is None and pressed is not None and pressed.peak is not None:
+        failure_time = float(pressed.time[pressed.peak])
+    before = columns["time_of_failure"] <= (np.inf if failure_time is None else failure_time)
+    size = float(np.mean(facets["length"].values))
+    points = facets["points"].values
+    near, far = distances or (2 * size, float(np.ptp(points, axis=0).min()) / 3)
+    counted = before & (events.energy > 0) & (events.magnitude >= smallest)
+    seismic = Catalogue(events.time[counted], events.x[counted], events.y[counted], events.energy[counted])
+    linked = clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * _slowest(record))))
+    return Emission(
+        events, before, np.asarray(data["mode"].values), np.asarray(data["inclination"].values),
+        np.asarray(data["length"].values), failure_time, seismic, counted, linked.events,
+        estimate(seismic, completeness, (near, far), failure_time),
+        tried(lambda: b_value(linked.events.magnitude, completeness)),
+    )  # fmt: skip
+
+
+def _slowest(record: Files) -> float:
+    """Shear wave speed of the slowest body [m/s]."""
+    speeds = [
+        np.sqrt(each["young_modulus"] / (2 * (1 + each["poisson_ratio"]) * each["density"]))
+        for each in record.case["materials"].values()
+    ]
+    return float(min(speeds))
+
+
+def fragments(record: Files) -> int | None:
+    """Into how many pieces the bodies have fallen: cells that facets which have not failed join; None without them."""
+    if not (record.path / "bulk.h5").is_file():
+        return None
+    bulk, data = record.bulk, record.cracks
+    if not data.sizes["time"]:
+        return None
+    points, cells = bulk["points"].values, bulk["cells"].values
+    count, ends = len(points), data["points"].values
+    both = np.concatenate([points[:, :2], ends])
+    near = 1e-9 * np.ptp(both, axis=0).max()
+    vertex = np.unique(np.rint(both / near).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+    sides = np.sort(np.concatenate([vertex[:count][cells[:, pair]] for pair in ([0, 1], [1, 2], [0, 2])]), axis=1)
+    facets = np.sort(vertex[count:][data["lines"].values], axis=1)
+    whole = facets[data["status"].values[-1] < 2]
+    scale = int(vertex.max()) + 1
+    owner, code = np.tile(np.arange(len(cells)), 3), sides @ [scale, 1]
+    order = np.argsort(code, kind="stable")
+    place = np.searchsorted(code[order], whole @ [scale, 1])
+    first, second = owner[order[place]], owner[order[place + 1]]
+    joined = coo_array((np.ones(len(first)), (first, second)), (len(cells),) * 2)
+    return int(connected_components(joined, directed=False)[0])
+
+
+def summarise_fracture(record: Files) -> Table:
+    """Scalars of a run whose bodies may break, under the names of the summary."""
+    found, pressed = emission_of(record), loading(record)
+    D, p = found.of_events.D, found.of_events.p
+    facets = record.cracks
+    failed = facets["status"].values[-1] == 2 if facets.sizes["time"] else np.zeros(0, dtype=bool)
+    values: Table = {}
+    if pressed is not None:
+        values = {
+            "first_peak_stress": np.nan if pressed.peak is None else pressed.stress[pressed.peak],
+            "first_peak_strain": np.nan if pressed.peak is None else pressed.strain[pressed.peak],
+            "first_peak_time": np.nan if pressed.peak is None else pressed.time[pressed.peak],
+            "largest_stress": float(pressed.stress.max()), "elastic_modulus": pressed.modulus,
+        }  # fmt: skip
+    values |= {
+        "events": len(found.events), "events_before_peak": len(found.seismic),
+        "aseismic_share": 1 - len(found.seismic) / found.before.sum() if found.before.any() else np.nan,
+        **{f"{name}_share": share for name, share in found.shares.items()},
+        "largest_magnitude": float(np.max(found.events.magnitude, initial=-np.inf)),
+        **_with_error("b_value", found.of_clusters, "b"),
+        **_with_error("b_value_of_facets", found.of_events.b, "b"),
+        **_with_error("fractal_dimension", D, "D"), **_with_error("omori_exponent", p, "p"),
+        "failed_length": float(facets["length"].values[failed].sum()) if len(failed) else 0.0,
+        "fragments": fragments(record),
+    }  # fmt: skip
+    return values
+
+
+def _with_error(name: str, estimate: object, value: str) -> dict[str, float]:
+    """An estimate and its standard error; not a number where there is none."""
+    return {name: getattr(estimate, value, np.nan), f"{name}_error": getattr(estimate, "error", np.nan)}

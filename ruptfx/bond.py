@@ -1,0 +1,105 @@
+"""What holds the points of an interface together until they have failed: a cohesive law in a step.
+
+Opening w and slip s, which never fall, give the damage D, and this what is left of the strength:
+
+    tension <= f_t left(D),   shear strength = c left(D) + friction
+
+A point that opens less than it had goes along the secant to the origin, K = f_t left(D) / w, taken at the end of the
+step: with the opening that a trial of the tension t leaves when T of it is carried, compliance (t - T),
+
+    T = min(f_t left(D), t S / (S + w / compliance)),   S = f_t left(D),
+
+so that a young crack, whose secant is steep, cannot shorten the time step. Opening and slip are those at the time of
+the traction, which rigid contact knows beforehand: with springs between the points they would follow from it, and a
+bond that lags behind takes too much energy. So there are no bonds on compliant interfaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ruptfx.cohesion import CohesiveLaw
+from ruptfx.projection import parameters_as_symbols
+from ruptfx.tracing import Expression, record, symbol, to_numpy
+
+STATE = {"damage": "1", "largest_opening": "m", "damaging_slip": "m"}
+"""Fields of every point, and their units; the slip is the whole way, whatever its direction."""
+
+
+class TracedBond:
+    """A cohesive law recorded once: its damage from opening and slip, and what that leaves of the strength.
+
+    Parameters
+    ----------
+    law : CohesiveLaw
+        With profiles evaluated at the points.
+
+    Attributes
+    ----------
+    parameters : dict of str to float or ndarray
+        By the name of their symbols.
+    damage, left : Expression
+        Of the symbols `bond_opening` and `bond_slip`, and of `bond_damage`.
+    """
+
+    def __init__(self, law: CohesiveLaw) -> None:
+        self.law = law
+        self.parameters, traced = parameters_as_symbols(law, "b_")
+        self.damage: Expression = record(traced.damage, symbol("bond_opening"), symbol("bond_slip"))
+        self.left: Expression = record(traced.left, symbol("bond_damage"))
+        given = list(self.parameters)
+        self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *given])
+        self._left = to_numpy({"left": self.left}, ["bond_damage", *given])
+
+    def damage_after(self, before: np.ndarray, opening: np.ndarray, slip: np.ndarray) -> np.ndarray:
+        """Damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
+        with np.errstate(all="ignore"):
+            (found,) = self._damage(opening, slip, *self.parameters.values())
+        return np.maximum(before, found)
+
+    def held(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> Held:
+        """What it holds at a damage and a largest opening [m], shapes (n,)."""
+        with np.errstate(all="ignore"):
+            (left,) = self._left(damage, *self.parameters.values())
+        left = np.where(damage < 1, left, 0.0)
+        return Held(self.law.f_t * left, self.law.c * left, opening, compliance)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is held at the points in a step.
+
+    Attributes
+    ----------
+    tension, shear : ndarray, shape (n,)
+        Largest tension, and shear strength beyond friction [Pa].
+    opening : ndarray, shape (n,)
+        Largest so far [m].
+    compliance : ndarray, shape (n,)
+        Opening per tension that is not carried [m/Pa].
+    """
+
+    tension: np.ndarray
+    shear: np.ndarray
+    opening: np.ndarray
+    compliance: np.ndarray
+
+    @property
+    def intact(self) -> np.ndarray:
+        """Where anything is held, shape (n,)."""
+        return (self.tension > 0) | (self.shear > 0)
+
+    def normal_stress(self, trial: np.ndarray) -> np.ndarray:
+        """Admissible normal stress from a trial one, compression positive [Pa]."""
+        with np.errstate(all="ignore"):
+            secant = np.where(self.tension > 0, self.tension / (self.tension + self.opening / self.compliance), 0.0)
+        return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
+
+
+def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Energy that open points would give back if they closed, T w / 2 [J/m2], shape (n,)."""
+    return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
+

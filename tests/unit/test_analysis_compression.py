@@ -1,0 +1,98 @@
+"""Stress, events and pieces of a specimen, from files whose content is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import tomli_w
+import xarray
+
+from ruptfx.analysis import summarise
+from ruptfx.analysis.compression import emission_of, fragments, loading
+from ruptfx.record import Record
+
+MODULUS, HEIGHT, WIDTH = 50e9, 0.1, 0.05
+ROCK = {"kind": "isotropic_elastic", "young_modulus": MODULUS, "poisson_ratio": 0.25, "density": 2600.0}
+
+
+def write(path: Path, platens: bool = False, peak: bool = True, **events: np.ndarray) -> Path:
+    """Two triangles and the facet between them; a specimen that carries 100 MPa at 0.2 % and then a fifth less."""
+    body = "steel" if platens else "specimen"
+    path.mkdir()
+    mesh: dict[str, Any] = {
+        "kind": "specimen", "shape": {"kind": "rectangle", "width": WIDTH, "height": HEIGHT}, "element_size": 0.01,
+    }  # fmt: skip
+    if platens:
+        mesh["platens"] = {"thickness": 4e-3, "body": body}
+    (path / "case.toml").write_text(tomli_w.dumps({"mesh": mesh, "materials": {"default": ROCK}}))
+    time = np.linspace(0, 1e-3, 101)
+    strain = 3e-3 * time / time[-1]
+    stress = MODULUS * np.minimum(strain, 2e-3) - (2e10 * np.maximum(strain - 2e-3, 0) if peak else 0)
+    stress[5] = 40e6  # a wave: a maximum that says nothing
+    rows = np.column_stack([time, 0.5 * HEIGHT * strain, WIDTH * stress, -0.5 * HEIGHT * strain, -WIDTH * stress])
+    names = [f"{body}.{side}.{what}_y" for side in ("bottom", "top") for what in ("displacement", "force")]
+    np.savetxt(path / "edges.csv", rows, delimiter=",", header=",".join(["time", *names]), comments="")
+    corners = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]])
+    with h5py.File(path / "bulk.h5", "w") as file:
+        file["points"], file["time"] = corners[[0, 1, 2, 0, 2, 3]], [0.0, 1e-3]
+        file["cells"], file["body"] = [[0, 1, 2], [3, 4, 5]], np.zeros(6)
+    with h5py.File(path / "cracks.h5", "w") as file:
+        file["points"], file["lines"], file["length"] = corners[[0, 2]], [[0, 1]], [np.hypot(WIDTH, HEIGHT)]
+        file["time"], file["status"] = [0.0, 1e-3], np.array([[0], [2]], dtype=np.int8)
+    count = len(events.get("time", []))
+    names = ("x", "y", "time", "time_of_failure", "energy", "inclination", "length")
+    table = {name: ("event", events.get(name, np.ones(count))) for name in names}
+    modes = events.get("mode", np.array([], dtype=object))
+    xarray.Dataset({**table, "mode": ("event", modes)}).to_netcdf(path / "events.h5", engine="h5netcdf")
+    return path
+
+
+@pytest.mark.parametrize("platens", [False, True])
+def test_strength_and_modulus(platens: bool, tmp_path: Path) -> None:
+    with Record(write(tmp_path / "run", platens)) as record:
+        found = loading(record)
+        assert found is not None and found.peak is not None
+        assert found.stress[found.peak] == pytest.approx(100e6, rel=0.02)
+        assert found.strain[found.peak] == pytest.approx(2e-3, rel=0.03)
+        assert found.modulus == pytest.approx(MODULUS, rel=1e-6)
+
+
+def test_a_curve_that_only_rises_has_no_peak(tmp_path: Path) -> None:
+    with Record(write(tmp_path / "run", peak=False)) as record:
+        found, values = loading(record), summarise(record)
+    assert found is not None and found.peak is None
+    assert values["first_peak_stress"] is None and values["largest_stress"] == pytest.approx(100e6)
+
+
+def test_events_before_the_peak_are_counted(tmp_path: Path) -> None:
+    """Of six, one comes after it, one radiates nothing and one too little; two of the others are one cluster."""
+    seen = {
+        "time": np.array([1e-4, 1.0001e-4, 3e-4, 4e-4, 5e-4, 9e-4]),
+        "energy": np.array([1e-6, 2e-6, 4e-6, 0, 1e-12, 1e-6]),
+        "x": np.array([0.0, 1e-3, 4e-2, 0, 0, 0.0]), "y": np.array([0.0, 0, 0.9, 0, 0, 0.0]),
+        "mode": np.array(["tensile", "tensile", "shear", "shear", "shear", "mixed"], dtype=object),
+    }  # fmt: skip
+    seen["time_of_failure"] = seen["time"]
+    with Record(write(tmp_path / "run", **seen)) as record:
+        found, values = emission_of(record, link=(5e-3, 1e3)), summarise(record)
+    assert found.before.tolist() == [True] * 5 + [False] and len(found.seismic) == 3
+    assert found.shares == {"tensile": pytest.approx(2 / 3), "shear": pytest.approx(1 / 3), "mixed": 0.0}
+    assert sorted(found.linked.energy) == pytest.approx([1e-6, 3e-6, 4e-6])
+    assert values["events"] == 6 and values["events_before_peak"] == 3
+    assert values["aseismic_share"] == pytest.approx(0.4)
+    assert values["b_value"] is None and values["fractal_dimension"] is None  # too few
+    assert values["largest_magnitude"] == pytest.approx(2 / 3 * (np.log10(4e-6) - 4.8))
+
+
+def test_a_failed_facet_parts_two_triangles(tmp_path: Path) -> None:
+    path = write(tmp_path / "run")
+    with Record(path) as record:
+        assert fragments(record) == 2
+    with h5py.File(path / "cracks.h5", "a") as file:
+        file["status"][:] = 1
+    with Record(path) as record:
+        assert fragments(record) == 1
