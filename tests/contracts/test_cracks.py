@@ -154,7 +154,8 @@ def test_slip_weakening_friction_goes_on_after_failure() -> None:
 
 @pytest.mark.parametrize(("key", "value", "said"), [
     ("f_t", 0.0, r"f_t = 0: must be above zero"),
-    ("c", {"kind": "boxcar", "inside": 1e6, "outside": 2e6, "center": 0.0, "half_width": 1e-3}, "varies along an interface"),
+    ("c", {"kind": "boxcar", "inside": 1e6, "outside": 2e6, "center": 0.0, "half_width": 1e-3},
+     "varies along an interface"),
 ])  # fmt: skip
 def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: str) -> None:
     with pytest.raises(CaseError, match=said):
