@@ -357,6 +357,7 @@ class Model:
         bulk : (float, float), optional
             Kinetic and strain energy of this rank [J] where the stepper knows them; else they cost a force evaluation.
         """
+        state.catch_up()
         half = 0.5 * state.lag
         held = taken = preload = 0.0
         for fault in self.faults:
@@ -366,7 +367,7 @@ class Model:
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         if self.cracks is not None:
             held += self.cracks.stored(state.cracks, half * state.velocity)
-        kinetic, strain = bulk or self._bulk_energies(state)
+        kinetic, strain = bulk or self.bulk_energies(state)
         here = {
             "kinetic": kinetic,
             "strain": strain,
@@ -380,7 +381,7 @@ class Model:
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
 
-    def _bulk_energies(self, state: State) -> tuple[float, float]:
+    def bulk_energies(self, state: State) -> tuple[float, float]:
         """Kinetic and strain energy of this rank [J]; collective."""
         force = self.internal_force(state.displacement)
         kinetic = 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)

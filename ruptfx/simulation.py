@@ -130,6 +130,7 @@ def _run(
     case, comm = model.case, model.comm
     with phase("model"):
         state = model.initial_state()
+        state.unseen = True
         if checkpoint:
             checkpoint.restore(model, state)
     with (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,8 +32,14 @@ class State:
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float
         Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
+    points : dict of str to dict of ndarray, shape (n,)
+        Fields of points that it carries, by fault.
     watched : bool
         Whether energies will be asked for after the next step, which may then sum them on its way.
+    unseen : bool
+        Whether nobody looks at displacement and velocity after a step before `catch_up`, so that they may wait.
+    behind : callable, state -> None, optional
+        Brings them up to date where they wait.
     """
 
     displacement: np.ndarray
@@ -48,6 +55,15 @@ class State:
     numbers: dict[str, float] = field(default_factory=dict)
     watched: bool = False
     cracks: FaultState = field(default_factory=dict)
+    points: dict[str, FaultState] = field(default_factory=dict)
+    unseen: bool = False
+    behind: Callable[[State], None] | None = field(default=None, repr=False)
+
+    def catch_up(self) -> None:
+        """Bring displacement and velocity to `time` where the steps left that for later; collective."""
+        behind, self.behind = self.behind, None
+        if behind is not None:
+            behind(self)
 
     @property
     def lag(self) -> float:

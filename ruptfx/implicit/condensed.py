@@ -26,7 +26,7 @@ from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from ruptfx import parallel
-from ruptfx.implicit.compliance import Compliance, Jumps
+from ruptfx.implicit.compliance import Compliance, Jumps, reach_of
 from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.tangent import Tangent
@@ -58,7 +58,7 @@ def fits(model: Model) -> bool:
 
 
 @dataclass
-class _Tractions:
+class Tractions:
     """At the points of all interfaces: t, shape (points, local) [Pa], and dt/de, shape (points, local, local)."""
 
     value: np.ndarray
@@ -66,7 +66,7 @@ class _Tractions:
 
 
 @dataclass
-class _Guess:
+class Guess:
     """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and what is missing to balance [m]."""
 
     e: np.ndarray
@@ -80,6 +80,7 @@ class Condensed:
 
     Attributes
     ----------
+    jumps : Jumps
     history : list of float
         Norm of the residual at every evaluation of the last solve [N]: of the whole system, and of what interfaces
         leave in it.
@@ -91,8 +92,8 @@ class Condensed:
 
     def __init__(self, model: Model, tangent: Tangent) -> None:
         self._model, self._tangent = model, tangent
-        self._jumps = Jumps(model)
-        self._weight = self._jumps.gather({fault.name: fault.interface.weight for fault in model.faults})
+        self.jumps = Jumps(model)
+        self._weight = self.jumps.gather({fault.name: fault.interface.weight for fault in model.faults})
         self._kept: OrderedDict[tuple[float, float, float], Compliance] = OrderedDict()
         self.history: list[float] = []
         self.iterations = self.outer = 0
@@ -100,7 +101,7 @@ class Condensed:
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
         """Leave `step` evaluated at its equilibrium, from `u`; whether there is one; collective."""
-        self.history, self.iterations, self.outer = [], 0, 1
+        self.forget()
         u, before = u.copy(), np.inf
         for _ in range(MAX_CORRECTIONS):
             step.evaluate(u)
@@ -113,75 +114,81 @@ class Condensed:
                 self.reason = "DIVERGED: the residual falls no more" if np.isfinite(norm) else "DIVERGED: a law failed"
                 return False
             before = norm
-            compliance = self._compliance(step)
+            compliance = self.compliance(step)
             # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
-            traction, rest = self._jumps.taken_apart(step.residual)
+            traction, rest = self.jumps.taken_apart(step.residual)
             whole = bool(self._norm(rest) > 0.1 * step.enough(TOLERANCE))
             free = compliance.solve(-step.residual) if whole else np.zeros_like(u)
-            driven = self._jumps.of(free) if whole else -compliance.jumps_under(traction)
-            q = self._balance(step, compliance, driven)
-            if q is None:
+            driven = self.jumps.of(free) if whole else -compliance.jumps_under(traction)
+            found = self.balance(step, compliance, self.jumps.of(u), driven, step.enough(TOLERANCE))
+            if found is None:
                 return False
-            force = self._jumps.force(q, len(u))
+            force = self.jumps.force(found.q, len(u))
             u += free - compliance.solve(force if whole else force + step.residual)
         self.reason = "DIVERGED: the residual falls too slowly"
         return False
 
+    def forget(self) -> None:
+        """Begin to count anew."""
+        self.history, self.iterations, self.outer, self.reason = [], 0, 1, ""
+
     def _norm(self, force: np.ndarray) -> float:
         return float(np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(force, force))))
 
-    def _compliance(self, step: Step) -> Compliance:
+    def compliance(self, step: Step) -> Compliance:
         """That of the length of the step; the last few are kept; collective."""
         key = step.key
         found = self._kept.pop(key, None)
         if found is None:
             while len(self._kept) >= KEPT:
                 self._kept.popitem(last=False)[1].destroy()
-            found = Compliance(self._model, self._jumps, self._tangent, key[:2], step.stuck())
+            found = Compliance(self._model, self.jumps, self._tangent, key[:2], step.stuck())
         self._kept[key] = found
         return found
 
-    def _balance(self, step: Step, compliance: Compliance, driven: np.ndarray) -> np.ndarray | None:
-        """q of the jumps e that balance, shape (points, local) [Pa]; None where there are none; collective.
+    def balance(
+        self, step: Step, compliance: Compliance, start: np.ndarray, driven: np.ndarray, enough: float
+    ) -> Guess | None:
+        """The jumps e that balance; None where there are none; collective.
+
+        The step must have responded to the jumps at the start; after it, it has to those at the end.
 
         Parameters
         ----------
+        start : ndarray, shape (points, local)
+            Jumps where e is zero [m].
         driven : ndarray, shape (points, local)
             -J A^-1 R [m].
+        enough : float
+            Force [N] that may be left in the whole system; a hundredth of it is left here.
         """
-        jumps, stuck = self._jumps, compliance.stuck
-        start = jumps.of(step.displacement)
-        begin = self._gather(step)
+        stuck, begin = compliance.stuck, self.gather(step)
         changes = _Changes(compliance)
-        enough = 0.01 * step.enough(TOLERANCE)
 
-        def guess(e: np.ndarray, t: _Tractions | None) -> _Guess | None:
+        def guess(e: np.ndarray, t: Tractions | None) -> Guess | None:
             if t is None:
                 return None
-            held = _times(stuck, e)
-            q = t.value - begin.value - held
-            # What only rounding makes of tractions that follow the jump costs no product.
-            q[np.abs(q) <= ROUNDING * (np.abs(t.value) + np.abs(begin.value) + np.abs(held))] = 0.0
-            return _Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
+            q = released(t.value, begin.value, times(stuck, e))
+            return Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
 
         now = guess(np.zeros_like(driven), begin)
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
                 # Upper bound of the forces left if jumps changed by -missing: none is stiffer than a stuck one.
-                left = self._weight[:, None] * _times(stuck, now.missing)
+                left = self._weight[:, None] * times(stuck, now.missing)
                 # Ranks compute the same, but not to the last bit: all decide by the numbers of rank 0.
                 forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(now.missing))))
                 self.history.append(forces)
                 # Or the jumps are as good as rounding allows.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
-                if self._agreed(bool(forces <= enough or small)):
+                if self._agreed(bool(forces <= 0.01 * enough or small)):
                     break
                 change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
                 self.iterations += 1
                 length, taken = 1.0, None
                 for _ in range(MAX_HALVINGS):
                     e = now.e + length * change
-                    there = guess(e, self._tractions(step, start + e))
+                    there = guess(e, self.tractions(step, start + e))
                     ahead = np.inf if there is None else float(np.linalg.norm(there.missing))
                     if self._agreed(ahead) <= (1 - 1e-4 * length) * size:
                         taken = there
@@ -195,10 +202,10 @@ class Condensed:
                 self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
                 return None
             if step.settled():
-                return now.q
+                return now
             step.update_multipliers()
             self.outer += 1
-            now = guess(now.e, self._tractions(step, start + now.e))
+            now = guess(now.e, self.tractions(step, start + now.e))
         failed = "a law failed" if now is None else f"tractions still change after {MAX_OUTER} updates"
         self.reason = f"DIVERGED: {failed}"
         return None
@@ -209,24 +216,24 @@ class Condensed:
         agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
         return agreed
 
-    def _tractions(self, step: Step, jump: np.ndarray) -> _Tractions | None:
+    def tractions(self, step: Step, jump: np.ndarray) -> Tractions | None:
         """At jumps of all points; None where a law fails; collective."""
         error = None
         try:
-            step.respond({fault.name: self._jumps.pick(jump, fault.name) for fault in self._model.faults})
+            step.respond({fault.name: self.jumps.pick(jump, fault.name) for fault in self._model.faults})
         except ProjectionError as caught:
             error = caught
         if parallel.anywhere(self._model.comm, error is not None):
             return None
-        return self._gather(step)
+        return self.gather(step)
 
-    def _gather(self, step: Step) -> _Tractions:
+    def gather(self, step: Step) -> Tractions:
         """Of the last responses; collective."""
         value, tangent = (
-            self._jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
+            self.jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
             for part in ("traction", "tangent")
         )
-        return _Tractions(value, tangent)
+        return Tractions(value, tangent)
 
 
 class _Changes:
@@ -254,24 +261,26 @@ class _Changes:
         active, y = np.any(slope != 0, axis=2), np.zeros(f.shape)
         if not np.array_equal(active, self._active):
             self._active, self._factors = active, None
-        right, failed = -_times(slope, f)[active], True
+        right, failed = -times(slope, f)[active], True
         if len(right) > SMALL:
             found, failed = self._iterate(slope, right)
         if failed:
             self._factors = lu_factor(self._matrix(slope), overwrite_a=True, check_finite=False)
             found = lu_solve(self._factors, right, check_finite=False)
         y[active] = found
-        return -f - self._compliance.jumps_under(y)
+        return -f - self._compliance.jumps_under(y, roughly=not failed)
 
     def _iterate(self, slope: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, bool]:
         """y, and whether it takes too long, by GMRES preconditioned with the diagonal or with earlier factors."""
         active, last, compliance = self._active, self._factors, self._compliance
         diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[active]
+        here = reach_of(active.any(axis=1))
+        slope, inside = slope[here], active[here]
 
         def product(y: np.ndarray) -> np.ndarray:
             traction = np.zeros(active.shape)
             traction[active] = y
-            return y + _times(slope, compliance.jumps_under(traction))[active]
+            return y + times(slope, compliance.jumps_under(traction, here, roughly=True))[inside]
 
         def inverse(y: np.ndarray) -> np.ndarray:
             return np.asarray(y / diagonal if last is None else lu_solve(last, y, check_finite=False))
@@ -292,6 +301,16 @@ class _Changes:
         return whole
 
 
-def _times(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def released(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Tractions less those before and those that would be held if all stuck; zero where only rounding is left [Pa].
+
+    Zeros cost no product.
+    """
+    q = traction - before - held
+    q[np.abs(q) <= ROUNDING * (np.abs(traction) + np.abs(before) + np.abs(held))] = 0.0
+    return q
+
+
+def times(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Of every point, shapes (points, local, local) and (points, local)."""
     return np.asarray(np.einsum("pij,pj->pi", blocks, vectors))

@@ -36,7 +36,7 @@ import numpy as np
 
 from ruptfx import parallel
 from ruptfx.contact import require
-from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit import ConvergenceError, deferred
 from ruptfx.implicit.condensed import Condensed, fits
 from ruptfx.implicit.forces import Forces
 from ruptfx.implicit.options import PetscOptions
@@ -69,6 +69,11 @@ class Equilibrium:
     condensed : bool
         Solve on the interfaces alone where that can be done, without options of the case.
 
+    Attributes
+    ----------
+    deferred : Deferred, optional
+        Solves quasi-static steps without the bodies, which are brought up to date when somebody looks.
+
     Raises
     ------
     CaseError
@@ -83,7 +88,8 @@ class Equilibrium:
         require(model.faults, "implicit")
         threshold = model.case.output.rupture_threshold
         self.answers = {f.name: FaultResponse(f, threshold, (radiation or {}).get(f.name, 0.0)) for f in model.faults}
-        self._multipliers = any(fault.contact.multiplier_tolerance() is not None for fault in model.faults)
+        multipliers = any(fault.contact.multiplier_tolerance() is not None for fault in model.faults)
+        self.easings = EASINGS if multipliers else (1.0,)
         self._owned = model.owned_nodes * model.components
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
@@ -92,6 +98,9 @@ class Equilibrium:
         self._solver: Condensed | NewtonSolver = (
             NewtonSolver(model, self.tangent, petsc_options or {}) if whole else Condensed(model, self.tangent)
         )
+        self.deferred: deferred.Deferred | None = None
+        if isinstance(self._solver, Condensed) and deferred.fits(model):
+            self.deferred = deferred.Deferred(self, self._solver)
 
     def solve(
         self,
@@ -126,7 +135,7 @@ class Equilibrium:
         load = self.forces.load(state.time + dt) + added
         residuals: list[float] = []
         iterations = 0
-        for easing in EASINGS if self._multipliers else (1.0,):
+        for easing in self.easings:
             step = Step(self, state, dt, rates, load, easing)
             u = (state.displacement if guess is None else guess).copy()
             u[self.driven] = step.driven[self.driven]
@@ -163,9 +172,10 @@ class Equilibrium:
 
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
         """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
-        diagonal = self.tangent.diagonal + (rates.mass * self.model.mass if rates else 0.0)
-        nodal = diagonal.reshape(self.model.nodes, -1).max(axis=1)
-        return np.asarray(np.minimum(nodal[interface.plus], nodal[interface.minus]) / interface.weight)
+        diagonal, mass = (each.reshape(self.model.nodes, -1) for each in (self.tangent.diagonal, self.model.mass))
+        c_M = rates.mass if rates else 0.0
+        sides = ((diagonal[side] + c_M * mass[side]).max(axis=1) for side in (interface.plus, interface.minus))
+        return np.asarray(np.minimum(*sides) / interface.weight)
 
     def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
         """What to say; collective."""

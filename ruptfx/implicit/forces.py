@@ -45,13 +45,21 @@ class Forces:
     def internal(self, state: State) -> np.ndarray:
         """K u + J' W (T - T_0) [N] of a state, from the tractions it holds."""
         force: np.ndarray = -self.model.internal_force(state.displacement)
+        tractions = self.tractions(state)
+        for fault in self.model.faults:
+            fault.interface.assemble(tractions[fault.name], force)
+        return force
+
+    def tractions(self, state: State) -> dict[str, np.ndarray]:
+        """T - T_0 [Pa] by fault that a state holds, tension positive, shape (n, local)."""
+        found = {}
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             change = [fault.components(fields, "shear_traction") - fault.driving_shear(state.time)]
             if fault.interface.has_normal:
                 change.insert(0, (fault.normal_stress_0 - fields["normal_stress"])[:, None])
-            fault.interface.assemble(np.concatenate(change, axis=1), force)
-        return force
+            found[fault.name] = np.concatenate(change, axis=1)
+        return found
 
     def carried(self, state: State) -> np.ndarray:
         """Internal and damping forces less the load of a state [N]."""

@@ -109,6 +109,18 @@ class Step:
                 last.state if last else None,
             )  # fmt: skip
 
+    def at_interfaces(self, jumps: Mapping[str, np.ndarray]) -> tuple[float, float]:
+        """Squares of norms over the points of this rank [N2]: of tractions, and of the stiffness times the jumps.
+
+        Tractions are the stiffness times the difference of jump and slip: the latter tells their rounding.
+        """
+        carried = jumped = 0.0
+        for fault in self._equilibrium.model.faults:
+            area = (fault.interface.owned * fault.interface.weight)[:, None]
+            carried += float(np.sum((area * tractions(fault, self.responses[fault.name].state)) ** 2))
+            jumped += float(np.sum((self._stiff_area[fault.name] * jumps[fault.name]) ** 2))
+        return carried, jumped
+
     def evaluate(self, u: np.ndarray) -> None:
         """Collective."""
         equilibrium, model = self._equilibrium, self._equilibrium.model
@@ -119,14 +131,11 @@ class Step:
             parts.append(model.mass * self.rates.acceleration_of(u))
             parts.append(equilibrium.forces.damping_force(self.rates.velocity_of(u)))
         self.internal = elastic.copy()
-        carried = 0.0
+        jumps = {fault.name: fault.interface.jump(u) for fault in model.faults}
         try:
-            self.respond({fault.name: fault.interface.jump(u) for fault in model.faults})
+            self.respond(jumps)
             for fault in model.faults:
-                response = self.responses[fault.name]
-                fault.interface.assemble(response.traction, self.internal)
-                area = (fault.interface.owned * fault.interface.weight)[:, None]
-                carried += float(np.sum((area * tractions(fault, response.state)) ** 2))
+                fault.interface.assemble(self.responses[fault.name].traction, self.internal)
         except ProjectionError as error:
             self.error = error
             self.internal = np.full_like(u, np.nan)  # SNES takes a shorter step, on all ranks
@@ -136,10 +145,7 @@ class Step:
             self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
         squares = [model.layout.owned_dot(part, part) for part in parts]
         stiff = equilibrium.tangent.diagonal * u
-        # Tractions are the stiffness times the difference of jump and slip, hence this rounding.
-        jumped = sum(
-            float(np.sum((self._stiff_area[fault.name] * fault.interface.jump(u)) ** 2)) for fault in model.faults
-        )
+        carried, jumped = (0.0, 0.0) if self.error else self.at_interfaces(jumps)
         *summed, stiffest, jumped = parallel.total(
             model.comm, [*squares, carried, model.layout.owned_dot(stiff, stiff), jumped]
         )

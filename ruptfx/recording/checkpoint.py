@@ -69,6 +69,7 @@ class Checkpoints:
             On all ranks, when the disk is full; the previous checkpoints are untouched.
         """
         model, recorder = self._model, self._recorder
+        state.catch_up()
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
         with phase("gathering"):
             slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
@@ -116,6 +117,7 @@ class Checkpoints:
         return {
             "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
             "time": state.time, "numbers": state.numbers, "fields": list(state.fields), "next": recorder.next,
+            "points": {fault: list(fields) for fault, fields in state.points.items()},
             "last": recorder.last, "records": recorder.records, "largest_work": recorder.largest_work, "files": files,
             "samples": samples,
         }  # fmt: skip
@@ -184,7 +186,8 @@ class Checkpoint:
                 slabs = {name: rows[model.layout.slabs.here] for name, rows in file["nodes"].items()}
                 for fault in model.faults:
                     saved = file[f"faults/{fault.name}"]
-                    faults[fault.name] = {name: saved[name][()] for name in state.faults[fault.name]}
+                    names = [*state.faults[fault.name], *self.manifest["points"].get(fault.name, [])]
+                    faults[fault.name] = {name: saved[name][()] for name in names}
                 cracks = {name: file[f"cracks/{name}"][()] for name in state.cracks}
         except (OSError, KeyError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
@@ -194,7 +197,9 @@ class Checkpoint:
         state.fields = {name: model.layout.spread(slabs[name]) for name in self.manifest["fields"]}
         for fault in model.faults:
             for name, values in state.faults[fault.name].items():
-                values[:] = faults[fault.name][name][fault.interface.number]
+                values[:] = faults[fault.name].pop(name)[fault.interface.number]
+            if faults[fault.name]:
+                state.points[fault.name] = {n: v[fault.interface.number] for n, v in faults[fault.name].items()}
         if model.cracks is not None:
             for name, values in state.cracks.items():
                 values[:] = cracks[name][model.cracks.number]

@@ -246,6 +246,8 @@ class Recorder:
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
+        with phase("steps"):
+            state.catch_up()
         if self.samples.instruments:
             with phase("gathering"):
                 self.collect()
@@ -278,8 +280,8 @@ class Recorder:
                 self._write(lambda: files.append(tractions, at_facets))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
-        """Every field of a fault in order along the interface, on rank 0."""
-        fields = dict(state.faults[fault.name])
+        """Every field of a fault in order along the interface, on rank 0; displacement must be up to date."""
+        fields = state.faults[fault.name] | state.points.get(fault.name, {})
         face = fault.interface
         _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
         fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))

@@ -180,6 +180,8 @@ class Samples:
         """Look at the state after a step, or at the start."""
         if not self.instruments:
             return
+        if self._nodal:
+            state.catch_up()
         half = 0.5 * state.lag
         for clock, train in self._trains.items():
             if clock == "displacement":

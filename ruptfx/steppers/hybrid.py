@@ -15,6 +15,7 @@ from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.response import FaultResponse
 from ruptfx.projection import ProjectionError
 from ruptfx.steppers import AnyStepper, Stepper
+from ruptfx.steppers.quasi_static import QuasiStaticMotion
 from ruptfx.units import Duration, Speed
 
 if TYPE_CHECKING:
@@ -146,6 +147,8 @@ class HybridMotion:
 
     def _switch(self, state: State, to: float, why: str) -> None:
         """Hand the state over; collective."""
+        if to == FAST and isinstance(self._slow, QuasiStaticMotion):
+            self._slow.leave(state)
         before = _missing(self.energies(state))
         (self._bring_faults_up if to == SLOW else self._start)(state)
         state.numbers |= {"fast": to, "calm_since": state.time, "dt": self._fast.dt, "dt_before": self._fast.dt}

@@ -11,6 +11,7 @@ import numpy as np
 from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.deferred import Ahead
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.radiation import radiation_impedance
@@ -124,17 +125,27 @@ class QuasiStaticMotion:
                 self._warn(state, error)
                 break
             dt = parallel.three_digits(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
-        moved = self._account(state, solution)
-        solution.commit(state)
-        self._lose_kinetic(state, moved / dt)
+        self._commit(state, solution)
         state.numbers["dt"] = self._next(dt, error, solution)
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the step."""
-        return self.model.energies(state)
+        deferred = self.equilibrium.deferred
+        return self.model.energies(state) if deferred is None else deferred.energies(state)
+
+    def leave(self, state: State) -> None:
+        """Put off no more what these steps leave for later: another stepper goes on; collective."""
+        if self.equilibrium.deferred is not None:
+            self.equilibrium.deferred.end(state)
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """The equilibrium, or None where there is none and a smaller step may help."""
+        deferred = self.equilibrium.deferred
+        if deferred is not None and deferred.is_on(state):
+            ahead = deferred.solve(state, dt) if state.unseen else None
+            if ahead is not None or (state.unseen and halvings < MOST_HALVINGS):
+                return ahead
+            deferred.end(state)  # the whole system is asked, or tells what is wrong
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
@@ -142,6 +153,23 @@ class QuasiStaticMotion:
                 return None
             advice = "slip may be unstable here: use radiation_damping = true, or kind = 'hybrid'"
             raise ConvergenceError(f"{error}; the step was halved {halvings} times, {advice}") from None
+
+    def _commit(self, state: State, solution: Solution) -> None:
+        """Take over a step, and count energies."""
+        for fault in self.model.faults:
+            # Radiation is part of the traction times the slip rate that counts as friction.
+            radiated = self._radiated(fault, state, solution)
+            state.energy["frictional_dissipation"] -= radiated
+            state.energy["damping"] += radiated
+        deferred = self.equilibrium.deferred
+        if deferred is not None and isinstance(solution, Ahead):
+            deferred.commit(state, solution)
+            return
+        moved = self._account(state, solution)
+        solution.commit(state)
+        self._lose_kinetic(state, moved / solution.dt)
+        if deferred is not None and state.unseen:
+            deferred.begin(state)
 
     def _warn(self, state: State, error: float) -> None:
         if not self._warned:
@@ -205,11 +233,6 @@ class QuasiStaticMotion:
         dot = model.layout.owned_dot
         state.energy["boundary_work"] += dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)
         state.energy["damping"] -= dot((1 - self._driven) * mean, moved)
-        for fault in model.faults:
-            # Radiation is part of the traction times the slip rate that counts as friction.
-            radiated = self._radiated(fault, state, solution)
-            state.energy["frictional_dissipation"] -= radiated
-            state.energy["damping"] += radiated
         return moved
 
     def _radiated(self, fault: Fault, state: State, solution: Solution) -> float:

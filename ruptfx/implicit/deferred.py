@@ -1,0 +1,296 @@
+"""Quasi-static steps of linear bodies while nobody looks at them: only the interfaces go on.
+
+Of the boundaries only amounts a_m change: how far an edge has moved, how large a load is. From a state in equilibrium,
+the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of `condensed`,
+
+    u = u_b + sum_m (a_m - a_m,b) w_m - A^-1 J' W p,    p = (t - t_b) - k (g - g_b),
+    g = J u_b + sum_m (a_m - a_m,b) J w_m - S p,
+
+w_m being the answer of the bodies, with interfaces that stick, to a unit of the amount m. A step solves the second
+line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
+velocity, together, when somebody looks (`State.catch_up`). Nothing in it depends on when that is: looking changes no
+bit of what follows, and a run that is stopped goes on to the same bits.
+
+Bodies in equilibrium at both ends of a step take the change of their strain energy from the boundaries, and interfaces
+the mean traction times the change of the jump. Only the latter is counted step by step: from `begin` to `end` the
+strain energy is left out of `State.energy["boundary_work"]`, and the kinetic one, which equilibrium loses, of
+`State.energy["damping"]`; `energies` puts them where they belong.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.implicit.condensed import Condensed, released, times
+from ruptfx.implicit.solution import Solution
+from ruptfx.implicit.solvers import TOLERANCE
+from ruptfx.implicit.step import Step
+
+if TYPE_CHECKING:
+    from ruptfx.implicit.compliance import Compliance, Jumps
+    from ruptfx.implicit.equilibrium import Equilibrium
+    from ruptfx.model import Model
+    from ruptfx.state import FaultState, State
+
+BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
+CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
+
+
+def fits(model: Model) -> bool:
+    """Whether all that moves the bodies of a model changes by its amount only, not also by its shape."""
+    loads = model.loads
+    amounts = [motion.displacement(0.0) for motion in loads.motions] + [force.factor(0.0) for force in loads.forces]
+    return not any(np.ndim(amount) for amount in amounts)
+
+
+@dataclass
+class Ahead(Solution):
+    """An equilibrium of which the displacement is known at driven edges only; the rest of it is an older one.
+
+    Attributes
+    ----------
+    jumps, tractions : dict of str to ndarray, shape (n, local)
+        Displacement jump [m] and T - T_0 [Pa] by fault.
+    """
+
+    jumps: dict[str, np.ndarray] = field(default_factory=dict)
+    tractions: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+class Course:
+    """What moves the bodies by an amount that changes.
+
+    Parameters
+    ----------
+    amount : callable, time -> float
+        Displacement of an edge [m], or factor of a load.
+    make : callable, compliance -> ndarray of shape (nodes * components,)
+        Answer of the bodies to a unit of it.
+    jumps : Jumps
+    """
+
+    def __init__(
+        self, amount: Callable[[float], float | np.ndarray], make: Callable[[Compliance], np.ndarray], jumps: Jumps
+    ) -> None:
+        self._amount, self._make, self._jumps = amount, make, jumps
+        self._answers: dict[Compliance, tuple[np.ndarray, np.ndarray]] = {}
+
+    def grown(self, start: float, end: float) -> float:
+        """Change of the amount between two times [s]."""
+        return float(self._amount(end)) - float(self._amount(start))
+
+    def answer(self, compliance: Compliance) -> tuple[np.ndarray, np.ndarray]:
+        """To a unit, and its jump at all points, shape (points, local); made when first needed, collective."""
+        if compliance not in self._answers:
+            made = self._make(compliance)
+            self._answers[compliance] = made, self._jumps.of(made)
+        return self._answers[compliance]
+
+
+class Deferred:
+    """Steps on the interfaces of one model, between a base and the look at its end.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+    solver : Condensed
+    """
+
+    def __init__(self, equilibrium: Equilibrium, solver: Condensed) -> None:
+        self._equilibrium, self._solver, self._model = equilibrium, solver, equilibrium.model
+        self._courses = list(self._all_courses())
+        self._log = logging.getLogger("ruptfx.run")
+
+    def _all_courses(self) -> Iterator[Course]:
+        loads, size, jumps = self._model.loads, len(self._model.mass), self._solver.jumps
+        for number, motion in enumerate(loads.motions):
+            unit = np.zeros(size)
+            unit[motion.dofs] = 1.0
+            for later in loads.motions[number + 1 :]:  # the last one counts, as in `Loads.moved`
+                unit[later.dofs] = 0.0
+            yield Course(motion.displacement, partial(self._moved, unit), jumps)
+        for force in loads.forces:
+            nodal = np.zeros(size)
+            nodal[force.dofs] = force.values
+            yield Course(force.factor, partial(self._loaded, nodal), jumps)
+
+    def _moved(self, unit: np.ndarray, compliance: Compliance) -> np.ndarray:
+        """Displacement of all where edges are moved by it and interfaces stick; collective."""
+        jumps = self._solver.jumps
+        held = times(compliance.stuck, jumps.of(unit))
+        return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(held, len(unit)))
+
+    @staticmethod
+    def _loaded(nodal: np.ndarray, compliance: Compliance) -> np.ndarray:
+        """Displacement of all under nodal forces [N]; collective."""
+        return compliance.solve(nodal)
+
+    @staticmethod
+    def is_on(state: State) -> bool:
+        """Whether a state has a base."""
+        return SINCE in state.numbers
+
+    def begin(self, state: State) -> None:
+        """Make a state in equilibrium the base; collective."""
+        kinetic, strain = self._model.bulk_energies(state)
+        state.energy["boundary_work"] -= strain
+        state.energy["damping"] += kinetic
+        state.fields[BASE] = state.displacement.copy()
+        state.numbers[SINCE] = state.numbers[BEFORE] = state.time
+        traction = self._equilibrium.forces.tractions(state)
+        for fault in self._model.faults:
+            face = fault.interface
+            state.points[fault.name] = _packed(
+                face.jump(state.displacement), face.rate(state.velocity), np.zeros_like(traction[fault.name]),
+                traction[fault.name],
+            )  # fmt: skip
+
+    def end(self, state: State) -> None:
+        """Give up the base, if there is one, and leave everything as if there had not been; collective."""
+        if not self.is_on(state):
+            return
+        state.catch_up()
+        if not self.is_on(state):  # the look found them out of balance
+            return
+        kinetic, strain = self._model.bulk_energies(state)
+        state.energy["boundary_work"] += strain
+        state.energy["damping"] -= kinetic
+        for name in (SINCE, BEFORE):
+            del state.numbers[name]
+        del state.fields[BASE]
+        state.points.clear()
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Energy budget over all ranks [J]; collective."""
+        state.catch_up()
+        found = self._model.energies(state)
+        if self.is_on(state):
+            found["boundary_work"] += found["strain"]
+            found["damping"] -= found["kinetic"]
+        return found
+
+    def solve(self, state: State, dt: float) -> Ahead | None:
+        """The equilibrium at state.time + dt, or None where none is found; collective, `state` is left alone."""
+        solver, jumps = self._solver, self._solver.jumps
+        now, rate, _, base_traction = self._carried(state)
+        base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate
+        iterations = outer = 0
+        for easing in self._equilibrium.easings:
+            step = self._step(state, dt, easing)
+            compliance = solver.compliance(step)
+            solver.forget()
+            begin = solver.tractions(step, start)
+            if begin is None:
+                return None
+            driven = base_jump - start
+            for course, part in self._grown(state.numbers[SINCE], step.time):
+                driven += part * course.answer(compliance)[1]
+            p = released(begin.value, base_traction, times(compliance.stuck, start - base_jump))
+            driven -= compliance.jumps_under(p)
+            found = solver.balance(step, compliance, start, driven, self._enough(step, start))
+            iterations, outer = iterations + solver.iterations, outer + solver.outer
+            if found is not None:
+                ends = start + found.e
+                return Ahead(
+                    step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
+                    iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
+                    jumps={name: jumps.pick(ends, name) for name in step.responses},
+                    tractions={name: response.traction for name, response in step.responses.items()},
+                )  # fmt: skip
+        return None
+
+    def commit(self, state: State, solution: Ahead) -> None:
+        """Make it the state at the end of the step, but for the bodies, and count the work of the boundaries."""
+        before = self._equilibrium.forces.tractions(state)
+        for fault in self._model.faults:
+            name, face = fault.name, fault.interface
+            jump, traction, dt = solution.jumps[name], solution.tractions[name], solution.dt
+            old, _, _, base_traction = _unpacked(state.points[name])
+            mean = 0.5 * (before[name] + traction)
+            work = float(np.sum((face.owned * face.weight)[:, None] * mean * (jump - old)))
+            state.energy["boundary_work"] += work
+            state.points[name] = _packed(jump, (jump - old) / dt, (traction - before[name]) / dt, base_traction)
+        state.numbers[BEFORE] = state.time
+        solution.commit(state)
+        state.behind = self._catch_up
+
+    def _catch_up(self, state: State) -> None:
+        """Displacement and velocity of the bodies; collective."""
+        model, jumps = self._model, self._solver.jumps
+        compliance = self._solver.compliance(self._step(state, 1.0, 1.0))
+        base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
+        jump, jump_rate, traction_rate, base_traction = self._carried(state)
+        traction = jumps.gather(self._equilibrium.forces.tractions(state))
+        held, held_rate = (times(compliance.stuck, each) for each in (jump - jumps.of(base), jump_rate))
+        pulls = released(traction, base_traction, held), traction_rate - held_rate
+        forces = (jumps.force(-pull, len(base)) for pull in pulls)
+        displacement, velocity = compliance.solve_each(forces, 2)
+        displacement += base
+        for course, part in self._grown(since, state.time):
+            displacement += part * course.answer(compliance)[0]
+        for course, part in self._grown(before, state.time):
+            velocity += part / (state.time - before) * course.answer(compliance)[0]
+        free = ~model.loads.prescribed
+        state.displacement[free] = displacement[free]  # driven edges are where they have to be, to the last bit
+        state.velocity[:] = velocity
+        self._check(state)
+
+    def _step(self, state: State, dt: float, easing: float) -> Step:
+        """A step for its interfaces only."""
+        return Step(self._equilibrium, state, dt, None, np.zeros(0), easing)
+
+    def _grown(self, start: float, end: float) -> Iterator[tuple[Course, float]]:
+        """What has changed between two times [s], and by how much."""
+        for course in self._courses:
+            part = course.grown(start, end)
+            if part:
+                yield course, part
+
+    def _carried(self, state: State) -> list[np.ndarray]:
+        """`CARRIED` at all points, shape (points, local); collective."""
+        found = {name: np.stack(_unpacked(fields), axis=2) for name, fields in state.points.items()}
+        return list(np.moveaxis(self._solver.jumps.gather(found), 2, 0))
+
+    def _enough(self, step: Step, jump: np.ndarray) -> float:
+        """Force [N] that may be left of those at the interfaces; collective."""
+        ours = [step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})]
+        carried, stiff = np.sqrt(parallel.total(self._model.comm, ours)[0])
+        return float(max(TOLERANCE * carried, 2 * np.finfo(float).eps * stiff))
+
+    def _check(self, state: State) -> None:
+        """Give the base up where the bodies, as a whole, are not in balance; collective."""
+        model, forces = self._model, self._equilibrium.forces
+        elastic, load = -model.internal_force(state.displacement), forces.load(state.time)
+        pull = np.zeros_like(load)
+        for fault in model.faults:
+            fault.interface.assemble(forces.tractions(state)[fault.name], pull)
+        residual = np.where(model.loads.prescribed, 0.0, elastic + pull - load)
+        stiff = self._equilibrium.tangent.diagonal * state.displacement
+        left, rounding, *sizes = np.sqrt(parallel.total(model.comm, [
+            model.layout.owned_dot(each, each) for each in (residual, stiff, elastic, pull, load)
+        ]))  # fmt: skip
+        if left > max(10 * TOLERANCE * max(sizes), 100 * np.finfo(float).eps * rounding):
+            self._log.warning(
+                "bodies are out of balance by %.3g N of %.3g N at %.9g s: the next step is solved as a whole",
+                left, max(sizes), state.time,
+            )  # fmt: skip
+            self.end(state)
+
+
+def _packed(*given: np.ndarray) -> FaultState:
+    """Arrays of shape (n, local), one for each of `CARRIED`, component by component."""
+    pairs = zip(CARRIED, given, strict=True)
+    # No field of a law has a dot in its name.
+    return {f"deferred.{name}.{k}": column for name, values in pairs for k, column in enumerate(values.T.copy())}
+
+
+def _unpacked(fields: FaultState) -> list[np.ndarray]:
+    local = len(fields) // len(CARRIED)
+    return [np.stack([fields[f"deferred.{name}.{k}"] for k in range(local)], axis=1) for name in CARRIED]
