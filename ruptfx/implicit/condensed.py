@@ -174,10 +174,7 @@ class Condensed:
         now = guess(np.zeros_like(driven), begin)
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
-                # Upper bound of the forces left if jumps changed by -missing: none is stiffer than a stuck one.
-                left = self._weight[:, None] * times(stuck, now.missing)
-                # Ranks compute the same, but not to the last bit: all decide by the numbers of rank 0.
-                forces, size = self._agreed((float(np.linalg.norm(left)), float(np.linalg.norm(now.missing))))
+                forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
                 self.history.append(forces)
                 # Or the jumps are as good as rounding allows.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
@@ -210,8 +207,15 @@ class Condensed:
         self.reason = f"DIVERGED: {failed}"
         return None
 
+    def left(self, compliance: Compliance, found: Guess) -> float:
+        """Upper bound of the forces out of balance [N], were jumps changed by what is missing; collective.
+
+        None is stiffer than a stuck one.
+        """
+        return self._agreed(float(np.linalg.norm(self._weight[:, None] * times(compliance.stuck, found.missing))))
+
     def _agreed(self, value: Value) -> Value:
-        """What the first rank has; collective."""
+        """What the first rank has: all compute the same, but not to the last bit; collective."""
         comm = self._model.comm
         agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
         return agreed

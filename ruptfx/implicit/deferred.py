@@ -31,7 +31,7 @@ from ruptfx import parallel
 from ruptfx.implicit.condensed import Condensed, released, times
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
-from ruptfx.implicit.step import Step
+from ruptfx.implicit.step import FAR, Step
 
 if TYPE_CHECKING:
     from ruptfx.implicit.compliance import Compliance, Jumps
@@ -177,7 +177,7 @@ class Deferred:
         return found
 
     def solve(self, state: State, dt: float) -> Ahead | None:
-        """The equilibrium at state.time + dt, or None where none is found; collective, `state` is left alone."""
+        """The equilibrium at state.time + dt, or None where none is certain; collective, `state` is left alone."""
         solver, jumps = self._solver, self._solver.jumps
         now, rate, _, base_traction = self._carried(state)
         base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate
@@ -194,10 +194,17 @@ class Deferred:
                 driven += part * course.answer(compliance)[1]
             p = released(begin.value, base_traction, times(compliance.stuck, start - base_jump))
             driven -= compliance.jumps_under(p)
-            found = solver.balance(step, compliance, start, driven, self._enough(step, start))
+            carried, least = self._sizes(step, start)
+            enough = max(TOLERANCE * carried, least)
+            found = solver.balance(step, compliance, start, driven, enough)
             iterations, outer = iterations + solver.iterations, outer + solver.outer
-            if found is not None:
-                ends = start + found.e
+            if found is None:
+                continue
+            ends = start + found.e
+            carried, rounding = self._sizes(step, ends)
+            # A body that nothing holds flies far: rounding counts as far as there are forces.
+            allowed = max(FAR * carried, 2 * least)
+            if rounding <= allowed and solver.left(compliance, found) <= max(enough, min(5 * rounding, allowed)):
                 return Ahead(
                     step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
                     iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
@@ -258,11 +265,11 @@ class Deferred:
         found = {name: np.stack(_unpacked(fields), axis=2) for name, fields in state.points.items()}
         return list(np.moveaxis(self._solver.jumps.gather(found), 2, 0))
 
-    def _enough(self, step: Step, jump: np.ndarray) -> float:
-        """Force [N] that may be left of those at the interfaces; collective."""
-        ours = [step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})]
-        carried, stiff = np.sqrt(parallel.total(self._model.comm, ours)[0])
-        return float(max(TOLERANCE * carried, 2 * np.finfo(float).eps * stiff))
+    def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
+        """Norms of the forces of interfaces and of their rounding [N]; collective."""
+        ours = step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})
+        carried, stiff = np.sqrt(parallel.total(self._model.comm, list(ours)))
+        return float(carried), float(2 * np.finfo(float).eps * stiff)
 
     def _check(self, state: State) -> None:
         """Give the base up where the bodies, as a whole, are not in balance; collective."""
@@ -276,7 +283,7 @@ class Deferred:
         left, rounding, *sizes = np.sqrt(parallel.total(model.comm, [
             model.layout.owned_dot(each, each) for each in (residual, stiff, elastic, pull, load)
         ]))  # fmt: skip
-        if left > max(10 * TOLERANCE * max(sizes), 100 * np.finfo(float).eps * rounding):
+        if left > max(10 * TOLERANCE * max(sizes), min(100 * np.finfo(float).eps * rounding, FAR * max(sizes))):
             self._log.warning(
                 "bodies are out of balance by %.3g N of %.3g N at %.9g s: the next step is solved as a whole",
                 left, max(sizes), state.time,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 MAX_OUTER = 100
+FAR = 1e-7  # of the forces: as much may rounding of displacements leave of them, not more
 
 
 class Step:
@@ -154,7 +155,7 @@ class Step:
         # That of the start is there in any case, also where no force is left, as in a body that follows its driven
         # edge. That of what was added since counts as far as there are forces: a body that nothing holds flies far.
         self._least = rounding if self._least is None else self._least
-        self.round_off = max(self._least, min(rounding, 1e-7 * self.scale))
+        self.round_off = max(self._least, min(rounding, FAR * self.scale))
 
 
 def tractions(fault: Fault, fields: FaultState) -> np.ndarray:

@@ -143,9 +143,9 @@ class QuasiStaticMotion:
         deferred = self.equilibrium.deferred
         if deferred is not None and deferred.is_on(state):
             ahead = deferred.solve(state, dt) if state.unseen else None
-            if ahead is not None or (state.unseen and halvings < MOST_HALVINGS):
+            if ahead is not None:
                 return ahead
-            deferred.end(state)  # the whole system is asked, or tells what is wrong
+            deferred.end(state)  # the whole system tells whether there is an equilibrium
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
