@@ -82,6 +82,9 @@ class Output(Part):
     """Time between records of the interface; duration / 300 without it."""
     interface_steps: Annotated[int, Field(ge=1)] | None = None
     """Also save the interface every so many steps: where steps vary, records follow what happens."""
+    forces_interval: Duration | None = None
+    """Time between rows of `forces.csv` of interfaces that slide, which are then means over it, of every step; without
+    it, values of the moment at every record of the interface."""
     bulk_interval: Duration | None = None
     """Time between snapshots of the bodies; duration / 6 without it."""
     bulk_fields: Annotated[list[Literal["velocity", "displacement", "stress", "fringe"]], Field(min_length=1)] = [

@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ruptfx import RuptfxError, parallel
+from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
@@ -62,6 +63,12 @@ _known: WeakKeyDictionary[Model, dict[tuple[object, ...], float]] = WeakKeyDicti
 def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     root = np.sqrt(model.free_inverse_mass())
     stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
+    # Where surfaces may meet later: C |u+ - u-|^2 is at most 2 C (|u+|^2 + |u-|^2), and that between equal bodies.
+    later = np.zeros(model.nodes)
+    for fault, springs_of in stiffness:
+        if isinstance(fault.interface, SlidingInterface):
+            nodes, lengths = fault.interface.without_partner()
+            later[nodes] += 2 * springs_of.max() * lengths
 
     def apply(vector: np.ndarray) -> np.ndarray:
         u = root * vector
@@ -71,6 +78,7 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
                 face = fault.interface
                 spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
                 face.add_force(force, spring * face.rate(u), scale=np.ones_like(u))
+        force -= np.repeat(later, model.components) * u
         if springs and model.cracks is not None:
             between = np.zeros_like(force)
             model.cracks.add_spring_force(u, between)

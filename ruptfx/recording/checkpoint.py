@@ -78,6 +78,7 @@ class Checkpoints:
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
             samples = recorder.samples.table()
+            means = None if recorder.means is None else recorder.means.table()
         first, checksums = model.comm.rank == 0, dict[str, str]()
         folder = recorder.out / FOLDER
         temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
@@ -86,7 +87,7 @@ class Checkpoints:
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
-            manifest = self._manifest(state, energy, samples, dict(sorted(files.items())))
+            manifest = self._manifest(state, energy, samples, means, dict(sorted(files.items())))
         recorder.meet(lambda: _complete(temporary, final, manifest) if first else None)
         self._last = time.monotonic()
 
@@ -111,15 +112,16 @@ class Checkpoints:
         return {path.name: _checksum(path) for path in written}
 
     def _manifest(
-        self, state: State, energy: list[dict[str, float]] | None, samples: Table | None, files: dict[str, str]
-    ) -> Table:
+        self, state: State, energy: list[dict[str, float]] | None, samples: Table | None, means: Table | None,
+        files: dict[str, str],
+    ) -> Table:  # fmt: skip
         recorder = self._recorder
         return {
             "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
             "time": state.time, "numbers": state.numbers, "fields": list(state.fields), "next": recorder.next,
             "points": {fault: list(fields) for fault, fields in state.points.items()},
             "last": recorder.last, "records": recorder.records, "largest_work": recorder.largest_work, "files": files,
-            "samples": samples,
+            "samples": samples, "means": means,
         }  # fmt: skip
 
 

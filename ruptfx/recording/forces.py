@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import Table, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import OF_SLIDING
 from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.state import FaultState
+from ruptfx.sliding.surface import Floats
+from ruptfx.state import FaultState, State
 
 OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
 COLUMNS = ("normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
-REMARK = (
-    "time in s, that of the record of the interface; forces between the bodies in N per metre, the normal one positive "
-    "in compression; then parts of the length of the plus side"
-)
+OF_RECORDS = "that of the record of the interface"
+OF_MEANS = "the middle of the time over which all numbers of a row are means"
+
+
+def remark(means: bool) -> str:
+    """What the file says of its columns."""
+    return (
+        f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
+        "positive in compression; then parts of the length of the plus side"
+    )
 
 
 def row(comm: fem.MPI.Comm, fault: Fault, state: FaultState, threshold: float) -> list[float]:
@@ -24,18 +31,74 @@ def row(comm: fem.MPI.Comm, fault: Fault, state: FaultState, threshold: float) -
     Then the parts of the length of the plus side that stick, slide, are open, and face nothing. What slides is faster
     than `threshold` [m/s].
     """
+    return _row(comm, _sums(fault, state, threshold))
+
+
+def _sums(fault: Fault, state: FaultState, threshold: float) -> Floats:
+    """Force, length times tangent, and lengths by what they do; points of this rank, shape (8,)."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
     area = face.owned * face.weight
     local = np.stack([-state["normal_stress"], state["shear_traction"]], axis=1)
-    force = np.einsum("i,ik,ikc->c", area, local, face.frame)
-    tangent = area @ face.frame[:, 1]
     states = contact_states(fault, state, threshold)
     status = [area @ (states == each) for each in (STICKING, SLIDING, OPEN, UNCOVERED)]
-    force, tangent, parts = np.split(parallel.total(comm, [*force, *tangent, *status]), [2, 4])
+    return np.concatenate([np.einsum("i,ik,ikc->c", area, local, face.frame), area @ face.frame[:, 1], status])
+
+
+def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
+    """What `forces` returns, from the sums of every rank; collective."""
+    force, tangent, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4])
     tangent /= np.linalg.norm(tangent)
     normal = np.array([-tangent[1], tangent[0]])
     return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist()]
+
+
+class ForceMeans:
+    """Forces and parts of interfaces that slide as means over time: nothing that happens between two rows is lost.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+    faults : list of Fault
+        That slide.
+    threshold : float
+        Slip rate above which a point slides [m/s].
+    """
+
+    def __init__(self, comm: fem.MPI.Comm, faults: list[Fault], threshold: float) -> None:
+        self._comm, self._faults, self._threshold = comm, faults, threshold
+        self._sums = {fault.name: np.zeros(8) for fault in faults}
+        self._began = self._time = 0.0
+
+    def observe(self, state: State) -> None:
+        """Add the state after a step; its forces stand for the time since the step before."""
+        now = state.fault_time
+        for fault in self._faults if now > self._time else []:
+            self._sums[fault.name] += (now - self._time) * _sums(fault, state.faults[fault.name], self._threshold)
+        self._time = max(now, self._time)
+
+    def take(self) -> tuple[float, dict[str, list[float]]]:
+        """The middle of the time since the last call [s], and what `row` returns of its means; collective."""
+        length, middle = self._time - self._began, 0.5 * (self._began + self._time)
+        rows = {name: _row(self._comm, sums / length) for name, sums in self._sums.items()}
+        for sums in self._sums.values():
+            sums[:] = 0
+        self._began = self._time
+        return middle, rows
+
+    def table(self) -> Table | None:
+        """All that changes, of every rank on rank 0, for a checkpoint; collective."""
+        ranks = self._comm.gather({name: sums.tolist() for name, sums in self._sums.items()}, root=0)
+        return None if ranks is None else {"began": self._began, "time": self._time, "ranks": ranks}
+
+    def restore(self, table: Table) -> None:
+        """Go on from a checkpoint; on another number of ranks rank 0 takes the sum."""
+        self._began, self._time, ranks = table["began"], table["time"], table["ranks"]
+        mine = ranks if self._comm.rank == 0 else []
+        if len(ranks) == self._comm.size:
+            mine = [ranks[self._comm.rank]]
+        for name, sums in self._sums.items():
+            sums[:] = np.sum([rank[name] for rank in mine], axis=0) if mine else 0.0
 
 
 def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndarray:

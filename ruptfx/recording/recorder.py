@@ -69,8 +69,15 @@ class Recorder:
             "interface": self._schedule(case.output.interface_interval or case.duration / 300),
             "bulk": self._schedule(case.output.bulk_interval or case.duration / 6),
         }
-        # The next of these times, by number: a bulk snapshot of the start would show nothing.
-        self.next = dict(resume.manifest["next"]) if resume else {"interface": 0, "bulk": 1}
+        # The next of these times, by number: a bulk snapshot of the start would show nothing, and means have none.
+        self.next = dict(resume.manifest["next"]) if resume else {"interface": 0, "bulk": 1, "forces": 1}
+        self.means: forces.ForceMeans | None = None
+        if case.output.forces_interval is not None:
+            self._times["forces"] = self._schedule(case.output.forces_interval)
+            sliding = [fault for fault in model.faults if fault.slides]
+            self.means = forces.ForceMeans(model.comm, sliding, case.output.rupture_threshold)
+            if resume:
+                self.means.restore(resume.manifest["means"])
         self.records = resume.manifest["records"] if resume else 0
         self.last = resume.manifest["last"] if resume else -1.0  # time of the last interface record [s]
         self.largest_work = resume.manifest["largest_work"] if resume else 0.0
@@ -142,7 +149,8 @@ class Recorder:
             self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
             if fault.slides:
                 name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
-                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, forces.REMARK)
+                remark = forces.remark(self.means is not None)
+                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, remark)
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
@@ -210,7 +218,7 @@ class Recorder:
 
     def due(self, state: State) -> bool:
         """Whether something is to be saved at this step."""
-        return self._reached("interface", state) or self._reached("bulk", state)
+        return any(self._reached(what, state) for what in self._times)
 
     def expects(self, state: State) -> bool:
         """Whether an explicit step that begins here ends with a record of the interfaces: its tractions are of now."""
@@ -234,8 +242,10 @@ class Recorder:
         self.next[what] = int(np.searchsorted(self._times[what], state.fault_time, side="right"))
 
     def observe(self, state: State) -> None:
-        """Let the instruments look at the start and at every step."""
+        """Let instruments and means look at the start and at every step."""
         self.samples.observe(state)
+        if self.means is not None:
+            self.means.observe(state)
 
     def collect(self) -> None:
         """Hand the samples that are complete to their file; collective."""
@@ -256,7 +266,8 @@ class Recorder:
             with phase("gathering"):
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
                 comm, least = self.model.comm, self.model.case.output.rupture_threshold
-                sums = {f.name: forces.row(comm, f, state.faults[f.name], least) for f in self.model.faults if f.slides}
+                slide = [] if self.means is not None else [fault for fault in self.model.faults if fault.slides]
+                sums = {fault.name: forces.row(comm, fault, state.faults[fault.name], least) for fault in slide}
             with phase("energies"):
                 energy = self._motion.energies(state)
             edges = None if self._edge_sums is None else self._edge_sums.row(state)
@@ -267,6 +278,12 @@ class Recorder:
                 self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
                 row = self._balance(state, energy)
                 self._write(lambda: self._append(now, fields, row, sums, edges))
+        if self.means is not None and self._reached("forces", state):
+            self._passed("forces", state)
+            with phase("gathering"):
+                middle, means = self.means.take()
+            if self.model.comm.rank == 0:
+                self._write(lambda: self._append_forces(middle, means))
         if self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
@@ -303,13 +320,16 @@ class Recorder:
         sums: dict[str, list[float]], edges: list[float] | None,
     ) -> None:  # fmt: skip
         """Fields and forces of the interfaces at one time [s], a row of the energy table at another."""
-        for name, values in sums.items():
-            self._forces[name].append(time, values)
+        self._append_forces(time, sums)
         if self._edges is not None and edges is not None:
             self._edges.append(time, edges)
         for name, fields in faults.items():
             self._files[name].append(time, fields)
         self._energies.append(energies[0], energies[1:])
+
+    def _append_forces(self, time: float, rows: dict[str, list[float]]) -> None:
+        for name, values in rows.items():
+            self._forces[name].append(time, values)
 
     @phase("writing")
     def __exit__(

@@ -116,10 +116,7 @@ class Mortar:
         # In Legendre polynomials: of the dual basis, and of the places of the nodes.
         self._dual = np.ascontiguousarray(length[:, :, None] * np.linalg.inv(mass) @ basis.inverse.T)
         self._shape = np.ascontiguousarray(np.einsum("ka,fac->fck", basis.inverse, corners))
-        slopes = np.einsum("gb,fbc->fgc", basis.slopes(basis.points), corners)
-        self._nodal = basis.weights * np.linalg.norm(slopes, axis=2)
-        self._length = np.zeros(len(plus.points))
-        np.add.at(self._length, plus.numbers, self._nodal)
+        self._nodal, self._length = plus.shares, plus.lengths
         macros = {
             "PLUS": plus.order, "MINUS": minus.order, "GAUSS": len(at), "REACH": REACH, "OVERHANG": OVERHANG,
             "SLIVER": SLIVER,

@@ -26,6 +26,7 @@ class Follower:
         assert isinstance(face, SlidingInterface)
         self._name, self._face = fault.name, face
         self._state: State | None = None
+        self._room = 0.0  # that points have left at least, before one has slid far enough [m]
 
     def __call__(self, state: State) -> None:
         """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
@@ -39,8 +40,15 @@ class Follower:
         if self._state is not state:
             self._state = state
             face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip_then)
+            self._room = 0.0
+        self._room -= face.geometry.slides
+        face.geometry.slides = np.inf
+        if self._room > 0 and face.covered.all():
+            return
         slip = face.jump(state.displacement)[:, 1]
-        slid = np.abs(slip - slip_then).max() > face.limit
+        farthest = float(np.abs(slip - slip_then).max())
+        self._room = face.limit - farthest
+        slid = farthest > face.limit
         moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
         if slid or moved:
             followed[face.dofs], slip_then[:] = state.displacement[face.dofs], slip

@@ -60,6 +60,8 @@ class Geometry:
         Whether a point faces anything.
     revision : int
         Grows with every update.
+    slides : float
+        What no point slides more than in the step that follows; infinite where a step does not say so [m].
     table : Table
         All of it as the C code takes it.
     """
@@ -75,9 +77,10 @@ class Geometry:
         self.nearest = np.zeros(n, dtype=np.int64)
         self._acting = np.zeros((n, 2, 2))  # frames, zero where nothing is faced
         self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
+        self._in_order = 2 * np.arange(len(self._dofs))
         self.coupling = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered = np.zeros(0, dtype=bool)
-        self.revision, self.table = 0, Table()
+        self.revision, self.table, self._of_nodes, self.slides = 0, Table(), Table(), np.inf
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
 
     def follow(self, displacement: Floats, slip: Floats) -> None:
@@ -117,11 +120,18 @@ class Geometry:
             self._dofs, self.coupling.first, self.coupling.values, self._acting, self.weight, *self._across,
         )  # fmt: skip
         self.table = Table(n, m, columns, *(array.ctypes.data for array in arrays))
+        self._of_nodes = Table(n, m, columns, self._in_order.ctypes.data, *(array.ctypes.data for array in arrays[1:]))
 
     def rate(self, field: Floats) -> Floats:
         """J field; of all degrees of freedom of this rank, shape (n, 2)."""
         local = np.zeros((len(self.plus.nodes), 2))
         _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
+        return local
+
+    def rate_at_nodes(self, values: Floats) -> Floats:
+        """The same of the degrees of freedom of both surfaces alone, in their order."""
+        local = np.zeros((len(self.plus.nodes), 2))
+        _library().jump(ctypes.byref(self._of_nodes), _pointer(values), _pointer(local))
         return local
 
     def assemble(self, traction: Floats, out: Floats) -> None:
@@ -183,6 +193,19 @@ class SlidingInterface(Interface):
     @property
     def covered(self) -> NDArray[np.bool_]:
         return self.geometry.covered
+
+    def without_partner(self) -> tuple[Integers, Floats]:
+        """Nodes of both surfaces that face nothing yet and may do so later, and the length that belongs to each [m].
+
+        None where all points face something.
+        """
+        plus, minus, coupling = self.geometry.plus, self.geometry.minus, self.geometry.coupling
+        if self.covered.all():
+            return np.zeros(0, dtype=np.int64), np.zeros(0)
+        met = np.zeros(coupling.nodes + coupling.values.shape[1])
+        np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
+        alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
+        return self.nodes[alone], np.concatenate([plus.lengths, minus.lengths])[alone]
 
     def jump(self, field: Floats) -> Floats:
         return self.geometry.offset + self.rate(field)

@@ -1,6 +1,7 @@
 // The step of an interface that slides; behind points.c and jump.c. Rigid contact in sweeps: all points at once,
 // from the velocities that the tractions of the last sweep leave and the fields at the beginning of the step, until
-// tractions settle. Sweeps but the last one pass over blocks of points that carry nothing.
+// tractions settle. The first sweep and the last one, which also writes the fields, are over all points; those between
+// are over blocks of points that share a faced node with one whose tractions have changed.
 
 // Arrays: component after component (normal and tangential, or x and y), points filled up to whole blocks with zeros.
 struct sweeps {
@@ -14,7 +15,9 @@ struct sweeps {
     const double *load;     // shear traction of the nucleation
     double *traction;       // normal stress and shear traction
     double *given, *rate;   // stresses, and rates of the jump, that a trial begins from
-    unsigned char *idle;    // blocks of points that carry nothing
+    long parts;             // of RUN nodes of the other side
+    const long *reach;      // of every block of points: the parts it faces, from the first one to before the last one
+    unsigned char *stirred; // parts where forces have changed in the last sweep, and in this one
 };
 
 INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
@@ -65,20 +68,19 @@ INLINE void pull_of(const struct facing *f, const struct sweeps *s, long first, 
     const double *traction = s->traction + first, *load = s->load + first, *initial = s->initial + first;
     const double *frame = s->frame + first;
     double *pull = s->pull + first, any = 0;
-    lanes force[2];
+    lanes more[2];  // than before
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) {
         const double normal = -traction[l], shear = traction[points + l] - load[l];
-        const double x = frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
-        const double y = frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
-        pull[l] = initial[l] - x;
-        pull[nodes + l] = initial[nodes + l] - y;
-        force[0][l] = x, force[1][l] = y;
-        any += fabs(x) + fabs(y);
+        const double x = initial[l] - frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
+        const double y =
+            initial[nodes + l] - frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
+        more[0][l] = pull[l] - x, more[1][l] = pull[nodes + l] - y;
+        pull[l] = x, pull[nodes + l] = y;
+        any += fabs(more[0][l]) + fabs(more[1][l]);
     }
-    s->idle[first / LANES] = any == 0;
     if (any != 0)
-        for (int l = 0; l < count; l++) react(f, first + l, force[0][l], force[1][l]);
+        for (int l = 0; l < count; l++) react(f, first + l, more[0][l], more[1][l]);
 }
 
 // When the tractions of all blocks are known: forces on the nodes they face, and the velocities of these.
@@ -94,53 +96,65 @@ INLINE void meet(const struct facing *f, const struct sweeps *s)
             across[j] = begun[j] + push[j] * pull[j];
         }
     }
-    clear(f);
+}
+
+// Whether the tractions of a block are others than those that its trial began from; scale: the largest one so far.
+INLINE int changed(const struct facing *f, const struct sweeps *s, long first, double *scale)
+{
+    double most = 0, largest = *scale;
+    for (int k = 0; k < 2; k++) {
+        const double *now = s->traction + k * filled(f) + first, *then = s->given + k * filled(f) + first;
+        _Pragma("omp simd reduction(max:most, largest)")
+        for (int l = 0; l < LANES; l++) {
+            most = fmax(most, fabs(now[l] - then[l]));
+            largest = fmax(largest, fabs(now[l]));
+        }
+    }
+    *scale = largest;
+    return most > s->tolerance * largest;
 }
 
 #define EACH_BLOCK \
     for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
-// One sweep, over all blocks or those that carry something: whether the tractions have settled; -1 where that is not
-// known of blocks passed over, -2 for a point that failed.
-INLINE int sweep(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
-                 double *fixed, double *const *field, double *result, int every)
+// Rates of a block, and its trial from them and its tractions.
+INLINE int attempt(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
+               double *fixed, double *const *field, long first, int count, struct points *points, double *result)
 {
-    const long points_of = filled(f);
-    lanes change = {0}, largest = {0};
+    rates_of(f, s, first, count);
+    for (int k = 0; k < 2; k++)
+        memcpy(s->given + k * filled(f) + first, s->traction + k * filled(f) + first, sizeof(lanes));
+    return trial_of(f, s, times, number, fixed, field, first, count, points, result);
+}
+
+// One sweep, over all blocks or those that changes have reached: how many have changed, -1 for a point that failed.
+INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
+                  double *fixed, double *const *field, double *result, int every, double *scale)
+{
+    unsigned char *before = s->stirred, *now = before + s->parts;
     struct points points;
-    int skipped = 0;
+    long many = 0;
+    memcpy(before, now, s->parts);
+    memset(now, 0, s->parts);
     EACH_BLOCK {
-        if (s->idle[first / LANES] && !every) {
-            skipped = 1;
-            continue;
-        }
-        double *normal = s->traction + first, *shear = s->traction + points_of + first;
-        rates_of(f, s, first, (int)count);
-        memcpy(s->given + first, normal, sizeof(lanes));
-        memcpy(s->given + points_of + first, shear, sizeof(lanes));
-        if (!trial_of(f, s, times, number, fixed, field, first, (int)count, &points, result)) return -2;
+        const long *reach = s->reach + 2 * (first / LANES);
+        if (!every && !memchr(before + reach[0], 1, reach[1] - reach[0])) continue;
+        if (!attempt(f, s, times, number, fixed, field, first, (int)count, &points, result)) return -1;
+        double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
             const int closed = points.sigma[l] > 0, stuck = (points.rate[l] == 0) & closed, there = l < count;
             const double v = (points.rate[l] + points.taken[l]) * points.way[0][l] - points.turning[0][l];
             const double held = points.trial_shear[0][l] - points.z[0][l] * (stuck ? 0 : v);
-            const double sigma = there ? points.sigma[l] : 0, tau = there & closed ? held : 0;
-            const double more = fabs(sigma - normal[l]), moved = fabs(tau - shear[l]);
-            change[l] = more > change[l] ? more : change[l];
-            change[l] = moved > change[l] ? moved : change[l];
-            largest[l] = sigma > largest[l] ? sigma : largest[l];
-            largest[l] = fabs(tau) > largest[l] ? fabs(tau) : largest[l];
-            normal[l] = sigma, shear[l] = tau;
+            normal[l] = there ? points.sigma[l] : 0, shear[l] = there & closed ? held : 0;
         }
         pull_of(f, s, first, (int)count);
+        if (!changed(f, s, first, scale)) continue;
+        memset(now + reach[0], 1, reach[1] - reach[0]);
+        many++;
     }
     meet(f, s);
-    double most = 0, scale = 0;
-    for (int l = 0; l < LANES; l++) {
-        most = change[l] > most ? change[l] : most;
-        scale = largest[l] > scale ? largest[l] : scale;
-    }
-    return most > s->tolerance * scale ? 0 : skipped ? -1 : 1;
+    return many;
 }
 
 // Advance fields, velocities and forces; after sweeps `rate` is that of the new velocities. result as in points.c; the
@@ -151,36 +165,43 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
     const long points_of = filled(f), nodes = points_of + f->m;
     struct points points;
     lanes dissipated = {0};
-    long settled = 0;
+    double scale = 0;
     result[1] = -1;
     for (long i = 0; i < f->n + f->m; i++) {
         const long node = i < f->n ? i : points_of + i - f->n;
         for (int c = 0; c < 2; c++) s->begun[c * nodes + node] = velocity[f->dofs[i] + c];
     }
+    memcpy(s->pull, s->initial, 2 * nodes * sizeof(double));
     clear(f);
     if (s->most) {
         memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
         memcpy(s->traction + points_of, field[STATE_shear_traction], f->n * sizeof(double));
-        EACH_BLOCK pull_of(f, s, first, (int)count);
+        EACH_BLOCK {
+            pull_of(f, s, first, (int)count);
+            changed(f, s, first, &scale);
+        }
         meet(f, s);
     }
-    int done = 0;
-    for (long at = 0; at < s->most && !settled; at++) {
-        done = sweep(f, s, times, number, fixed, field, result, done == -1 || at + 1 == s->most);
-        if (done == -2) return 0;
-        settled = done == 1 ? at + 1 : 0;
+    long done = 0, many = 1;
+    for (; done + 1 < s->most && many; done++) {
+        many = sweep(f, s, times, number, fixed, field, result, done == 0, &scale);
+        if (many < 0) return 0;
     }
+    const int settled = many == 0;
+    many = 0;
     EACH_BLOCK {
-        if (!trial_of(f, s, times, number, fixed, field, first, (int)count, &points, result)) return 0;
+        const int possible = s->most ? attempt(f, s, times, number, fixed, field, first, (int)count, &points, result)
+                                     : trial_of(f, s, times, number, fixed, field, first, (int)count, &points, result);
+        if (!possible) return 0;
         settle((int)count, times, number, &points, dissipated);
         store(first, (int)count, field, &points);
-        if (s->most) continue;
         memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
         memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
         pull_of(f, s, first, (int)count);
+        many += s->most && changed(f, s, first, &scale);
     }
+    meet(f, s);
     if (s->most) EACH_BLOCK rates_of(f, s, first, (int)count);
-    else meet(f, s);
     for (long i = 0; i < f->n + f->m; i++) {
         const long node = i < f->n ? i : points_of + i - f->n;
         for (int c = 0; c < 2; c++) {
@@ -191,5 +212,5 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
     }
     result[0] = 0;
     for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
-    return settled;
+    return settled || many == 0 ? done + 1 : 0;
 }

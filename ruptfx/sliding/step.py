@@ -24,10 +24,12 @@ from ruptfx.interface import Interface
 from ruptfx.point_code import LANES
 from ruptfx.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.sliding.surface import Floats
+from ruptfx.sliding.surface import Floats, Integers
 from ruptfx.state import FaultState
 
 LOG = logging.getLogger("ruptfx.run")
+SLACK = 1 + 1e-6  # of a bound, for rounding
+RUN = 8  # nodes of the other side that are looked at together, as in jump.c
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps that did not settle at which the log says so
 
 
@@ -37,9 +39,9 @@ class _Sweeps(ctypes.Structure):
     _fields_ = [
         ("most", ctypes.c_long), ("tolerance", ctypes.c_double), *(
             (name, ctypes.c_void_p) for name in (
-                "push", "initial", "begun", "pull", "frame", "jump", "load", "traction", "given", "rate", "idle",
+                "push", "initial", "begun", "pull", "frame", "jump", "load", "traction", "given", "rate",
             )
-        ),
+        ), ("parts", ctypes.c_long), ("reach", ctypes.c_void_p), ("stirred", ctypes.c_void_p),
     ]  # fmt: skip
 
 
@@ -75,20 +77,28 @@ class _Points(FaultStep):
 class SlidingStep:
     """What `FaultStep` is for interfaces whose points are pairs of nodes: the same parameters, `work` and call.
 
+    Parameters
+    ----------
+    before : (ndarray, ndarray of int)
+        Velocities before the step, which the stepper keeps up to date [m/s], and the places there of the degrees of
+        freedom of both surfaces.
+
     Attributes
     ----------
     unsettled : int
         Steps that ended with the last sweep that is allowed.
     """
 
-    def __init__(self, fault: Fault, inverse_mass: Floats, clock: Clock, threshold: float) -> None:
+    def __init__(
+        self, fault: Fault, inverse_mass: Floats, clock: Clock, threshold: float, before: tuple[Floats, Integers]
+    ) -> None:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
-        self.fault, self.clock, self._face = fault, clock, face
+        self.fault, self.clock, self._face, self._before = fault, clock, face, before
         self.work, self.unsettled = 0.0, 0
         n, m = len(face.plus), len(face.geometry.minus.nodes)
         self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
-        self._mobility, self._revision = np.ones(2 * n), -1
+        self._mobility, self._area, self._revision = np.ones(2 * n), np.zeros(n), -1
         each = np.arange(n)
         points = Interface(
             face.points, face.position, face.number, each, each, np.tile(np.eye(2), (n, 1, 1)), face.weight, face.owned,
@@ -109,9 +119,15 @@ class SlidingStep:
         arrays = (
             self._nodal(clock.kick * inverse_mass[face.dofs]), self._nodal(initial[face.dofs]),
             np.zeros((2, filled + m)), np.zeros((2, filled + m)), self._frame, self._jump, self._load,
-            np.zeros((2, filled)), self._given, rate, np.zeros(filled // LANES, dtype=np.uint8),
+            np.zeros((2, filled)), self._given, rate,
         )  # fmt: skip
-        self._sweeps, self._arrays = _Sweeps(most, tolerance, *(array.ctypes.data for array in arrays)), arrays
+        parts = -(-m // RUN)
+        self._reach, stirred = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros((2, parts), dtype=np.uint8)
+        self._arrays = (*arrays, stirred)
+        self._sweeps = _Sweeps(
+            most, tolerance, *(array.ctypes.data for array in arrays), parts, self._reach.ctypes.data,
+            stirred.ctypes.data,
+        )  # fmt: skip
         self._rate_before = np.zeros((n, 2))
 
     def _nodal(self, values: Floats) -> Floats:
@@ -121,21 +137,17 @@ class SlidingStep:
         space = np.zeros(self._filled - n)
         return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
 
-    def opening_rate(self, state: FaultState, velocity: Floats) -> Floats | None:
-        """Opening rate of every point before the step [m/s]; None where contact is compliant and nothing collides."""
-        if not self._rigid:
-            return None
-        self._rate_before = self._face.rate(velocity)
-        return self._rate_before[:, 0]
+    def opening_rate(self, state: FaultState, velocity: Floats) -> None:
+        """Nothing: the step looks at the velocities before it by itself."""
 
     def impact_loss(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Work of the normal stress over a step, points of this rank [J].
+        """Work of the normal stress over a step, points of this rank [J]; none where contact is compliant.
 
         It is that of plastic impacts, and what follows from frozen operators.
         """
-        if rate_old is None:
+        if not self._rigid:
             return 0.0
-        power = self.fault.contact.lost_in_impact(state["normal_stress"], rate_old, self._rate[0])
+        power = self.fault.contact.lost_in_impact(state["normal_stress"], self._rate_before[:, 0], self._rate[0])
         return self._sum(power) * self.clock.kick
 
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
@@ -161,7 +173,10 @@ class SlidingStep:
         if self._rigid:
             if not settled:
                 self._report(time)
+            velocities, places = self._before
+            self._rate_before = face.geometry.rate_at_nodes(velocities[places])
             dissipated = self._taken(state["shear_traction"], state["shear_traction"], state)
+            face.geometry.slides = SLACK * self.clock.dt * float(np.abs(self._rate[1]).max())
         if fault.is_loaded:
             self.work = self._taken(fault.load(time - self.clock.since), self._load[:n], state)
         return dissipated
@@ -177,7 +192,20 @@ class SlidingStep:
         acting = face.frame.reshape(n, 4) * face.covered[:, None]
         self._frame[:, :n] = np.column_stack([acting, face.weight]).T
         self._points.refresh()
+        self._area[:] = face.owned * face.weight
+        self._find_reach()
         self._revision = face.geometry.revision
+
+    def _find_reach(self) -> None:
+        """From the first to before the last part of the other side that blocks of points face."""
+        coupling, n = self._face.geometry.coupling, len(self._face.plus)
+        faced = coupling.values != 0
+        none, columns = ~faced.any(axis=1), faced.shape[1]
+        low, high = np.full(self._filled, coupling.nodes), np.zeros(self._filled, dtype=np.int64)
+        low[:n] = np.where(none, coupling.nodes, coupling.first + np.argmax(faced, axis=1))
+        high[:n] = np.where(none, 0, coupling.first + columns - np.argmax(faced[:, ::-1], axis=1))
+        self._reach[:, 0] = low.reshape(-1, LANES).min(axis=1) // RUN
+        self._reach[:, 1] = np.maximum(-(-high.reshape(-1, LANES).max(axis=1) // RUN), self._reach[:, 0])
 
     def _report(self, time: float) -> None:
         """A step whose tractions have not settled, now and then."""
@@ -202,4 +230,4 @@ class SlidingStep:
         return self._sum(self.fault.contact.dissipated(traction_old, traction, before, rate)) * length
 
     def _sum(self, power: Floats) -> float:
-        return float(self._face.owned @ (self._face.weight * power))
+        return float(self._area @ power)

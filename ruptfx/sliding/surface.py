@@ -46,6 +46,20 @@ class Surface:
         return np.arange(self.facets)[:, None] * self.order + np.arange(self.order + 1)
 
     @property
+    def shares(self) -> Floats:
+        """Length that belongs to the nodes of every facet, shape (facets, order + 1) [m]."""
+        slopes = np.einsum("gb,fbc->fgc", self.basis.slopes(self.basis.points), self.points[self.numbers])
+        found: Floats = self.basis.weights * np.linalg.norm(slopes, axis=2)
+        return found
+
+    @property
+    def lengths(self) -> Floats:
+        """Length that belongs to every node [m]."""
+        found = np.zeros(len(self.points))
+        np.add.at(found, self.numbers, self.shares)
+        return found
+
+    @property
     def spacing(self) -> float:
         """Median distance of neighbouring nodes [m]."""
         return float(np.median(np.linalg.norm(np.diff(self.points, axis=0), axis=1)))

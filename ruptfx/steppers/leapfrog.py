@@ -15,6 +15,7 @@ from ruptfx.operators import FusedOperator
 from ruptfx.points import Clock
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import Follower
+from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.step import SlidingStep
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
@@ -114,7 +115,7 @@ class LeapfrogMotion:
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
         self._followers = [Follower(fault) for fault in model.faults if fault.slides]
-        self._kicks = [_Kick(model, dofs, dt, number) for number in range(3)]
+        self._kicks = [_Kick(model, dofs, dt, number, self._velocity_old) for number in range(3)]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
     def step(self, state: State) -> None:
@@ -294,7 +295,7 @@ class _Kick:
     faults : list of (str, FaultStep or SlidingStep)
     """
 
-    def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int) -> None:
+    def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int, velocity_old: np.ndarray) -> None:
         clock = Clock.of_step(dt, number)
         self.length, self.since = clock.kick, clock.since
         rate = model.case.damping.mass
@@ -311,9 +312,13 @@ class _Kick:
         # For contact, mass includes the dashpots, and nodes whose motion is prescribed cannot be moved.
         inverse_mass = np.where(prescribed, 0.0, effective)
         threshold = model.case.output.rupture_threshold
-        self.faults = [
-            (f.name, (SlidingStep if f.slides else FaultStep)(f, inverse_mass, clock, threshold)) for f in model.faults
-        ]
+        self.faults: list[tuple[str, FaultStep | SlidingStep]] = []
+        for fault in model.faults:
+            if isinstance(fault.interface, SlidingInterface):
+                before = velocity_old, np.searchsorted(dofs, fault.interface.dofs)
+                self.faults.append((fault.name, SlidingStep(fault, inverse_mass, clock, threshold, before)))
+            else:
+                self.faults.append((fault.name, FaultStep(fault, inverse_mass, clock, threshold)))
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

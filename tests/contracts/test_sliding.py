@@ -20,6 +20,7 @@ from ruptfx.model import Model
 from ruptfx.operators._geometry import BOX, POINTWISE, _classify
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import alternatives
+from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers.leapfrog import masses_and_dashpots
 
 pytestmark = pytest.mark.fem
@@ -110,6 +111,29 @@ def test_uniform_stress_passes_between_different_meshes(contact: str, order: int
     np.testing.assert_allclose(fault["shear_traction"], 0.7e6, rtol=1e-8)
 
 
+@pytest.mark.parametrize("order, least", [(2, 3.5), (4, 7.0)])
+def test_uniform_stress_passes_curved_surfaces(order: int, least: float) -> None:
+    """Patch test on waves that fit: what the same stress leaves at the nodes of different elements vanishes with
+    them; normals of curved surfaces are not polynomials, so that it is no round-off."""
+    stress = np.array([[1e6, -0.4e6], [-0.4e6, -3e6]])
+    E, nu = STIFF["young_modulus"], STIFF["poisson_ratio"]
+    strain = (1 + nu) / E * (stress - nu * np.trace(stress) * np.eye(2))  # Hooke's law in plane strain
+    left = []
+    for size in (0.1e-3, 0.05e-3):
+        shape = {"profile": {**wave(1), "mean": 0.0}, "length": 1.2e-3, "left": 0.0, "height": 0.5e-3}
+        model = Model(parse_case(rough({
+            "order": order, "mesh.curve_order": order, "boundaries": [], "materials": {"default": STIFF},
+            "mesh.upper": {**shape, "element_size": size}, "mesh.lower": {**shape, "element_size": 0.75 * size},
+        })))  # fmt: skip
+        face = model.faults[0].interface
+        force = model.internal_force((model.coordinates @ strain).ravel())
+        traction = np.einsum("ikc,cd,id->ik", face.frame, stress, face.frame[:, 0])
+        face.add_force(force, traction, scale=np.ones_like(force))
+        inside = np.abs(model.coordinates[face.nodes, 0] - 0.6e-3) < 0.45e-3
+        left.append(np.abs(force.reshape(-1, 2)[face.nodes[inside]]).max() / (3e6 * face.weight.max()))
+    assert left[0] < 0.01 and left[0] / left[1] > least
+
+
 @every_contact
 @pytest.mark.parametrize("friction", ["coulomb", "prakash_clifton"])
 def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> None:
@@ -125,7 +149,6 @@ def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> No
     compiled, field = motion._kicks[2].faults[0][1], state.faults["main"]
     states = [{name: values.copy() for name, values in field.items()} for _ in range(2)]
     arrays = [(state.velocity.copy(), np.zeros_like(state.force)) for _ in range(2)]
-    compiled.opening_rate(states[0], arrays[0][0])
     compiled(states[0], state.displacement, *arrays[0], state.time)
     mass, dashpot = masses_and_dashpots(model)
     inverse_mass = np.where(model.loads.prescribed, 0.0, 1 / (mass + 0.5 * motion.dt * dashpot))
@@ -227,6 +250,22 @@ def test_bodies_that_meet_from_afar() -> None:
     wave = np.sqrt(5.3e9 * 1246.0) * 10.0  # nu = 0: c_p = sqrt(E / rho)
     # The distance of 10 um is covered after 0.5 us; then the pressure is that of the wave, but for the ringing.
     np.testing.assert_allclose(np.mean(forces[-len(forces) // 5 :]) / 0.4e-3, wave, rtol=0.1)
+
+
+def test_stable_step_of_springs_that_meet_later() -> None:
+    """It counts them before they face anything: as small as where they touch, for equal bodies."""
+    body = {"length": 0.4e-3, "height": 0.4e-3, "element_size": 0.1e-3}
+    found = []
+    for apart in (0.0, 1.5e-3):
+        model = Model(parse_case(rough({
+            "mesh": {"kind": "rough_plates", "curve_order": 1, "closest": apart, "upper": body, "lower": body},
+            "materials": {"default": STIFF}, "boundaries": [], "faults.main.contact.C_n": 1e16,
+            "faults.main.contact.C_s": 1e16, "faults.main.contact.kind": "compliant",
+        })))  # fmt: skip
+        assert model.faults[0].interface.covered.all() == (apart == 0)
+        found.append(stable_time_step(model))
+    np.testing.assert_allclose(found[1], found[0], rtol=0.02)
+    assert found[1] < 0.5 * stable_time_step(model, [])
 
 
 def test_sides_that_swap() -> None:

@@ -142,6 +142,66 @@ def test_a_block_leaves_by_its_end(tmp_path: Path) -> None:
     assert energy["frictional_dissipation"] > 0.05 * work and abs(work - sum(energy.values())) < 1e-10 * work
 
 
+# Three bodies of 1 on 0.3 mm, one on the other, whose elements differ.
+STACK = """
+Geometry.AutoCoherence = 0;
+For k In {{0:2}}
+  p = newp; y = 0.3e-3 * k;
+  Point(p) = {{0, y, 0}}; Point(p + 1) = {{1e-3, y, 0}}; Point(p + 2) = {{1e-3, y + 0.3e-3, 0}};
+  Point(p + 3) = {{0, y + 0.3e-3, 0}};
+  Line(4 * k + 1) = {{p, p + 1}}; Line(4 * k + 2) = {{p + 1, p + 2}}; Line(4 * k + 3) = {{p + 2, p + 3}};
+  Line(4 * k + 4) = {{p + 3, p}};
+  Curve Loop(k + 1) = {{4 * k + 1, 4 * k + 2, 4 * k + 3, 4 * k + 4}}; Plane Surface(k + 1) = {{k + 1}};
+  Transfinite Curve{{4 * k + 2, 4 * k + 4}} = 2 + 1;
+EndFor
+Transfinite Curve{{1, 3}} = 5 + 1; Transfinite Curve{{5, 7}} = 7 + 1; Transfinite Curve{{9, 11}} = 6 + 1;
+Transfinite Surface{{1, 2, 3}}; Recombine Surface{{1, 2, 3}};
+Physical Surface("base") = {{1}}; Physical Surface("middle") = {{2}}; Physical Surface("top") = {{3}};
+Physical Curve("below") = {{3, 5}}; Physical Curve("above") = {{7, 9}};
+Physical Curve("base.bottom") = {{1}}; Physical Curve("top.top") = {{11}};
+""".replace("{{", "{").replace("}}", "}")
+
+
+def test_two_interfaces_that_slide(tmp_path: Path) -> None:
+    """A body between two others: the wave of a pressed edge, sigma = rho c v, passes both interfaces; the shear behind
+    it, rho c_s v = 0.71 sigma, makes the upper one slide, whose friction of 0.2 the lower one bears with 0.4."""
+    (tmp_path / "stack.geo").write_text(STACK)
+    mu, speed = {"below": 0.4, "above": 0.2}, 4.0
+    c = np.sqrt(STIFF["young_modulus"] / STIFF["density"])  # nu = 0
+    sides = {"below": ("middle", "base"), "above": ("top", "middle")}
+    interfaces = {name: {"plus": plus, "minus": minus, "matching": False} for name, (plus, minus) in sides.items()}
+    given = blocks(tmp_path, {
+        "duration": 0.7e-6,
+        "mesh": {"kind": "gmsh_file", "file": str(tmp_path / "stack.geo"), "interfaces": interfaces},
+        "materials": {"default": {**STIFF, "poisson_ratio": 0.0}},
+        "faults": {name: {
+            "sliding": {}, "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": mu[name]},
+            "initial_stress": {"normal": 0.0},
+        } for name in interfaces},
+        "boundaries": [
+            {"kind": "driven", "edge": "top.top", "component": "y", "velocity": -speed, "ramp": 1e-7},
+            {"kind": "driven", "edge": "top.top", "component": "x", "velocity": speed, "ramp": 1e-7},
+            {"kind": "absorbing", "edge": "base.bottom"},
+        ],
+    })  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    assert [fault.name for fault in model.faults] == list(interfaces) and not model.faults[0].interface.one_sided
+    advance(motion, state, 0.7e-6)  # the wave has 1.4 mm behind it
+    pressure, slips = STIFF["density"] * c * speed, {}
+    for fault in model.faults:
+        face, found = fault.interface, state.faults[fault.name]
+        middle = np.abs(face.points[:, 0] - 0.5e-3) < 0.25e-3
+        mean = np.average(found["normal_stress"][middle], weights=face.weight[middle])
+        np.testing.assert_allclose(mean, pressure, rtol=0.05)
+        slips[fault.name] = np.abs(found["slip"][middle])
+    # Where contact begins it rings: the lower one slips by the bit that the noise of its first pressure allows.
+    assert slips["above"].min() > 1e-6 and slips["below"].max() < 1e-4 * slips["above"].min()
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert abs(work - sum(energy.values())) < 1e-10 * work
+
+
 # -- what is refused -----------------------------------------------------------------------------------------------
 
 

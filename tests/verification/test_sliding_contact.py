@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sliding_cases import STIFF, rough
+from sliding_cases import STIFF, rough, wave
 from small_cases import advance
 
 pytest.importorskip("dolfinx")
@@ -64,6 +64,60 @@ def test_hertz_between_different_meshes() -> None:
     np.testing.assert_allclose(pressure.max(), exact.max(), rtol=0.02)
     touching = np.abs(face.position - height)[pressure > 0].max()
     np.testing.assert_allclose(touching, a, atol=half_width / 8)  # the widest spacing of nodes
+
+
+def test_waves_that_fit_slip_before_a_flat_interface() -> None:
+    """In phase, under uniform sigma_yy and sigma_xy, friction 1: flanks of slope a slip first, at the tau / sigma with
+    (tau cos 2a + sin a cos a) / (cos^2 a - tau sin 2a) = 1, 0.747 for the steepest of 0.105; a flat interface at 1.
+
+    The edges carry what belongs to the uniform stress; the shear grows slowly, damped.
+    """
+    steepest = np.arctan(2 * np.pi * 10e-6 / 0.6e-3)
+    tau = np.linspace(0, 1, 100001)
+    mean = (tau * np.cos(2 * steepest) + 0.5 * np.sin(2 * steepest)) / (
+        np.cos(steepest) ** 2 - tau * np.sin(2 * steepest)
+    )
+    expected = float(tau[np.argmax(mean >= 1)])
+    assert abs(expected - 0.747) < 1e-3
+    press, shear, normal = 4e-6, 16e-6, 10e6
+    shape = {"profile": {**wave(1), "mean": 0.0}, "length": 1.8e-3, "left": 0.0, "height": 0.4e-3}
+
+    def edges(ratio: float, ramp: float) -> list[dict[str, object]]:
+        across = {"upper.top": (1, -1), "upper.left": (0, -1), "lower.left": (0, -1), "upper.right": (0, 1),
+                  "lower.right": (0, 1)}  # fmt: skip
+        held = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
+        return held + [
+            {"kind": "traction", "edge": edge, "ramp": ramp,
+             "traction": [shear * ratio * normal, (normal if edge == "upper.top" else ratio * normal) * along]}
+            for edge, (shear, along) in across.items()
+        ]  # fmt: skip
+
+    case = parse_case(rough({
+        "order": 4, "mesh.curve_order": 4, "materials": {"default": {**STIFF, "poisson_ratio": 0.0}},
+        "mesh.upper": {**shape, "element_size": 0.1e-3}, "mesh.lower": {**shape, "element_size": 0.075e-3},
+        "faults.main.friction.mu_d": 1.0, "duration": press + shear, "boundaries": None,
+        "stages": [
+            {"duration": press, "damping": {"mass": 3e6}, "boundaries": edges(0.0, 0.5 * press)},
+            {"duration": shear, "damping": {"mass": 3e6}, "boundaries": edges(1.0, shear)},
+        ],
+    }))  # fmt: skip
+    assert isinstance(case, Case)
+    model = Model(case)
+    motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
+    middle = np.abs(face.points[:, 0] - 0.9e-3) < 0.45e-3
+    advance(motion, state, press)
+    before, ratio = state.faults["main"]["slip"].copy(), np.nan
+    while state.time < case.duration and np.isnan(ratio):
+        motion.step(state)
+        fault = state.faults["main"]
+        first = middle & (np.abs(fault["slip"] - before) > 1e-9)
+        if first.any():
+            local = np.column_stack([-fault["normal_stress"], fault["shear_traction"]])
+            force = np.einsum("i,ik,ikc->c", face.weight * middle, local, face.frame)
+            ratio = abs(force[0] / force[1])
+    np.testing.assert_allclose(ratio, expected, rtol=0.03)
+    slopes = -2 * np.pi * 10e-6 / 0.6e-3 * -np.sin(2 * np.pi * face.points[first, 0] / 0.6e-3)
+    assert np.abs(slopes).min() > 0.9 * np.tan(steepest)
 
 
 def test_free_bodies_that_collide_obliquely() -> None:

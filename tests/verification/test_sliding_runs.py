@@ -61,6 +61,34 @@ def test_forces_of_a_run(alone: Path) -> None:
     assert 0.15 < pressed[:, 2].mean() / pressed[:, 1].mean() < 0.45
 
 
+def test_forces_as_means(tmp_path: Path) -> None:
+    """Of all steps between two rows; over a restart with the same bits."""
+    common = {**CHANGES, "duration": 1e-6, "output.checkpoint_steps": 30}
+    simulate(parse_case(rough({**common, "output.interface_steps": 1})), tmp_path / "steps", progress=False)
+    means = parse_case(rough({**common, "output.forces_interval": 0.21e-6}))
+    simulate(means, tmp_path / "means", progress=False)
+    every, table = (
+        np.loadtxt(tmp_path / name / "forces.csv", delimiter=",", skiprows=2) for name in ("steps", "means")
+    )
+    assert len(table) == 5 and np.all(np.diff(table[:, 0]) > 0.15e-6)
+    time, length = every[:, 0], np.diff(every[:, 0], prepend=0.0)
+    begin = 0.0
+    for middle, normal, shear, *parts in table:
+        end = 2 * middle - begin
+        within = (time > begin + 1e-12) & (time < end + 1e-12)
+        share = length[within] / length[within].sum()
+        np.testing.assert_allclose(parts, share @ every[within, 3:], atol=1e-12)
+        # The mean frame is that of the whole time, not of every step.
+        np.testing.assert_allclose([normal, shear], share @ every[within, 1:3], rtol=1e-3, atol=1e-3 * normal)
+        begin = end
+    np.testing.assert_allclose(begin, time[-1], rtol=1e-9)
+    assert table[-1, 1] > 1e3
+    shutil.copytree(tmp_path / "means", tmp_path / "resumed")
+    (tmp_path / "resumed" / "summary.json").unlink()
+    simulate(means, tmp_path / "resumed", progress=False, resume=True)
+    assert (tmp_path / "means" / "forces.csv").read_bytes() == (tmp_path / "resumed" / "forces.csv").read_bytes()
+
+
 def test_states_and_surfaces_of_a_run(alone: Path) -> None:
     """What carries nothing is open; what is closed is where it faces; what is faced goes back as the points slide."""
     with Record(alone) as record:

@@ -1,0 +1,119 @@
+"""A curved body that is pressed on a flat one and dragged along it: forces without the noise of elements that pass.
+
+A cylinder of 5 mm (upper, 5.3 GPa) on a plane (lower, 3.392 GPa) in plane strain, pressed by the motion of its top
+until contact is about 0.4 mm wide, then dragged at constant height with friction 0.3 over two elements of the plane.
+On an infinite plane nothing would change; here the forces drift with the distance from its ends along a smooth curve,
+which is taken off: what is left repeats with the elements.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx import Table, fem, parallel, stages
+from ruptfx.bench import Check, Outcome
+from ruptfx.case import Case, parse_case
+from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SIZE, RATIO = 0.1e-3, 1.37  # of the elements of the upper body; that of the lower one's over it
+RADIUS, DEPTH, FRICTION = 5e-3, 12e-6, 0.3
+PRESS, RAMP, SPEED = 20e-6, 15e-6, 10.0
+WAY = 2 * RATIO * SIZE
+SETTLED = 0.2e-3  # way after which forces are looked at [m]
+
+Floats = NDArray[np.float64]
+
+
+def case(order: int) -> Case:
+    def body(young_modulus: float) -> Table:
+        return {
+            "kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0,
+        }  # fmt: skip
+
+    def edges(speed: tuple[float, float], ramp: float) -> list[Table]:
+        moves = {"lower.bottom": (0.0, 0.0), "upper.top": speed}
+        return [
+            {"kind": "driven", "edge": edge, "component": axis, "velocity": value, "ramp": ramp}
+            for edge, values in moves.items() for axis, value in zip("xy", values, strict=True)
+        ]  # fmt: skip
+
+    down = 5e-6
+    slide = (SETTLED + WAY) / SPEED + 0.5 * RAMP
+    made = parse_case({
+        "plane": "strain", "order": order, "duration": PRESS + slide, "damping": {"mass": 1e6},
+        "mesh": {
+            "kind": "rough_plates", "curve_order": min(order, 2) if order > 1 else 1,
+            "upper": {
+                "length": 1.2e-3, "height": 0.5e-3, "element_size": SIZE,
+                "profile": {"kind": "parabola", "radius": RADIUS, "center": 0.6e-3},
+            },
+            "lower": {"length": 4e-3, "left": -1.2e-3, "height": 0.8e-3, "element_size": RATIO * SIZE},
+        },
+        "materials": {"upper": body(5.3e9), "lower": body(3.392e9)},
+        "faults": {"main": {
+            "sliding": {}, "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": FRICTION},
+            "initial_stress": {"normal": 0.0},
+        }},
+        "stages": [
+            {"duration": down, "boundaries": edges((0.0, -DEPTH / down), 0.0)},
+            {"duration": PRESS - down, "boundaries": edges((0.0, 0.0), 1e-6)},
+            {"duration": slide, "boundaries": edges((SPEED, 0.0), RAMP)},
+        ],
+    })  # fmt: skip
+    assert isinstance(made, Case)
+    return made
+
+
+def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:
+    """Way of the top since it has settled [m], and force along y and x on the lower body [N/m], over two elements."""
+    model = Model(given, comm)
+    motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
+    ways, found = [], []
+    while state.time < given.duration:
+        motion.step(state)
+        way = SPEED * (state.fault_time - PRESS - 0.5 * RAMP) - SETTLED
+        if way < 0:
+            continue
+        fault = state.faults["main"]
+        local = np.column_stack([-fault["normal_stress"], fault["shear_traction"]])
+        here = np.einsum("i,ik,ikc->c", face.owned * face.weight, local, face.frame)
+        ways.append(way)
+        found.append(parallel.total(comm, here.tolist()))
+    return np.array(ways), np.abs(np.array(found))
+
+
+def noise(way: Floats, force: Floats) -> float:
+    """Peak to peak over the mean, about a parabola."""
+    return float(np.ptp(force - np.polyval(np.polyfit(way / WAY, force, 2), way / WAY)) / force.mean())
+
+
+def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
+    checks, curves = [], {}
+    for order in (1, 2, 4) if fine else (2,):
+        way, force = forces(case(order), comm)
+        curves[order] = way, force
+        checks += [
+            Check(f"order {order}: {name} force, peak to peak over the mean", 0.0, noise(way, values), 0.02, "1", "aim")
+            for name, values in (("shear", force[:, 0]), ("normal", force[:, 1]))
+        ]
+        ratio = float(force[:, 0].mean() / force[:, 1].mean())
+        checks.append(Check(f"order {order}: ratio of the forces", FRICTION, ratio, 0.01, "1", "friction"))
+    return Outcome(checks, lambda: _draw(curves))
+
+
+def _draw(curves: dict[int, tuple[Floats, Floats]]) -> Figure:
+    from ruptfx.figure_style import new_figure
+
+    figure, ((axes,),) = new_figure(1, 1, 3, 5)
+    for order, (way, force) in curves.items():
+        for name, values, style in (("normal", force[:, 1], "-"), ("shear", force[:, 0], "--")):
+            axes.plot(way / (RATIO * SIZE), values / values.mean(), style, lw=0.8, label=f"{name}, order {order}")
+    axes.set(xlabel="Way over the size of an element", ylabel="Force over its mean")
+    axes.legend(frameon=False, ncols=2)
+    return figure
