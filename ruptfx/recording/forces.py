@@ -46,7 +46,7 @@ def _sums(fault: Fault, state: FaultState, threshold: float) -> Floats:
 
 
 def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
-    """What `forces` returns, from the sums of every rank; collective."""
+    """What `row` returns, from the sums of every rank; collective."""
     force, tangent, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4])
     tangent /= np.linalg.norm(tangent)
     normal = np.array([-tangent[1], tangent[0]])
