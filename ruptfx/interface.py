@@ -140,6 +140,10 @@ class Interface:
         """Normal jump before anything moves, shape (n,) [m]."""
         return np.zeros(len(self.plus))
 
+    def without_partner(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of both surfaces that face nothing yet and may do so later, and the length that belongs to each [m]."""
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+
     @property
     def has_normal(self) -> bool:
         """False in antiplane, where nothing moves normal to the interface."""

@@ -9,7 +9,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ruptfx import RuptfxError, parallel
-from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
@@ -66,9 +65,8 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     # Where surfaces may meet later: C |u+ - u-|^2 is at most 2 C (|u+|^2 + |u-|^2), and that between equal bodies.
     later = np.zeros(model.nodes)
     for fault, springs_of in stiffness:
-        if isinstance(fault.interface, SlidingInterface):
-            nodes, lengths = fault.interface.without_partner()
-            later[nodes] += 2 * springs_of.max() * lengths
+        nodes, lengths = fault.interface.without_partner()
+        later[nodes] += 2 * springs_of.max() * lengths
 
     def apply(vector: np.ndarray) -> np.ndarray:
         u = root * vector

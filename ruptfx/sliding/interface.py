@@ -195,13 +195,10 @@ class SlidingInterface(Interface):
         return self.geometry.covered
 
     def without_partner(self) -> tuple[Integers, Floats]:
-        """Nodes of both surfaces that face nothing yet and may do so later, and the length that belongs to each [m].
-
-        None where all points face something.
-        """
+        """As its base says; none where all points face something."""
         plus, minus, coupling = self.geometry.plus, self.geometry.minus, self.geometry.coupling
         if self.covered.all():
-            return np.zeros(0, dtype=np.int64), np.zeros(0)
+            return super().without_partner()
         met = np.zeros(coupling.nodes + coupling.values.shape[1])
         np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
         alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
