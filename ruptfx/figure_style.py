@@ -67,6 +67,15 @@ def style() -> Iterator[None]:
         yield
 
 
+def warm_up() -> None:
+    """Load fonts, the reader of formulas and what else the first figure of a process takes longer for."""
+    with style(), BytesIO() as nowhere:
+        figure, axes = new_figure(1, 1, 1.0, 1.0)
+        axes[0, 0].set(xlabel="$c_s$", yscale="log")
+        letter(axes[0])
+        save(figure, nowhere, "png")
+
+
 def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["savefig.dpi"]) -> None:
     """Save a figure in the common style; its axes stay where they are then.
 

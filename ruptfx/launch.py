@@ -69,8 +69,8 @@ def mpi_environment(ranks: int) -> dict[str, str]:
     return environment
 
 
-def run_on(ranks: int, arguments: list[str]) -> int:
-    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks; returns the exit code.
+def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
+    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks, with these variables besides; returns the exit code.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def run_on(ranks: int, arguments: list[str]) -> int:
         DOLFINx is not installed, or no mpiexec is.
     """
     need_fem()
-    environment = mpi_environment(ranks)
+    environment = mpi_environment(ranks) | variables
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))

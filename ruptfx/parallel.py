@@ -5,6 +5,7 @@ Also rounding that makes numbers the same on any number of ranks.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -38,6 +39,13 @@ def raise_on_all(comm: Comm, error: Exception | None) -> None:
     if first is not None:
         kind, message = first
         raise (kind if issubclass(kind, RuptfxError) else RuptfxError)(message) from error
+
+
+def rest(comm: Comm) -> None:
+    """Wait for all ranks asleep: MPI itself would wait busily, and take the core from whoever works."""
+    everyone = comm.Ibarrier()
+    while not everyone.Test():
+        time.sleep(0.01)
 
 
 def on_root(comm: Comm, action: Callable[[], Result]) -> Result:

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError, Table
-from ruptfx.columns import Column, Columns
+from ruptfx.columns import Column, Columns, Stored
 
 if TYPE_CHECKING:
     import xarray  # imported on first use: it takes longer than the end of a run to read
@@ -170,7 +170,14 @@ class Files:
 
         whole = h5netcdf.File(file)
         named = whole if group is None else whole[group]
-        columns = {name: Column(item, item.dimensions, item.attrs) for name, item in named.variables.items()}
+        times = len(file[named.variables["time"].name])
+
+        def stored(item: h5netcdf.Variable) -> Stored:
+            """As HDF5 has it, which h5netcdf asks for its size again and again; not where a killed run cut it short."""
+            plain = file[item.name]
+            return item if item.dimensions[0] == "time" and len(plain) < times else plain
+
+        columns = {name: Column(stored(item), item.dimensions, item.attrs) for name, item in named.variables.items()}
         return Columns(columns, named.attrs)
 
     @cached_property

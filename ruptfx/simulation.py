@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, lumped, parallel, stages
+from ruptfx import RuptfxError, fem, launch, lumped, painter, parallel, stages
 from ruptfx.case import Case
 from ruptfx.cost import need_memory
 from ruptfx.directories import write_json
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     import xarray
 
 CHECK_EVERY = 25  # steps between checks that all ranks are well
-MOST_DRAWING = 4  # ranks that draw figures; each has to import what that takes
 
 
 class Interrupted(RuptfxError):  # noqa: N818
@@ -104,6 +103,9 @@ def simulate(
         if comm.rank == 0:
             complete()
         return Record(out)
+    draws = case.output.figures and painter.LATER not in os.environ
+    if draws and comm.rank == 0:
+        painter.prepare()
     with run_directory.reserved(comm, out):
         checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
         if not (resume or overwrite):
@@ -118,7 +120,7 @@ def simulate(
         _run(model, motion, out, progress, checkpoint, began)
         if comm.rank == 0:
             complete()
-        if case.output.figures:
+        if draws:
             _draw(comm, out)
     return Record(out)
 
@@ -262,14 +264,12 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
 
 @phase("figures")
 def _draw(comm: fem.MPI.Comm, out: Path) -> None:
-    """Figures of a complete run, shared among the first ranks; all learn of an error."""
-    painters, error = min(comm.size, MOST_DRAWING), None
-    if comm.rank < painters:
-        from ruptfx import plots
-
+    """Figures of a complete run; all ranks learn of an error."""
+    error = None
+    if comm.rank == 0:
         try:
-            with Files(out) as record:
-                plots.save_all(record, share=(comm.rank, painters))
+            painter.draw(out)
         except Exception as caught:
             error = caught
+    parallel.rest(comm)
     parallel.raise_on_all(comm, error)

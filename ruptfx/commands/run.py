@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -13,6 +13,9 @@ from rich.table import Table
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen, show_plugins
 from ruptfx.progress import Progress
+
+if TYPE_CHECKING:
+    from ruptfx.case import Case
 
 
 def run(
@@ -27,7 +30,11 @@ def run(
 
     Example: ruptfx run demos/impact.toml --ranks 2 --set duration="20 us"
     """
-    from ruptfx import launch
+    from ruptfx import launch, painter
+
+    launches = ranks > 1 and launch.RANKS not in os.environ
+    if launches:
+        painter.prepare()  # now, as there is a core that has nothing to do
     from ruptfx.case import Case, read_case
 
     out = out or Path("runs") / case.stem
@@ -36,11 +43,13 @@ def run(
         show_plugins(parsed, not quiet and launch.RANKS not in os.environ)
         if not isinstance(parsed, Case) and ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
-    if ranks > 1 and launch.RANKS not in os.environ:
+    if launches:
+        assert isinstance(parsed, Case)
         options = [item for value in set_ or [] for item in ("--set", value)]
         options += ["--resume"] * resume + ["--quiet"] * quiet
         with reported():
-            raise typer.Exit(launch.run_on(ranks, ["run", "--out", str(out), *options, "--", str(case)]))
+            _launch(parsed, ranks, out, ["run", "--out", str(out), *options, "--", str(case)], quiet)
+        return
     if not isinstance(parsed, Case):
         with reported():
             from ruptfx.lumped import simulate as simulate_lumped
@@ -64,8 +73,24 @@ def run(
                 _show_summary(out)
 
         simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete)
-        if comm.rank == 0 and not quiet:
+        if comm.rank == 0 and not quiet and painter.LATER not in os.environ:
             _show_pictures(out)
+
+
+def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool) -> None:
+    """Run on several ranks; figures are drawn when these have ended, and all cores are free."""
+    from ruptfx import launch, painter
+
+    if not case.output.figures:
+        painter.dismiss()
+    finished = (out / "summary.json").exists()
+    code = launch.run_on(ranks, arguments, **{painter.LATER: "1"})
+    if code:
+        raise typer.Exit(code)
+    if case.output.figures and not finished:
+        painter.draw(out)
+    if not quiet:
+        _show_pictures(out)
 
 
 def _show_summary(out: Path) -> None:

@@ -40,16 +40,14 @@ def suits(name: str, record: Files) -> bool:
         return False
 
 
-def all_figures(record: Files, share: tuple[int, int] = (0, 1)) -> dict[str, Figure]:
-    """Every figure that suits the run, by name; of several processes that draw, the share (number, of how many)."""
-    number, of = share
-    suiting = [name for name in FIGURES if suits(name, record)]
-    return {name: FIGURES[name](record) for name in suiting[number::of]}
+def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, Figure]:
+    """Every figure that suits the run, by name, or those of them that are asked for."""
+    return {name: FIGURES[name](record) for name in only or FIGURES if suits(name, record)}
 
 
 def save_all(
     record: Files, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
-    share: tuple[int, int] = (0, 1),
+    only: Sequence[str] | None = None,
 ) -> list[Path]:
     """Draw and save every figure.
 
@@ -60,8 +58,8 @@ def save_all(
         Where to; default is ``figures`` in the run directory.
     formats : sequence of str
         File types, for example ``("png", "pdf")``.
-    share : (int, int)
-        The number of this process, from 0, and how many draw together.
+    only : sequence of str, optional
+        Names of figures; default is all. Those that do not suit the run are left out.
 
     Returns
     -------
@@ -77,7 +75,7 @@ def save_all(
     paths = []
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name, figure in all_figures(record, share).items():
+        for name, figure in all_figures(record, only).items():
             for kind in formats:
                 save(figure, target / f"{name}.{kind}", kind)
                 paths.append(target / f"{name}.{kind}")

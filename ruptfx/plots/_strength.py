@@ -9,8 +9,8 @@ from ruptfx.case import Case, parse_case
 from ruptfx.record import Files
 
 
-def strength(record: Files, row: int) -> np.ndarray | None:
-    """Shear strength at one saved time along the first interface [Pa].
+def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
+    """Shear strength at some saved times along the first interface [Pa].
 
     From the law of the case, weakened as its nucleation does, at the saved slip rate, normal stress and state. It is
     zero where the interface is open.
@@ -18,12 +18,12 @@ def strength(record: Files, row: int) -> np.ndarray | None:
     Parameters
     ----------
     record : Record or Files
-    row : int
-        Number of the saved time.
+    rows : ndarray of int, shape (times,)
+        Numbers of the saved times.
 
     Returns
     -------
-    ndarray, shape (n,), or None
+    ndarray, shape (times, n), or None
         None where the record does not tell it: its case is not there, or names places by coordinates.
     """
     data = record.interface
@@ -42,8 +42,8 @@ def strength(record: Files, row: int) -> np.ndarray | None:
     names = ["slip_rate", "normal_stress", *states]
     if any(each not in data for each in names):
         return None
-    rate, normal, *values = (np.asarray(data[each].isel(time=row).values) for each in names)
+    rate, normal, *values = (np.asarray(data[each].isel(time=rows).values) for each in names)
     state = dict(zip(states, values, strict=True))
     with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
-        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + np.zeros_like(position)
+        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + np.zeros_like(rate)
     return np.where(np.isfinite(found), found, np.nan)

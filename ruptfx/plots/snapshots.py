@@ -54,7 +54,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
         return empty_figure("no time was saved", "Position along the interface (m)", "Time (s)")
     position, sign = data["position"].values, direction(record)
     x_size, x_unit = scale(np.ptp(position), "m")
-    strengths = {int(row): strength(record, int(row)) for row in rows}
+    strengths = strength(record, rows)
     names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
              "normal_stress": ("Normal stress", "Pa")}
     figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
@@ -62,18 +62,17 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     for column, (name, (title, unit)) in enumerate(names.items()):
         values = data[name].isel(time=rows).values * (1.0 if name == "normal_stress" else sign)
         size, printed = scale(values, unit)
-        for ax, row, line in zip(axes[:, column], rows, values / size, strict=True):
+        for number, (ax, row, line) in enumerate(zip(axes[:, column], rows, values / size, strict=True)):
             if name == "slip_rate":
                 ax.fill_between(position / x_size, line, color="#c1440e", alpha=0.25, lw=0)
             ax.plot(position / x_size, line, color=("#c1440e", "#1a1a1a", "#3a7d44")[column])
-            held = strengths[int(row)] if name == "shear_traction" else None
-            if held is not None:
-                ax.plot(position / x_size, held / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
+            if name == "shear_traction" and strengths is not None:
+                ax.plot(position / x_size, strengths[number] / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
             ax.set_ylabel(f"{title} ({printed})")
             _marks(ax, record, saved[row], x_size, named=column > 0)
         middle, largest = values.mean() / size, np.abs(values).max() / size
         if name == "shear_traction":
-            top = max((float(np.nanmax(line)) for line in strengths.values() if line is not None), default=0.0) / size
+            top = 0.0 if strengths is None else float(np.nanmax(strengths)) / size
             if top > FAR * largest > 0:  # glued: it would flatten the traction
                 ax_range = values.min() / size, values.max() / size
                 room = 0.1 * (np.ptp(ax_range) or largest)
@@ -88,8 +87,8 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-    known = any(line is not None for line in strengths.values())
-    remark(figure, "Dotted beside the shear traction: the strength." * known, turned(record), whose_speeds(record))
+    known = "" if strengths is None else "Dotted beside the shear traction: the strength."
+    remark(figure, known, turned(record), whose_speeds(record))
     letter(axes.ravel())
     return figure
 

@@ -276,7 +276,7 @@ def test_ranks_are_given_names_as_they_are(
     monkeypatch.chdir(tmp_path / "here")
     write(tmp_path).rename("-x.toml")
     asked: list[str] = []
-    monkeypatch.setattr(launch, "run_on", lambda ranks, arguments: asked.extend(arguments) or 0)
+    monkeypatch.setattr(launch, "run_on", lambda ranks, arguments, **variables: asked.extend(arguments) or 0)
     assert ruptfx("run", "--ranks", "2", "--out", "../-x", "--", "-x.toml").exit_code == 0
     assert ruptfx(*asked).exit_code == 0 and (tmp_path / "-x" / "summary.json").exists()
 

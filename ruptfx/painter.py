@@ -1,0 +1,137 @@
+"""Figures of a run are drawn by processes of their own, which import what that takes while the run still computes.
+
+`prepare` starts one where there is a core to spare; asked by `draw`, it divides into as many as there are cores, and
+ends. Whoever has imported what draws already, or has one core only, draws by itself.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ruptfx import RuptfxError
+
+if TYPE_CHECKING:
+    from ruptfx.record import Files
+
+MOST = 4  # processes that draw: there are hardly more figures that take long
+LATER = "RUPTFX_FIGURES"  # set by a launcher that draws when the ranks have ended
+
+_waiting: subprocess.Popen[str] | None = None
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def prepare() -> None:
+    """Let a process import what draws, if there is a core for it."""
+    global _waiting
+    if _waiting is None and "ruptfx.plots" not in sys.modules and cores() > 1:
+        # A session of its own: Ctrl-C is for the run. It ends with its input, however this process ends.
+        _waiting = subprocess.Popen(
+            [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+
+
+def dismiss() -> None:
+    """There is nothing to draw."""
+    global _waiting
+    if _waiting is not None:
+        _waiting.kill()
+        _waiting.communicate()
+        _waiting = None
+
+
+def draw(out: Path) -> None:
+    """Draw every figure of a complete run into ``figures/``.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    if not _drawn_by_others(out):
+        from ruptfx import plots
+        from ruptfx.record import Files
+
+        with Files(out) as record:
+            plots.save_all(record)
+
+
+def _drawn_by_others(out: Path) -> bool:
+    """Whether the process that waits has done it; not where there is none, or where it broke down."""
+    global _waiting
+    process, _waiting = _waiting, None
+    if process is None:
+        return False
+    try:
+        answer, _ = process.communicate(json.dumps(str(out.absolute())))
+    except BaseException:
+        process.kill()
+        raise
+    if not answer:
+        return False
+    error = json.loads(answer)
+    if error is not None:
+        raise RuptfxError(error)
+    return True
+
+
+# -- the process ---------------------------------------------------------------------------------------------------
+
+
+def main() -> None:
+    """Import, wait for the path of a run, draw it, say what went wrong."""
+    # Whatever prints to standard output must not reach the one who waits for the answer.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    from ruptfx import plots
+    from ruptfx.figure_style import warm_up
+
+    warm_up()
+    asked = sys.stdin.read()
+    if not asked:
+        return
+    out, error = Path(json.loads(asked)), None
+    try:
+        _together(out, list(plots.FIGURES)[::-1])
+    except RuptfxError as caught:
+        error = str(caught)
+    json.dump(error, answers)
+    answers.flush()
+
+
+def _together(out: Path, names: list[str]) -> None:
+    """Those of these figures that suit a run, one after the other in as many processes as there are cores."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    # Forked, they have everything imported; nothing here has threads or open files of HDF5.
+    with ProcessPoolExecutor(min(cores(), MOST), mp_context=get_context("fork")) as pool:
+        for drawn in [pool.submit(_draw_one, out, name) for name in names]:
+            drawn.result()
+
+
+def _draw_one(out: Path, name: str) -> None:
+    from ruptfx import plots
+
+    plots.save_all(_record(out), only=[name])
+
+
+@cache
+def _record(out: Path) -> Files:
+    """Of a process that draws several of its figures."""
+    from ruptfx.record import Files
+
+    return Files(out)
+
+
+if __name__ == "__main__":
+    main()

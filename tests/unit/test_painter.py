@@ -1,0 +1,71 @@
+"""Figures that a process draws which waited for the run: the same pictures, the same errors, and nothing lost."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+import synthetic
+
+from ruptfx import RuptfxError, painter, plots
+from ruptfx.record import Files
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    time, position = synthetic.times(61), synthetic.points(40)
+    return synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position)
+
+
+def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a run does that has not imported what draws, with a core to spare."""
+    with monkeypatch.context() as patched:
+        patched.setattr(painter, "cores", lambda: 2)
+        patched.delitem(sys.modules, "ruptfx.plots", raising=False)
+        painter.prepare()
+    assert painter._waiting is not None
+
+
+def test_pictures_are_the_same(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waiting(monkeypatch)
+    process = painter._waiting
+    monkeypatch.setattr(plots, "save_all", None)  # nothing is drawn here
+    painter.draw(run)
+    assert process is not None and process.returncode == 0
+    monkeypatch.undo()
+    with Files(run) as record:
+        expected = plots.save_all(record, tmp_path / "expected")
+    assert {path.name for path in expected} == {path.name for path in (run / "figures").iterdir()} and expected
+    for path in expected:
+        assert path.read_bytes() == (run / "figures" / path.name).read_bytes()
+
+
+def test_errors_come_back(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (run / "figures").write_text("in the way")
+    waiting(monkeypatch)
+    with pytest.raises(RuptfxError, match="figures cannot be saved there"):
+        painter.draw(run)
+
+
+def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waiting(monkeypatch)
+    assert painter._waiting is not None
+    painter._waiting.kill()
+    painter._waiting.wait()
+    painter.draw(run)
+    assert len(list((run / "figures").iterdir())) > 3
+
+
+def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) -> None:
+    painter.prepare()  # what draws is imported
+    assert painter._waiting is None
+    monkeypatch.delitem(sys.modules, "ruptfx.plots", raising=False)
+    monkeypatch.setattr(painter, "cores", lambda: 1)
+    painter.prepare()
+    assert painter._waiting is None
+    painter.dismiss()
+    waiting(monkeypatch)
+    process = painter._waiting
+    painter.dismiss()
+    assert painter._waiting is None and process is not None and process.returncode
