@@ -48,8 +48,9 @@ def cycles(record: Files) -> Figure:
     figure, axes = new_figure(2, 2, 5.6)
     force = direction(record) * np.trapezoid(data["shear_traction"].values, position, axis=1)
     f_size, f_unit = scale(force, "Pa")  # newton per metre, with the same prefixes
+    across = "circumference" if record.case.get("plane") == "axisymmetric" else "thickness"
     axes[0, 0].plot(time / t_size, force / f_size, color="#1a1a1a", lw=0.8)
-    axes[0, 0].set(xlabel=f"Time ({t_unit})", ylabel=f"Shear force per thickness ({f_unit.replace('Pa', 'N/m')})")
+    axes[0, 0].set(xlabel=f"Time ({t_unit})", ylabel=f"Shear force per {across} ({f_unit.replace('Pa', 'N/m')})")
     peak = rate.max(axis=1)
     axes[0, 1].semilogy(time / t_size, np.where(peak > 0, peak, np.nan), color="#c1440e", lw=0.8)
     if peak.min() < SLOWEST < peak.max():

@@ -1,0 +1,100 @@
+"""A fibre pulled out of a matrix, by shear lag: what one dimension says of it.
+
+The fibre, of radius R and Young's modulus E, is a bar whose surface carries the traction tau(x); the matrix moves with
+the fibre's surface by tau / k, k = G / (R ln(R_o / R)) for a matrix of shear modulus G that is held at the radius R_o:
+
+    (E R / 2) u'' = tau,    u at the loaded end x = 0 given, the other end, x = L, free.
+
+Radial stresses are left out: the pressure on the fibre stays what it was. Lengths in m, stresses in Pa, forces in N.
+Source: Cox (1952), Br. J. Appl. Phys. 3, 72, for the bar in a matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi, sqrt, tanh
+
+import numpy as np
+
+from ruptfx import RuptfxError
+
+
+@dataclass(frozen=True)
+class ShearLag:
+    """Constants of fibre and matrix.
+
+    Attributes
+    ----------
+    radius, outer_radius : float
+        R and R_o [m].
+    length : float
+        L [m].
+    young_modulus : float
+        E of the fibre [Pa].
+    shear_modulus : float
+        G of the matrix [Pa].
+    """
+
+    radius: float
+    outer_radius: float
+    length: float
+    young_modulus: float
+    shear_modulus: float
+
+    @property
+    def matrix_stiffness(self) -> float:
+        """Traction per displacement of the surface of the matrix [Pa/m]."""
+        return self.shear_modulus / (self.radius * log(self.outer_radius / self.radius))
+
+    @property
+    def decay_length(self) -> float:
+        """Over which a load goes into the matrix while nothing slides [m]."""
+        return sqrt(self.young_modulus * self.radius / (2 * self.matrix_stiffness))
+
+    def pulled(self, strength: float, sliding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement of the loaded end [m] and force [N] when the fibre slides over some length at constant strength.
+
+        Where it ends the traction is the strength, in the sliding zone it is constant:
+        sigma_1 = E u_1 tanh((L - l) / lambda) / lambda with u_1 = strength / k at its end.
+
+        Parameters
+        ----------
+        strength : float
+            Of the interface [Pa].
+        sliding : ndarray
+            Length l of the zone [m], from the loaded end.
+        """
+        E, R = self.young_modulus, self.radius
+        held = strength / self.matrix_stiffness
+        at_end = E * held * np.tanh((self.length - sliding) / self.decay_length) / self.decay_length
+        moved = held + at_end * sliding / E + strength * sliding**2 / (E * R)
+        return moved, pi * R**2 * (at_end + 2 * strength * sliding / R)
+
+    def elastic_stiffness(self) -> float:
+        """Force per displacement of the loaded end before anything slides [N/m]."""
+        return pi * self.radius**2 * self.young_modulus / self.decay_length * tanh(self.length / self.decay_length)
+
+    def critical_length(self, weakening: float) -> float:
+        """Length [m] above which steady sliding of the whole fibre is unstable under a rate and state law.
+
+        The softest mode of a bar with one end held and the other free is a quarter of a wave, and gives the interface
+        the stiffness 1 / (1 / (E R kappa^2 / 2) + 1 / k), kappa = pi / (2 L). It is unstable below the critical one,
+        pressure (b - a) / D_c (Ruina 1983).
+
+        Parameters
+        ----------
+        weakening : float
+            pressure (b - a) / D_c [Pa/m].
+
+        Raises
+        ------
+        RuptfxError
+            The matrix is so soft that no length is stable.
+        """
+        if weakening >= self.matrix_stiffness:
+            raise RuptfxError(
+                f"critical_length: the matrix gives way with {self.matrix_stiffness:.4g} Pa/m, less than friction "
+                f"weakens, {weakening:.4g} Pa/m: sliding is unstable at any length"
+            )
+        bar = 1 / (1 / weakening - 1 / self.matrix_stiffness)
+        return 0.5 * pi * sqrt(self.young_modulus * self.radius / (2 * bar))
