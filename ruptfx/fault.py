@@ -155,6 +155,25 @@ class Fault:
         area = face.owned * face.weight
         return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
 
+    def assemble(self, change: np.ndarray, out: np.ndarray) -> None:
+        """out += J' W T - J_0' W T_0: what the interface does to the bodies beyond their initial stress.
+
+        That stays with the nodes where it acted at the start, wherever they slide.
+
+        Parameters
+        ----------
+        change : ndarray, shape (n, local)
+            T - T_0 in the local frame, tension positive [Pa].
+        out : ndarray, shape (nodes * components,)
+            [N]
+        """
+        face = self.interface
+        face.assemble(change, out)
+        if self.slides:
+            initial = np.column_stack([-self.normal_stress_0, self.shear_traction_0])
+            face.assemble(initial, out)
+            face.initial.assemble(-initial, out)
+
     def preload_work(self, displacement: np.ndarray) -> float:
         """Work of the initial stress on the displacement jump, points of this rank [J]."""
         face = self.interface.initial

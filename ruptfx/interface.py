@@ -172,6 +172,12 @@ class Interface:
         difference = nodal[self.plus] if self.one_sided else nodal[self.plus] - nodal[self.minus]
         return np.einsum("ikc,ic->ik", self.rows, difference)
 
+    def stencil(self) -> tuple[np.ndarray, np.ndarray]:
+        """What every row of J is made of: local nodes, shape (n, k), and blocks, shape (n, k, local, components)."""
+        if self.one_sided:
+            return self.plus[:, None], self.rows[:, None]
+        return np.stack([self.plus, self.minus], axis=1), np.stack([self.rows, -self.rows], axis=1)
+
     def assemble(self, traction: np.ndarray, out: np.ndarray) -> None:
         """out += J' W traction, with the traction in the local frame, shape (n, local)."""
         vector = self.weight[:, None] * np.einsum("ikc,ik->ic", self.rows, traction)

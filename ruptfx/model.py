@@ -228,7 +228,7 @@ class Model:
         else:
             if fault.gap is not None:
                 raise CaseError(f"faults.{name}.gap: surfaces that slide have the distance that they have in the mesh")
-            face = build_sliding(self.layout, name, fault.sliding.follow)
+            face = build_sliding(self.layout, name, fault.sliding)
         if self.case.plane == "axisymmetric":
             radius = face.points[:, 1]
             reaches = axisymmetry.on_axis(face.points).any()

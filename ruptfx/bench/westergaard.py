@@ -1,9 +1,9 @@
 """Two opposed waves pressed together: pressure, contact width and peak against Westergaard's solution.
 
 Waves of 1 um and 0.6 mm on two bodies of 5.3 and 3.392 GPa in plane strain, without friction, half a wavelength between
-walls of symmetry; 12 elements on 9, of order 4. They are pressed in stages, damped to rest in each. With the mean
-pressure p below p* = pi E* (2 A) / wavelength, in contact |x| < a (Westergaard 1939; Johnson, Contact Mechanics, 1985,
-chapter 13)
+walls of symmetry; 12 elements on 9, of order 4. They are pressed in stages of explicit steps, damped to rest in each,
+and once more in implicit steps, from equilibrium to equilibrium. With the mean pressure p below p* = pi E* (2 A) /
+wavelength, in contact |x| < a (Westergaard 1939; Johnson, Contact Mechanics, 1985, chapter 13)
 
     p(x) = 2 p cos(psi) sqrt(sin^2 psi_a - sin^2 psi) / sin^2 psi_a,  psi = pi x / wavelength,  sin^2 psi_a = p / p*,
 
@@ -21,6 +21,7 @@ from ruptfx import fem, parallel, stages
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
+from ruptfx.state import State
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +31,12 @@ MODULI, NU = (5.3e9, 3.392e9), 0.25
 STIFFNESS = 1 / sum((1 - NU**2) / modulus for modulus in MODULI)
 FULL = np.pi * STIFFNESS * 2 * AMPLITUDE / WAVELENGTH  # p*: 23.1 MPa
 HOLD = 10e-6
+HELD = [
+    {"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0} for edge, axis in (
+        *((f"{body}.{side}", "x") for body in ("upper", "lower") for side in ("left", "right")), ("lower.bottom", "y"),
+    )
+]  # fmt: skip
+SOURCE = "Westergaard (1939), closed form"
 
 Floats = NDArray[np.float64]
 
@@ -43,6 +50,27 @@ def exact(x: Floats, share: float) -> Floats:
 
 
 def case(shares: tuple[float, ...]) -> Case:
+    """Explicit steps, damped to rest at each share of p*."""
+    return _case({
+        "duration": HOLD * len(shares), "damping": {"mass": 3e6}, "stages": [
+            {"duration": HOLD, "boundaries": [*HELD, _pressed(share, 3e-6)]} for share in shares
+        ],
+    }, "forward_lagrange")  # fmt: skip
+
+
+def implicit(share: float, step: float) -> Case:
+    """Equilibria while the pressure grows to a share of p* within a second, `step` of that at a time."""
+    stepper = {"kind": "quasi_static", "first_step": step, "largest_step": step}
+    return _case({
+        "duration": 1.0, "stepper": stepper, "boundaries": [*HELD, _pressed(share, 1.0)],
+    }, "augmented_lagrangian")  # fmt: skip
+
+
+def _pressed(share: float, ramp: float) -> dict[str, object]:
+    return {"kind": "traction", "edge": "upper.top", "traction": [0.0, -share * FULL], "ramp": ramp}
+
+
+def _case(table: dict[str, object], contact: str) -> Case:
     def plate(side: int, elements: int) -> dict[str, object]:
         wave = {"kind": "sinusoid", "mean": side * AMPLITUDE, "amplitude": -side * AMPLITUDE, "wavelength": WAVELENGTH}
         length = 0.5 * WAVELENGTH
@@ -53,24 +81,13 @@ def case(shares: tuple[float, ...]) -> Case:
     def body(young_modulus: float) -> dict[str, object]:
         return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": NU, "density": 1246.0}
 
-    walls = [(f"{body}.{side}", "x") for body in ("upper", "lower") for side in ("left", "right")]
-    held = [
-        {"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0}
-        for edge, axis in (*walls, ("lower.bottom", "y"))
-    ]
     made = parse_case({
-        "plane": "strain", "order": 4, "duration": HOLD * len(shares),
-        "mesh": {"kind": "rough_plates", "upper": plate(1, 12), "lower": plate(-1, 9)},
-        "materials": {"upper": body(MODULI[0]), "lower": body(MODULI[1])}, "damping": {"mass": 3e6},
+        "plane": "strain", "order": 4, "mesh": {"kind": "rough_plates", "upper": plate(1, 12), "lower": plate(-1, 9)},
+        "materials": {"upper": body(MODULI[0]), "lower": body(MODULI[1])},
         "faults": {"main": {
-            "sliding": {}, "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": 0.0},
+            "sliding": {}, "contact": {"kind": contact}, "friction": {"kind": "coulomb", "mu_d": 0.0},
             "initial_stress": {"normal": 0.0},
-        }},
-        "stages": [
-            {"duration": HOLD, "boundaries": [
-                *held, {"kind": "traction", "edge": "upper.top", "traction": [0.0, -share * FULL], "ramp": 3e-6},
-            ]} for share in shares
-        ],
+        }}, **table,
     })  # fmt: skip
     assert isinstance(made, Case)
     return made
@@ -79,39 +96,53 @@ def case(shares: tuple[float, ...]) -> Case:
 def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     shares = (0.1, 0.26, 0.5, 0.8, 1.3) if fine else (0.26, 1.3)
     model = Model(case(shares), comm)
-    motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
-    checks, found = [], []
-    source = "Westergaard (1939), closed form"
+    motion, state = stages.bind(model), model.initial_state()
+    checks: list[Check] = []
+    found = []
     for number, share in enumerate(shares):
         while state.time < HOLD * (number + 1) - 0.5 * motion.dt:
             motion.step(state)
-        rows = np.column_stack([face.points[:, 0], face.weight, state.faults["main"]["normal_stress"]])[face.owned]
-        x, weight, pressure = parallel.share_rows(comm, rows).T
-        order = np.argsort(x)
-        x, weight, pressure = x[order], weight[order], pressure[order]
-        found.append((share, x, pressure))
-        wanted = exact(x, share)
-        apart = float(weight @ np.abs(pressure - wanted) / (weight @ wanted))
-        name = f"p / p* = {share:g}"
-        if share >= 1:
-            worst = float(np.abs(pressure - wanted).max() / FULL)
-            checks.append(Check(f"{name}: largest difference / p*", 0.0, worst, 0.01, "1", source))
-            continue
-        width = WAVELENGTH / np.pi * np.arcsin(np.sqrt(share))
-        checks += [
-            Check(f"{name}: mean difference", 0.0, apart, 0.04 if share < 0.2 else 0.02, "1", source),
-            Check(f"{name}: peak", float(wanted.max()), float(pressure.max()), 0.01, "Pa", source, relative=True),
-            Check(f"{name}: half-width", width, float(x[pressure > 0].max()), float(np.diff(x).max()), "m", source),
-        ]
+        found.append((share, *pressures(model, state)))
+        checks += _checks(*found[-1], "", 0.02)
+    given = implicit(shares[-1], 0.02 if fine else 0.1)
+    model = Model(given, comm)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    for share in shares:
+        while state.time < share / shares[-1] - 1e-9:
+            motion.step(state)
+        checks += _checks(min(state.time, 1.0) * shares[-1], *pressures(model, state), "implicit, ", 0.01)
     return Outcome(checks, lambda: _draw(found))
 
 
-def _draw(found: list[tuple[float, Floats, Floats]]) -> Figure:
+def pressures(model: Model, state: State) -> tuple[Floats, Floats, Floats]:
+    """Place [m], length [m] and normal stress [Pa] of all points; collective."""
+    face = model.faults[0].interface
+    rows = np.column_stack([face.points[:, 0], face.weight, state.faults["main"]["normal_stress"]])[face.owned]
+    x, weight, pressure = parallel.share_rows(model.comm, rows).T
+    order = np.argsort(x)
+    return x[order], weight[order], pressure[order]
+
+
+def _checks(share: float, x: Floats, weight: Floats, pressure: Floats, kind: str, mean: float) -> list[Check]:
+    wanted, name = exact(x, share), f"{kind}p / p* = {share:.3g}"
+    if share >= 1:
+        worst = float(np.abs(pressure - wanted).max() / FULL)
+        return [Check(f"{name}: largest difference / p*", 0.0, worst, 0.01, "1", SOURCE)]
+    apart = float(weight @ np.abs(pressure - wanted) / (weight @ wanted))
+    width = WAVELENGTH / np.pi * np.arcsin(np.sqrt(share))
+    return [
+        Check(f"{name}: mean difference", 0.0, apart, 0.04 if share < 0.2 else mean, "1", SOURCE),
+        Check(f"{name}: peak", float(wanted.max()), float(pressure.max()), 0.01, "Pa", SOURCE, relative=True),
+        Check(f"{name}: half-width", width, float(x[pressure > 0].max()), float(np.diff(x).max()), "m", SOURCE),
+    ]
+
+
+def _draw(found: list[tuple[float, Floats, Floats, Floats]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3.4, 5)
     fine = np.linspace(0, 0.5 * WAVELENGTH, 400)
-    for share, x, pressure in found:
+    for share, x, _, pressure in found:
         (line,) = axes.plot(1e3 * x, 1e-6 * pressure, "o", ms=3, label=f"p / p* = {share:g}")
         axes.plot(1e3 * fine, 1e-6 * exact(fine, share), color=line.get_color(), lw=0.8)
     axes.set(xlabel="Distance from the crest (mm)", ylabel="Pressure (MPa); lines exact")

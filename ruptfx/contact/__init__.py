@@ -156,12 +156,8 @@ def require(faults: Iterable[Fault], way: Way) -> None:
     """
     for fault in faults:
         contact = fault.contact
-        if fault.slides and way == "implicit":
-            raise CaseError(
-                f"faults.{fault.name}.sliding: interfaces slide in explicit steps only; use the stepper 'leapfrog', or "
-                "remove this table"
-            )
-        if fault.slides and contact.sweeps_to() is None and not contact.traction_ends_slip:
+        coupled = fault.slides and way == "explicit" and contact.explicit
+        if coupled and contact.sweeps_to() is None and not contact.traction_ends_slip:
             raise CaseError(
                 f"faults.{fault.name}.contact.kind = '{contact.kind()}': on an interface that slides neighbouring "
                 "points depend on each other; use 'forward_lagrange' (rigid as well) or 'compliant'"

@@ -1,10 +1,10 @@
-"""What linear bodies answer to tractions on their interfaces: one factorisation, and its action there as a matrix."""
+"""What linear bodies answer to loads on their interfaces: one factorisation, and its action there as a matrix."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -17,8 +17,35 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 COLUMNS = 64  # right-hand sides at a time: most of the speed of one matrix product, little memory
+Finish = Callable[[np.ndarray], np.ndarray]
 # A column is taken as zero where it falls below this part of its largest entry; the full residual decides in the end.
 SMALL = 1e-11
+
+
+class Unknowns(Protocol):
+    """Where bodies are loaded, and what of their motion is looked at.
+
+    Attributes
+    ----------
+    points, local : int
+        Number of places, and of components at each.
+    """
+
+    points: int
+    local: int
+
+    @property
+    def where(self) -> np.ndarray:
+        """Coordinates of the places, shape (points, dim) [m]; collective."""
+        ...
+
+    def force(self, values: np.ndarray, size: int) -> np.ndarray:
+        """Local nodal forces [N], shape (size,), from loads, shape (points, local)."""
+        ...
+
+    def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
+        """From changes of displacement, shape (size,) each: (points, local, fields) [m]; collective."""
+        ...
 
 
 class Jumps:
@@ -41,6 +68,16 @@ class Jumps:
             self._places[name] = self.points + face.number
             self.points += face.total
 
+    @property
+    def where(self) -> np.ndarray:
+        """Coordinates of all points, shape (points, dim) [m]; collective."""
+        return self.gather({name: face.points for name, face in self._faces.items()})
+
+    @property
+    def weight(self) -> np.ndarray:
+        """Areas of all points, shape (points,) [m], [m2] in 3D; collective."""
+        return self.gather({name: face.weight for name, face in self._faces.items()})
+
     def gather(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Of all points, shape (points, ...), from those of this rank by fault, shape (n, ...); collective."""
         tail = next(iter(values.values())).shape[1:]
@@ -49,6 +86,10 @@ class Jumps:
             whole[self._places[name][face.owned]] = values[name][face.owned]
         return whole if self._comm.size == 1 else parallel.total(self._comm, whole)
 
+    def places(self, name: str) -> np.ndarray:
+        """Where the points of one fault on this rank are among all, shape (n,)."""
+        return self._places[name]
+
     def pick(self, whole: np.ndarray, name: str) -> np.ndarray:
         """Of the points of one fault on this rank, shape (n, ...)."""
         return np.asarray(whole[self._places[name]])
@@ -56,6 +97,14 @@ class Jumps:
     def of(self, displacement: np.ndarray) -> np.ndarray:
         """Jump of a displacement at all points, shape (points, local) [m]; collective."""
         return self.gather({name: face.jump(displacement) for name, face in self._faces.items()})
+
+    def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
+        """Jumps of changes of displacement, shape (size,) each, at all points: (points, local, fields) [m]."""
+        found: dict[str, list[np.ndarray]] = {name: [] for name in self._faces}
+        for field in fields:
+            for name, face in self._faces.items():
+                found[name].append(face.rate(field))
+        return self.gather({name: np.stack(rates, axis=2) for name, rates in found.items()})
 
     def force(self, traction: np.ndarray, size: int) -> np.ndarray:
         """J' W traction at the local degrees of freedom [N], from tractions at all points, shape (points, local)."""
@@ -80,43 +129,22 @@ class Jumps:
         return traction, force - self.force(traction, len(force))
 
 
-class Compliance:
-    """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed interfaces that stick; and S = J A^-1 J' W.
-
-    The stiffness k of the interfaces holds bodies that nothing else holds. Where waves get only so far in a step, as in
-    dynamic ones, points that are far apart do not feel each other, and share a right-hand side.
+class Factors:
+    """A^-1 of a matrix of bodies, by its factors.
 
     Parameters
     ----------
     model : Model
-    jumps : Jumps
     tangent : Tangent
-        Makes the matrix.
-    factors : (float, float)
-        c_M [1/s2] and c_C [1/s].
-    stuck : dict of str to ndarray, shape (n, local, local)
-        k by fault [Pa/m].
-
-    Attributes
-    ----------
-    stuck : ndarray, shape (points, local, local)
-        k of all points.
-    blocks : ndarray, shape (local, local, points, points)
-        S: component of displacement jump per component of traction [m/Pa].
-    own : ndarray, shape (points, local, local)
-        S of each point on itself.
+        Its matrix as it is now, which is symmetric.
     """
 
-    def __init__(
-        self, model: Model, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
-    ) -> None:
-        self._model, self._jumps = model, jumps
+    def __init__(self, model: Model, tangent: Tangent) -> None:
+        self.model = model
         self._owned = model.owned_nodes * model.components
         self._free = ~model.loads.prescribed[: self._owned]
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        self.stuck = jumps.gather(stuck)
-        tangent.update(*factors, stuck, driven=tangent.unit)
-        # The matrix is symmetric; without MUMPS there is one rank and PETSc's own LU.
+        # Without MUMPS there is one rank and PETSc's own LU.
         made: Any = fem.PETSc.PC()  # its annotations refuse mpi4py's communicators
         self._pc = made.create(model.comm)
         self._pc.setOperators(tangent.matrix)
@@ -128,8 +156,6 @@ class Compliance:
         self._pc.setUp()
         self._factors = self._pc.getFactorMatrix()
         self._right, self._left = tangent.matrix.createVecLeft(), tangent.matrix.createVecRight()
-        self.blocks = self._assemble()
-        self.own = np.moveaxis(np.diagonal(self.blocks, axis1=2, axis2=3), 2, 0)
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """A^-1 force at every local degree of freedom [m], zero where the motion is prescribed; collective.
@@ -150,7 +176,7 @@ class Compliance:
         matrices = []
         for _ in range(2):
             made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
-            dense = made.createDense(((self._owned, None), (None, count)), comm=self._model.comm)
+            dense = made.createDense(((self._owned, None), (None, count)), comm=self.model.comm)
             dense.setUp()
             dense.assemble()
             matrices.append(dense)
@@ -168,6 +194,75 @@ class Compliance:
             self._ghosted.x.scatter_forward()
             yield self._ghosted.x.array.copy()
 
+    def answers(self, unknowns: Unknowns) -> np.ndarray:
+        """What all unknowns become under unit loads on each of them, from as many right-hand sides as needed.
+
+        Where waves get only so far in a step, unknowns that are far apart share a right-hand side. Collective.
+
+        Returns
+        -------
+        ndarray, shape (local, local, points, points)
+            Component of the unknown per component of the load.
+        """
+        distance = cdist(unknowns.where, unknowns.where)
+        local, points = unknowns.local, len(distance)
+        result = np.zeros((local, local, points, points))
+        groups = apart(distance, 2 * self._reach(unknowns, distance))
+        for batch in batches(groups, max(1, COLUMNS // local)):
+            answered = self._answer(unknowns, batch)
+            for column, group in enumerate(batch):
+                # Members of a group are so far apart that an unknown is due to the nearest one alone.
+                nearest = group[np.argmin(distance[:, group], axis=1)]
+                result[:, :, np.arange(points), nearest] = np.moveaxis(answered[:, :, column, :], 0, 2)
+        return result
+
+    def _reach(self, unknowns: Unknowns, distance: np.ndarray) -> float:
+        """How far a load is felt [m], by those of a few points; collective."""
+        sample = np.unique(np.linspace(0, len(distance) - 1, 5).astype(int))
+        felt = np.abs(self._answer(unknowns, [np.array([point]) for point in sample])).max(axis=(1, 3))
+        return float(np.max(distance[:, sample] * (felt > SMALL * felt.max(axis=0))))
+
+    def _answer(self, unknowns: Unknowns, groups: list[np.ndarray]) -> np.ndarray:
+        """All unknowns for unit loads on those of each group, one component after another; collective.
+
+        Shape (points, local, groups, local).
+        """
+        local = unknowns.local
+
+        def forces() -> Iterator[np.ndarray]:
+            for group in groups:
+                for k in range(local):
+                    unit = np.zeros((unknowns.points, local))
+                    unit[group, k] = 1.0
+                    yield unknowns.force(unit, len(self.model.mass))
+
+        found = unknowns.changes(self.solve_each(forces(), len(groups) * local))
+        return found.reshape(unknowns.points, local, len(groups), local)
+
+    def destroy(self) -> None:
+        """Free them; collective."""
+        self._pc.destroy()
+
+
+class Influence:
+    """What the jumps of interfaces answer to tractions there.
+
+    Attributes
+    ----------
+    stuck : ndarray, shape (points, local, local)
+        k, the stiffness of the interfaces that is counted among that of the bodies [Pa/m].
+    blocks : ndarray, shape (local, local, points, points)
+        S: component of displacement jump per component of traction [m/Pa].
+    own : ndarray, shape (points, local, local)
+        S of each point on itself.
+    weight : ndarray, shape (points,)
+        Areas of the points [m], [m2] in 3D.
+    """
+
+    def __init__(self, stuck: np.ndarray, blocks: np.ndarray, weight: np.ndarray) -> None:
+        self.stuck, self.blocks, self.weight = stuck, blocks, weight
+        self.own = np.moveaxis(np.diagonal(blocks, axis1=2, axis2=3), 2, 0)
+
     def jumps_under(self, traction: np.ndarray, rows: slice = slice(None), roughly: bool = False) -> np.ndarray:
         """S traction [m], both of shape (points, local); of some points, and to seven digits in a third of the time."""
         blocks = self._single if roughly else self.blocks
@@ -182,56 +277,75 @@ class Compliance:
         """S in single precision."""
         return self.blocks.astype(np.float32)
 
-    def _assemble(self) -> np.ndarray:
-        """S, from as many right-hand sides as needed; collective."""
-        jumps = self._jumps
-        points = jumps.gather({fault.name: fault.interface.points for fault in self._model.faults})
-        distance = cdist(points, points)
-        result = np.zeros((jumps.local, jumps.local, jumps.points, jumps.points))
-        for groups in batches(apart(distance, 2 * self._reach(distance)), max(1, COLUMNS // jumps.local)):
-            answered = self._answer(groups)
-            for column, group in enumerate(groups):
-                # Members of a group are so far apart that a jump is due to the nearest one alone.
-                nearest = group[np.argmin(distance[:, group], axis=1)]
-                result[:, :, np.arange(jumps.points), nearest] = np.moveaxis(answered[:, :, column, :], 0, 2)
-        return result
+    def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
+        """What a force does to bodies with closed interfaces that stick; collective.
 
-    def _reach(self, distance: np.ndarray) -> float:
-        """How far a traction is felt [m], by those of a few points; collective."""
-        sample = np.unique(np.linspace(0, len(distance) - 1, 5).astype(int))
-        felt = np.abs(self._answer([np.array([point]) for point in sample])).max(axis=(1, 3))
-        return float(np.max(distance[:, sample] * (felt > SMALL * felt.max(axis=0))))
+        Parameters
+        ----------
+        force : ndarray, shape (nodes * components,)
+            [N]
+        small : float
+            Norm of the force beside the interfaces up to which the jumps need no back substitution [N].
 
-    def _answer(self, groups: list[np.ndarray]) -> np.ndarray:
-        """Jumps at all points for unit tractions at the points of each group, one component after another; collective.
-
-        Shape (points, local, groups, local) [m/Pa].
+        Returns
+        -------
+        ndarray, shape (points, local)
+            The jumps, J A^-1 force [m].
+        callable
+            From q [Pa], shape (points, local), to A^-1 (force - J' W q) [m], shape (nodes * components,); collective.
         """
-        jumps, model = self._jumps, self._model
-        columns = len(groups) * jumps.local
+        raise NotImplementedError
 
-        def forces() -> Iterator[np.ndarray]:
-            for group in groups:
-                for k in range(jumps.local):
-                    traction = np.zeros((jumps.points, jumps.local))
-                    traction[group, k] = 1.0
-                    yield jumps.force(traction, len(model.mass))
 
-        local = {fault.name: np.zeros((len(fault.interface.plus), jumps.local, columns)) for fault in model.faults}
-        for column, answer in enumerate(self.solve_each(forces(), columns)):
-            for fault in model.faults:
-                local[fault.name][:, :, column] = fault.interface.jump(answer)
-        return jumps.gather(local).reshape(jumps.points, jumps.local, len(groups), jumps.local)
+class Compliance(Influence):
+    """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed interfaces that stick; and S = J A^-1 J' W.
+
+    The stiffness k of the interfaces holds bodies that nothing else holds.
+
+    Parameters
+    ----------
+    model : Model
+    jumps : Jumps
+    tangent : Tangent
+        Makes the matrix.
+    factors : (float, float)
+        c_M [1/s2] and c_C [1/s].
+    stuck : dict of str to ndarray, shape (n, local, local)
+        k by fault [Pa/m].
+    """
+
+    def __init__(
+        self, model: Model, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
+    ) -> None:
+        self._jumps = jumps
+        tangent.update(*factors, stuck, driven=tangent.unit)
+        self._factors = Factors(model, tangent)
+        self.solve, self.solve_each = self._factors.solve, self._factors.solve_each
+        super().__init__(jumps.gather(stuck), self._factors.answers(jumps), jumps.weight)
+
+    def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
+        # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
+        traction, rest = self._jumps.taken_apart(force)
+        solve, pull = self.solve, self._jumps.force
+        if norm(self._factors.model, rest) <= small:
+            return self.jumps_under(traction), lambda q: -solve(pull(q, len(force)) - force)
+        free = solve(force)
+        return self._jumps.changes([free])[:, :, 0], lambda q: free - solve(pull(q, len(force)))
 
     def destroy(self) -> None:
         """Free the factors; collective."""
-        self._pc.destroy()
+        self._factors.destroy()
 
 
 def reach_of(flags: np.ndarray) -> slice:
     """From the first to the last that is set: what slides is in one piece, mostly."""
     set_ = np.flatnonzero(flags)
     return slice(set_[0], set_[-1] + 1) if len(set_) else slice(0, 0)
+
+
+def norm(model: Model, force: np.ndarray) -> float:
+    """Of all nodes [N]; collective."""
+    return float(np.sqrt(parallel.total(model.comm, model.layout.owned_dot(force, force))))
 
 
 def apart(distance: np.ndarray, least: float) -> list[np.ndarray]:

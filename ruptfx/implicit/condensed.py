@@ -18,27 +18,32 @@ GMRES, preconditioned by their diagonal or, where that is too slow, by the facto
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from ruptfx import parallel
-from ruptfx.implicit.compliance import Compliance, Jumps, reach_of
+from ruptfx.implicit.compliance import Compliance, Influence, Jumps, norm, reach_of
 from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
+from ruptfx.implicit.surfaces import FacingCompliance, Surfaces, SurfaceStiffness, count_nodes
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.operators.assembled import is_linear
 from ruptfx.projection import ProjectionError
+from ruptfx.schema import CaseError
+from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Value = TypeVar("Value")
+Kept = TypeVar("Kept")
 
-MOST_UNKNOWNS = 4000  # of all jumps: S is dense
+MOST_UNKNOWNS = 4000  # of all jumps, of all surfaces where some slide: their matrices are dense
 KEPT = 4  # factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
@@ -55,6 +60,36 @@ def fits(model: Model) -> bool:
     """
     jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
     return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
+
+
+def require_fit(model: Model) -> None:
+    """Refuse interfaces that slide where steps cannot be condensed; collective.
+
+    Raises
+    ------
+    CaseError
+    """
+    name = next((fault.name for fault in model.faults if fault.slides), None)
+    if name is None:
+        return
+    unknowns = count_nodes(model) * model.components
+    label, instead = f"faults.{name}.sliding", "or use the stepper 'leapfrog'"
+    if not is_linear(model.bulk):
+        kinds = ", ".join(sorted({f"'{material.kind()}'" for material in model.materials}))
+        raise CaseError(
+            f"{label}: implicit steps need materials whose stiffness is constant, and one of {kinds} has another; use "
+            f"'isotropic_elastic' or 'orthotropic_elastic', {instead}"
+        )
+    if unknowns > MOST_UNKNOWNS:
+        raise CaseError(
+            f"{label}: the surfaces have {unknowns} degrees of freedom, implicit steps take {MOST_UNKNOWNS} (their "
+            f"stiffness is a dense matrix); use larger elements along the interface, {instead}"
+        )
+    if not is_factorised(model):
+        raise CaseError(
+            f"{label}: implicit steps factorise the bodies, and {model.total_nodes * model.components} degrees of "
+            f"freedom are too many, or there is no MUMPS for {model.comm.size} ranks; use larger elements, {instead}"
+        )
 
 
 @dataclass
@@ -93,8 +128,9 @@ class Condensed:
     def __init__(self, model: Model, tangent: Tangent) -> None:
         self._model, self._tangent = model, tangent
         self.jumps = Jumps(model)
-        self._weight = self.jumps.gather({fault.name: fault.interface.weight for fault in model.faults})
-        self._kept: OrderedDict[tuple[float, float, float], Compliance] = OrderedDict()
+        self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None
+        self._kept: OrderedDict[tuple[float, ...], Any] = OrderedDict()
+        self._facing: tuple[tuple[object, ...], FacingCompliance] | None = None
         self.history: list[float] = []
         self.iterations = self.outer = 0
         self.reason = ""
@@ -105,26 +141,21 @@ class Condensed:
         u, before = u.copy(), np.inf
         for _ in range(MAX_CORRECTIONS):
             step.evaluate(u)
-            norm = self._norm(step.residual)
-            self.history.append(norm)
-            if norm <= step.enough(TOLERANCE):
+            left = norm(self._model, step.residual)
+            self.history.append(left)
+            if left <= step.enough(TOLERANCE):
                 self.reason = "CONVERGED"
                 return True
-            if not norm < 0.5 * before:
-                self.reason = "DIVERGED: the residual falls no more" if np.isfinite(norm) else "DIVERGED: a law failed"
+            if not left < 0.5 * before:
+                self.reason = "DIVERGED: the residual falls no more" if np.isfinite(left) else "DIVERGED: a law failed"
                 return False
-            before = norm
-            compliance = self.compliance(step)
-            # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
-            traction, rest = self.jumps.taken_apart(step.residual)
-            whole = bool(self._norm(rest) > 0.1 * step.enough(TOLERANCE))
-            free = compliance.solve(-step.residual) if whole else np.zeros_like(u)
-            driven = self.jumps.of(free) if whole else -compliance.jumps_under(traction)
+            before = left
+            compliance = self.influence(step)
+            driven, finish = compliance.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
             found = self.balance(step, compliance, self.jumps.of(u), driven, step.enough(TOLERANCE))
             if found is None:
                 return False
-            force = self.jumps.force(found.q, len(u))
-            u += free - compliance.solve(force if whole else force + step.residual)
+            u += finish(found.q)
         self.reason = "DIVERGED: the residual falls too slowly"
         return False
 
@@ -132,22 +163,39 @@ class Condensed:
         """Begin to count anew."""
         self.history, self.iterations, self.outer, self.reason = [], 0, 1, ""
 
-    def _norm(self, force: np.ndarray) -> float:
-        return float(np.sqrt(parallel.total(self._model.comm, self._model.layout.owned_dot(force, force))))
+    def influence(self, step: Step) -> Influence:
+        """What jumps answer to tractions, by the length of the step and by what points face; collective."""
+        if self._surfaces is None:
+            return self.compliance(step)
+        surfaces = self._surfaces
+        of_bodies = self._of_length(
+            step.key[:2], lambda: SurfaceStiffness(self._model, surfaces, self._tangent, step.key[:2])
+        )
+        faces = [fault.interface for fault in self._model.faults]
+        key = (step.key, *(face.geometry.revision for face in faces if isinstance(face, SlidingInterface)))
+        if self._facing is None or self._facing[0] != key:
+            self._facing = None  # room for the next one
+            self._facing = key, FacingCompliance(of_bodies, self.jumps, step.stuck())
+        return self._facing[1]
 
     def compliance(self, step: Step) -> Compliance:
-        """That of the length of the step; the last few are kept; collective."""
-        key = step.key
+        """That of the length of the step, of interfaces that do not slide; collective."""
+        return self._of_length(
+            step.key, lambda: Compliance(self._model, self.jumps, self._tangent, step.key[:2], step.stuck())
+        )
+
+    def _of_length(self, key: tuple[float, ...], make: Callable[[], Kept]) -> Kept:
+        """What was made for a length of steps; the last few are kept; collective."""
         found = self._kept.pop(key, None)
         if found is None:
             while len(self._kept) >= KEPT:
                 self._kept.popitem(last=False)[1].destroy()
-            found = Compliance(self._model, self.jumps, self._tangent, key[:2], step.stuck())
+            found = make()
         self._kept[key] = found
         return found
 
     def balance(
-        self, step: Step, compliance: Compliance, start: np.ndarray, driven: np.ndarray, enough: float
+        self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float
     ) -> Guess | None:
         """The jumps e that balance; None where there are none; collective.
 
@@ -207,12 +255,12 @@ class Condensed:
         self.reason = f"DIVERGED: {failed}"
         return None
 
-    def left(self, compliance: Compliance, found: Guess) -> float:
+    def left(self, compliance: Influence, found: Guess) -> float:
         """Upper bound of the forces out of balance [N], were jumps changed by what is missing; collective.
 
         None is stiffer than a stuck one.
         """
-        return self._agreed(float(np.linalg.norm(self._weight[:, None] * times(compliance.stuck, found.missing))))
+        return self._agreed(float(np.linalg.norm(compliance.weight[:, None] * times(compliance.stuck, found.missing))))
 
     def _agreed(self, value: Value) -> Value:
         """What the first rank has: all compute the same, but not to the last bit; collective."""
@@ -246,7 +294,7 @@ class _Changes:
     Made anew for every step, so that a step does not depend on those before it.
     """
 
-    def __init__(self, compliance: Compliance) -> None:
+    def __init__(self, compliance: Influence) -> None:
         self._compliance = compliance
         self._active = np.zeros((0, 0), dtype=bool)
         self._factors: tuple[np.ndarray, np.ndarray] | None = None

@@ -44,7 +44,9 @@ CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
 
 
 def fits(model: Model) -> bool:
-    """Whether all that moves the bodies of a model changes by its amount only, not also by its shape."""
+    """Whether nothing slides away, and all that moves the bodies changes by its amount only, not also by its shape."""
+    if any(fault.slides for fault in model.faults):
+        return False
     loads = model.loads
     amounts = [motion.displacement(0.0) for motion in loads.motions] + [force.factor(0.0) for force in loads.forces]
     return not any(np.ndim(amount) for amount in amounts)

@@ -29,15 +29,16 @@ error. `snes_rtol` bounds the norm of R over that of the forces in it (`Solution
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
+from ruptfx import RuptfxError, parallel
 from ruptfx.contact import require
 from ruptfx.implicit import ConvergenceError, deferred
-from ruptfx.implicit.condensed import Condensed, fits
+from ruptfx.implicit.condensed import Condensed, fits, require_fit
 from ruptfx.implicit.forces import Forces
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.response import FaultResponse
@@ -46,6 +47,8 @@ from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.interface import Interface
+from ruptfx.schema import CaseError
+from ruptfx.sliding.follower import StepFollower
 from ruptfx.state import State
 
 if TYPE_CHECKING:
@@ -54,6 +57,8 @@ if TYPE_CHECKING:
 # Factors of the penalty of multipliers, tried in turn until Newton's iteration finds which points slide: the larger the
 # penalty, the fewer outer iterations, but the harder is each of them.
 EASINGS = (1.0, 0.1, 0.01)
+# What points face is found again until the pressure changes no more than that part of the largest, so often at most.
+SETTLED, MOST_FACINGS = 1e-4, 10
 
 
 class Equilibrium:
@@ -94,6 +99,14 @@ class Equilibrium:
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
         self.tangent = Tangent(model, self.forces.dashpot)
+        self._followers = [StepFollower(model, fault) for fault in model.faults if fault.slides]
+        if self._followers:
+            if petsc_options:
+                raise CaseError(
+                    f"stepper.petsc_options: faults.{self._followers[0].name} slides, and steps are then solved at the "
+                    "interfaces, not by PETSc; remove them"
+                )
+            require_fit(model)
         whole = bool(petsc_options) or not condensed or not fits(model)
         self._solver: Condensed | NewtonSolver = (
             NewtonSolver(model, self.tangent, petsc_options or {}) if whole else Condensed(model, self.tangent)
@@ -101,6 +114,11 @@ class Equilibrium:
         self.deferred: deferred.Deferred | None = None
         if isinstance(self._solver, Condensed) and deferred.fits(model):
             self.deferred = deferred.Deferred(self, self._solver)
+
+    def begin(self, state: State) -> None:
+        """Let interfaces that slide face each other as they do in a state: before its forces are asked for."""
+        for follower in self._followers:
+            follower.begin(state)
 
     def solve(
         self,
@@ -133,11 +151,66 @@ class Equilibrium:
             On all ranks: PETSc options that nobody reads.
         """
         load = self.forces.load(state.time + dt) + added
+        u = (state.displacement if guess is None else guess).copy()
+        if not self._followers:
+            return self._solve(state, dt, rates, load, u)
+        self.begin(state)
+        begun = self.forces.internal(state)
+        try:
+            solution = self._follow(state, dt, rates, load, u)
+            solution.begun = begun
+            return solution
+        except ConvergenceError:
+            self.begin(state)
+            raise
+
+    def _follow(self, state: State, dt: float, rates: Rates | None, load: np.ndarray, u: np.ndarray) -> Solution:
+        """Solve until what points face is what they face where the solution is; collective."""
+        changes: list[float] = []
+        solution, followers = None, self._followers
+        self._everywhere(lambda follower: follower.at(u))
+        while solution is None or changes[-1] > SETTLED:
+            if len(changes) == MOST_FACINGS:
+                told = ", ".join(f"{change:.2g}" for change in changes)
+                raise ConvergenceError(
+                    f"no equilibrium at time {state.time + dt:.6g} s, step of {dt:.4g} s: what the points of "
+                    f"faults.{followers[0].name} face goes on changing, by {told} of the largest pressure, {SETTLED:g} "
+                    "is small enough"
+                )
+            solution = self._solve(state, dt, rates, load, u, solution)
+            u = solution.displacement
+            largest = {
+                f.name: parallel.largest(self.model.comm, solution.faults[f.name]["normal_stress"].max(initial=0.0))
+                for f in followers
+            }
+            changes.append(self._everywhere(partial(self._change, solution, rates, largest)))
+        slid = self._everywhere(StepFollower.slid)
+        if slid > 1:
+            raise ConvergenceError(
+                f"the step of {dt:.4g} s to {state.time + dt:.6g} s slides {slid:.3g} times as far as "
+                f"faults.{followers[0].name}.sliding.limit allows"
+            )
+        solution.facings, solution.slid, solution.followers = changes, slid, followers
+        return solution
+
+    def _change(
+        self, solution: Solution, rates: Rates | None, largest: Mapping[str, float], follower: StepFollower
+    ) -> float:
+        stiffness, name = self.body_stiffness(follower.face, rates), follower.name
+        return follower.change(solution.displacement, solution.faults[name], stiffness, largest[name])
+
+    def _solve(
+        self, state: State, dt: float, rates: Rates | None, load: np.ndarray, guess: np.ndarray,
+        last: Solution | None = None,
+    ) -> Solution:  # fmt: skip
+        """The equilibrium with what points face as it is; from a displacement, and the tractions of the last one."""
         residuals: list[float] = []
         iterations = 0
         for easing in self.easings:
             step = Step(self, state, dt, rates, load, easing)
-            u = (state.displacement if guess is None else guess).copy()
+            if last is not None:
+                step.multipliers = last.faults
+            u = guess.copy()
             u[self.driven] = step.driven[self.driven]
             outer = 0
             while outer < MAX_OUTER:
@@ -169,6 +242,23 @@ class Equilibrium:
         parallel.raise_on_all(self.model.comm, step.error)
         faults = {name: response.state for name, response in step.responses.items()}
         return Solution(u.copy(), step.internal, faults, dt, 0, 0, [], step.scale, self.answers, step.tangents)
+
+    def _everywhere(self, action: Callable[[StepFollower], float | None]) -> float:
+        """Do something with all interfaces that slide; the largest result; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: surfaces that fold back where the bodies would be.
+        """
+        results, error = [0.0], None
+        for follower in self._followers:
+            try:
+                results.append(action(follower) or 0.0)
+            except RuptfxError as caught:
+                error = ConvergenceError(str(caught))
+        parallel.raise_on_all(self.model.comm, error)
+        return parallel.largest(self.model.comm, max(results))
 
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
         """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""

@@ -47,7 +47,7 @@ class Forces:
         force: np.ndarray = -self.model.internal_force(state.displacement)
         tractions = self.tractions(state)
         for fault in self.model.faults:
-            fault.interface.assemble(tractions[fault.name], force)
+            fault.assemble(tractions[fault.name], force)
         return force
 
     def tractions(self, state: State) -> dict[str, np.ndarray]:

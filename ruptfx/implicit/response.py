@@ -145,10 +145,16 @@ class FaultResponse:
             stiffness.insert(0, 1 / trial.normal_compliance)
         return np.stack(stiffness, axis=1)[:, :, None] * np.eye(len(stiffness))
 
-    def commit(self, state: State, new: FaultState, dt: float) -> None:
+    def commit(self, state: State, new: FaultState, dt: float) -> float:
         """Take over the fields at the end of a step, `state.time`, and count energies.
 
-        Those are what friction and closing gaps took and nucleation gave at the points of this rank.
+        Those are what friction and closing gaps took and nucleation gave at the points of this rank. What interfaces
+        that slide take beyond friction is counted by their follower.
+
+        Returns
+        -------
+        float
+            What friction took [J].
         """
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
@@ -156,7 +162,7 @@ class FaultResponse:
         dissipated = float(area @ frictional_power(fault, old, new, dt)) * dt
         # Mean pressure times growth of the gap.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
-        rigid = fault.contact.stiffness()[0] == 0  # normal
+        rigid = fault.contact.stiffness()[0] == 0 and not fault.slides  # normal
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
         worked = 0.0
         if fault.is_loaded:
@@ -168,3 +174,4 @@ class FaultResponse:
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values
+        return dissipated

@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ruptfx.implicit.response import FaultResponse
+    from ruptfx.sliding.follower import StepFollower
     from ruptfx.state import FaultState, State
 
 
@@ -60,6 +61,15 @@ class Solution:
         Norm of the largest of the forces that balance [N].
     tangents : dict of str to ndarray, shape (n, local, local)
         dT / d[u] by fault [Pa/m], of `Equilibrium.answer`.
+    begun : ndarray, shape (nodes * components,), optional
+        Of interfaces that slide: K u + J' W (T - T_0) at the beginning [N], with what they faced then.
+    facings : list of float
+        Part of the pressure that changed with what points face, every time it was found again (`StepFollower.change`);
+        empty where nothing slides.
+    slid : float
+        Largest slip of the step over the most that it may be on interfaces that slide.
+    followers : list of StepFollower
+        Of these.
     """
 
     displacement: np.ndarray
@@ -72,12 +82,18 @@ class Solution:
     scale: float
     _answers: dict[str, FaultResponse] = field(repr=False, default_factory=dict)
     tangents: dict[str, np.ndarray] = field(repr=False, default_factory=dict)
+    begun: np.ndarray | None = None
+    facings: list[float] = field(default_factory=list)
+    slid: float = 0.0
+    followers: list[StepFollower] = field(repr=False, default_factory=list)
 
     def commit(self, state: State) -> None:
         """Make it the state at the end of the step; arrays of the state keep their place."""
+        moved = self.displacement - state.displacement
         state.displacement[:] = self.displacement
         state.time += self.dt
         state.step += 1
         state.numbers["dt_before"] = self.dt
-        for name, answer in self._answers.items():
-            answer.commit(state, self.faults[name], self.dt)
+        friction = {name: answer.commit(state, self.faults[name], self.dt) for name, answer in self._answers.items()}
+        for follower in self.followers:
+            follower.commit(state, moved, friction[follower.name])

@@ -136,7 +136,7 @@ class Step:
         try:
             self.respond(jumps)
             for fault in model.faults:
-                fault.interface.assemble(self.responses[fault.name].traction, self.internal)
+                fault.assemble(self.responses[fault.name].traction, self.internal)
         except ProjectionError as error:
             self.error = error
             self.internal = np.full_like(u, np.nan)  # SNES takes a shorter step, on all ranks

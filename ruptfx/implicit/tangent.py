@@ -53,19 +53,23 @@ class Tangent:
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """K of some elements as a matrix with room for the tangents of the interfaces."""
-        faces = [fault.interface for fault in self._model.faults if not fault.interface.one_sided]
+        faces = [fault.interface for fault in self._model.faults if not (fault.interface.one_sided or fault.slides)]
         pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
         return fem.matrix(stiffness_form(bulk), np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]))
 
-    def update(self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float) -> bool | None:
+    def update(
+        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None
+    ) -> bool | None:
         """Fill the matrix; whether it is symmetric, or None where it stays as it was; collective.
 
         Parameters
         ----------
         blocks : dict of str to ndarray, shape (n, local, local)
-            dT / d[u] by fault [Pa/m].
+            dT / d[u] by fault [Pa/m]; nothing of faults that are left out.
         driven : float
             What driven rows have on the diagonal; nothing else is in them.
+        held : ndarray, shape (nodes * components,), optional
+            Springs to the ground [N/m]; they have to follow from the other parameters.
         """
         model, matrix = self._model, self.matrix
         same = (
@@ -81,10 +85,13 @@ class Tangent:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = matrix.createVecLeft()
         diagonal.array[:] = (c_M * model.mass + c_C * self._dashpot)[: self._owned]
+        if held is not None:
+            diagonal.array[:] += held[: self._owned]
         matrix.setDiagonal(diagonal, addv=fem.PETSc.InsertMode.ADD_VALUES)
         diagonal.destroy()
         for fault in model.faults:
-            _add_interface(matrix, fault.interface, blocks[fault.name])
+            if fault.name in blocks:
+                _add_interface(matrix, fault.interface, blocks[fault.name])
         matrix.assemble()
         matrix.zeroRowsColumns(self._driven_rows, diag=driven)
         return not parallel.anywhere(model.comm, any(np.any(block[:, 1:, 0]) for block in blocks.values()))

@@ -2,7 +2,8 @@
 
 Strains and rotations of the bodies stay small, their stiffness constant; only who faces whom follows the motion.
 `surface` is one side as a chain of facets, `facing` finds what every point faces (a dual mortar), `interface` has the
-jump and its transpose of that, frozen between updates, and `step` is the explicit step.
+jump and its transpose of that, frozen between updates, `follower` says when it is found again, and `step` is the
+explicit step. Implicit steps find it again until it is that of their end (`ruptfx.implicit.equilibrium`).
 """
 
 from __future__ import annotations
@@ -15,4 +16,6 @@ class Sliding(Part):
     """The two sides have meshes of their own, and what each point faces follows the motion."""
 
     follow: Positive = 0.05
-    """Slip over the distance of nodes after which it is found again what every point faces."""
+    """Slip over the distance of nodes after which explicit steps find again what every point faces."""
+    limit: Positive = 0.5
+    """Largest slip of an implicit step over the distance of nodes; a step that slides farther is halved."""

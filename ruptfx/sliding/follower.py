@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ruptfx.fault import Fault
 from ruptfx.sliding.interface import SlidingInterface
-from ruptfx.state import State
+from ruptfx.sliding.surface import Floats
+from ruptfx.state import FaultState, State
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+FIELDS = "followed_"  # names of nodal fields of a state begin so
+BARELY = 1e-9  # of the distance of nodes: overlap that rounding may make
 
 
 class Follower:
-    """Lets the geometry of an interface follow the motion; called at the beginning of every step.
+    """Lets the geometry of an interface follow the motion; called at the beginning of every explicit step.
 
     What it was last made from is in the state, the displacement as a nodal field and the tangential jump as a field of
     the fault: a run that goes on from a checkpoint makes the same geometry, to the last bit.
@@ -24,23 +33,16 @@ class Follower:
     def __init__(self, fault: Fault) -> None:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
-        self._name, self._face = fault.name, face
-        self._state: State | None = None
+        self._fault, self.face = fault, face
+        self._made: State | None = None  # the state that the geometry is of
         self._room = 0.0  # that points have left at least, before one has slid far enough [m]
 
     def __call__(self, state: State) -> None:
         """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
-        face, field = self._face, f"followed_{self._name}"
-        if field not in state.fields:
-            state.fields[field] = np.zeros_like(state.displacement)
-        followed = state.fields[field]
+        face = self.face
+        followed, slip_then = self._recall(state)
         if not len(face.plus):
             return
-        slip_then = state.faults[self._name]["slip_followed"]
-        if self._state is not state:
-            self._state = state
-            face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip_then)
-            self._room = 0.0
         self._room -= face.geometry.slides
         face.geometry.slides = np.inf
         if self._room > 0 and face.covered.all():
@@ -51,5 +53,129 @@ class Follower:
         slid = farthest > face.limit
         moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
         if slid or moved:
-            followed[face.dofs], slip_then[:] = state.displacement[face.dofs], slip
-            face.geometry.follow(followed[face.dofs].reshape(-1, 2), slip)
+            self._remember(state, slip)
+
+    def _recall(self, state: State) -> tuple[Floats, Floats]:
+        """Displacement and slip that the geometry was last made from, which it is now."""
+        field = FIELDS + self._fault.name
+        if field not in state.fields:
+            state.fields[field] = np.zeros_like(state.displacement)
+        followed, slip_then = state.fields[field], state.faults[self._fault.name]["slip_followed"]
+        if self._made is not state:
+            self._follow(followed, slip_then)
+            self._made, self._room = state, 0.0
+        return followed, slip_then
+
+    def _remember(self, state: State, slip: Floats) -> None:
+        """Make the geometry anew where the bodies are, with the tangential jump there."""
+        followed, slip_then = state.fields[FIELDS + self._fault.name], state.faults[self._fault.name]["slip_followed"]
+        dofs = self.face.dofs
+        followed[dofs], slip_then[:] = state.displacement[dofs], slip
+        self._follow(followed, slip_then)
+
+    def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
+        dofs = self.face.dofs
+        begun = None if before is None else before[dofs].reshape(-1, 2)
+        self.face.geometry.follow(displacement[dofs].reshape(-1, 2), slip, begun)
+
+
+class StepFollower(Follower):
+    """Lets the geometry of an interface follow an implicit step, at whose end forces are in balance.
+
+    A step is solved with the geometry of an estimate of its end, and again with that of its solution, until `change`
+    says that the two are the same. Slip goes on from the beginning of the step.
+
+    Parameters
+    ----------
+    model : Model
+    fault : Fault
+        Its interface slides.
+    """
+
+    def __init__(self, model: Model, fault: Fault) -> None:
+        super().__init__(fault)
+        self.name = fault.name
+        self._model = model
+        self._before, self._slip_before, self._slip = np.zeros(0), np.zeros(0), np.zeros(0)
+        self._pull, self._pull_then = np.zeros(0), np.zeros(0)
+        self._held = 0.0
+
+    def begin(self, state: State) -> None:
+        """The geometry at the beginning of a step: where the bodies are."""
+        followed, slip_then = self._recall(state)
+        face, fields = self.face, state.faults[self.name]
+        if not np.array_equal(state.displacement[face.dofs], followed[face.dofs]):  # explicit steps came before
+            self._remember(state, face.jump(state.displacement)[:, 1])
+        self._before, self._slip_before = state.displacement.copy(), slip_then.copy()
+        self._pull_then = self._pull_of(fields)
+        self._held = self._energy(fields, state.time)
+
+    def at(self, displacement: Floats) -> None:
+        """The geometry at an estimate of the displacement at the end."""
+        self._made = None
+        self._follow(displacement, self._slip_before, self._before)
+
+    def change(self, displacement: Floats, fields: FaultState, stiffness: Floats, largest: float) -> float:
+        """The geometry at a displacement that was solved for with the one before, and what is new in it.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nodes * components,)
+            [m]
+        fields : FaultState
+            Of that solution.
+        stiffness : ndarray, shape (n,)
+            Of the bodies at every point [Pa/m].
+        largest : float
+            Normal stress of all points [Pa].
+
+        Returns
+        -------
+        float
+            Largest change of all points, as a part of the largest normal stress: of that which presses bodies together,
+            and of its direction.
+        """
+        face, pressure = self.face, fields["normal_stress"]
+        before, normal = face.jump(displacement), face.frame[:, 0].copy()
+        self._slip, self._pull = before[:, 1], self._pull_of(fields)
+        self.at(displacement)
+        if not len(face.plus):
+            return 0.0
+        gap = face.jump(displacement)[:, 0]
+        closed = pressure > 0
+        moved = np.where(closed, np.abs(gap - before[:, 0]), np.maximum(-gap, 0.0))
+        moved = moved / (largest / stiffness + BARELY * face.geometry.plus.spacing)
+        turned = np.linalg.norm(face.frame[:, 0] - normal, axis=1) * pressure / max(largest, 1e-300)
+        return max(float(moved.max()), float(turned.max()))
+
+    def slid(self) -> float:
+        """Largest slip of the step as it was last solved, over the most that it may be."""
+        return float(np.max(np.abs(self._slip - self._slip_before) / self.face.step_limit, initial=0.0))
+
+    def commit(self, state: State, moved: Floats, friction: float) -> None:
+        """Take over the geometry at the end of the step, and count what the interface took beyond friction.
+
+        Parameters
+        ----------
+        state : State
+            At the end.
+        moved : ndarray, shape (nodes * components,)
+            Displacement added in the step [m].
+        friction : float
+            What friction took at the points of this rank [J].
+        """
+        taken = 0.5 * self._model.layout.owned_dot(self._pull_then + self._pull, moved)
+        self._remember(state, self._slip)
+        self._made = state
+        stored = self._energy(state.faults[self.name], state.time) - self._held
+        state.energy["impact"] += taken - friction - stored
+
+    def _pull_of(self, fields: FaultState) -> Floats:
+        """J' W T [N]."""
+        force = np.zeros(self._model.nodes * self._model.components)
+        self.face.assemble(np.column_stack([-fields["normal_stress"], fields["shear_traction"]]), force)
+        return force
+
+    def _energy(self, fields: FaultState, time: float) -> float:
+        """Held in the interface, points of this rank [J]."""
+        return self._fault.elastic_energy(fields, np.zeros((len(self.face.plus), 2)), 0.0, time)[0]

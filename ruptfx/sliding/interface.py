@@ -23,6 +23,7 @@ from ruptfx import RuptfxError, fem, native, parallel
 from ruptfx.interface import Interface, Line, local_frame
 from ruptfx.meshes import FACETS
 from ruptfx.nodes import Nodes
+from ruptfx.sliding import Sliding
 from ruptfx.sliding.facing import Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
@@ -83,7 +84,7 @@ class Geometry:
         self.revision, self.table, self._of_nodes, self.slides = 0, Table(), Table(), np.inf
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
 
-    def follow(self, displacement: Floats, slip: Floats) -> None:
+    def follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         """Find what every point faces.
 
         Parameters
@@ -92,6 +93,8 @@ class Geometry:
             Of the plus, then of the minus side [m].
         slip : ndarray, shape (n,)
             The tangential jump so far, which goes on [m].
+        before : ndarray, shape (nodes of both surfaces, 2), optional
+            The displacement with that jump [m]; without it `displacement`.
 
         Raises
         ------
@@ -108,7 +111,8 @@ class Geometry:
         self.coupling, self.weight[:], self.covered = found.coupling, found.weight, found.covered
         self._tabulate()
         apart = self.plus.points - self.coupling @ self.minus.points
-        moved = displacement[:n] - self.coupling @ displacement[n:]
+        before = displacement if before is None else before
+        moved = before[:n] - self.coupling @ before[n:]
         self.offset[:, 0] = np.where(self.covered, np.sum(self.frame[:, 0] * apart, axis=1), self._far)
         self.offset[:, 1] = slip - np.sum(self._acting[:, 1] * moved, axis=1)
         self.nearest[:] = self.minus.nodes[self.coupling.nearest()]
@@ -163,13 +167,16 @@ class SlidingInterface(Interface):
     ----------
     geometry : Geometry
     limit : float
-        Slip after which it is found again what points face [m].
+        Slip after which explicit steps find again what points face [m].
+    step_limit : float
+        Largest slip of an implicit step [m].
     near : float
         Motion after which that is done where points face nothing: the length of a facet [m].
     """
 
     geometry: Geometry
     limit: float
+    step_limit: float
     near: float
 
     @property
@@ -229,13 +236,20 @@ class SlidingInterface(Interface):
     def assemble(self, traction: Floats, out: Floats) -> None:
         self.geometry.assemble(np.ascontiguousarray(traction, dtype=float), out)
 
+    def stencil(self) -> tuple[Integers, Floats]:
+        coupling, m = self.geometry.coupling, len(self.geometry.minus.nodes)
+        faced = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
+        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[faced]])
+        shares = np.column_stack([np.ones(len(self.plus)), -coupling.values]) * self.covered[:, None]
+        return nodes, np.einsum("ij,ikc->ijkc", shares, self.frame)
+
     @cached_property
     def initial(self) -> SlidingInterface:
         geometry = Geometry(self.geometry.plus, self.geometry.minus)
         return replace(self, geometry=geometry, frame=geometry.frame, weight=geometry.weight, minus=geometry.nearest)
 
 
-def build_sliding(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
+def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     """The interface between two surfaces with meshes of their own.
 
     Parameters
@@ -243,8 +257,8 @@ def build_sliding(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
     nodes : Nodes
         Of the displacement.
     name : str
-    follow : float
-        Slip over the distance of nodes after which facing is found again.
+    table : Sliding
+        What the case says of it.
 
     Raises
     ------
@@ -255,7 +269,7 @@ def build_sliding(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
     error: Exception | None = None
     face = None
     try:
-        face = _local(nodes, name, follow)
+        face = _local(nodes, name, table)
     except RuptfxError as caught:
         error = caught
     parallel.raise_on_all(comm, error)
@@ -263,7 +277,7 @@ def build_sliding(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
     return _in_order(comm, face)
 
 
-def _local(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
+def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
     """As this rank knows it; the line and the number of points are found later, by all together."""
     space, bodies = nodes.space, nodes.bodies
     if space.mesh.geometry.dim != 2 or space.dofmap.index_map_bs != 2:
@@ -301,8 +315,8 @@ def _local(nodes: Nodes, name: str, follow: float) -> SlidingInterface:
     return SlidingInterface(
         points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
         frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
-        line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry, limit=follow * spacing,
-        near=plus.order * spacing,
+        line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry,
+        limit=table.follow * spacing, step_limit=table.limit * spacing, near=plus.order * spacing,
     )  # fmt: skip
 
 

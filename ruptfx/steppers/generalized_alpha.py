@@ -112,6 +112,7 @@ class GeneralizedAlphaMotion:
         ConvergenceError
             On all ranks: none even after the last halving; the state is that of the last good step.
         """
+        self._equilibrium.begin(state)
         carried = self._equilibrium.forces.carried(state)
         if "acceleration" not in state.fields:
             state.fields["acceleration"] = np.where(self._driven, 0.0, -carried / self.model.mass)

@@ -14,6 +14,7 @@ from ruptfx.fields import component_names
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.response import FaultResponse
 from ruptfx.projection import ProjectionError
+from ruptfx.sliding.follower import FIELDS as FOLLOWED
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.steppers.quasi_static import QuasiStaticMotion
 from ruptfx.units import Duration, Speed
@@ -153,7 +154,9 @@ class HybridMotion:
         (self._bring_faults_up if to == SLOW else self._start)(state)
         state.numbers |= {"fast": to, "calm_since": state.time, "dt": self._fast.dt, "dt_before": self._fast.dt}
         state.numbers["lag"] = 0.0
+        kept = {name: values for name, values in state.fields.items() if name.startswith(FOLLOWED)}
         state.fields.clear()
+        state.fields |= kept
         after = self.energies(state)
         lost = _missing(after) - before
         if self.model.comm.rank == 0:

@@ -52,6 +52,11 @@ class PetscTs(Stepper):
     def bind(self, model: Model) -> PetscTsMotion:
         require(model.faults, "implicit")
         for fault in model.faults:
+            if fault.slides:
+                raise CaseError(
+                    f"faults.{fault.name}.sliding: TS keeps what points face as it is; use the stepper "
+                    "'generalized_alpha', 'quasi_static' or 'leapfrog'"
+                )
             if fault.contact.multiplier_tolerance() is not None:
                 raise CaseError(
                     f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': TS has no outer iterations; use "

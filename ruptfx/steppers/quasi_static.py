@@ -181,7 +181,7 @@ class QuasiStaticMotion:
 
     def _error(self, state: State, solution: Solution) -> float:
         """Error of slip and strength over what is tolerated, the largest of all points."""
-        worst, dt = 0.0, solution.dt
+        worst, dt = solution.slid, solution.dt
         for fault in self.model.faults:
             old, new = (
                 fault.components(fields[fault.name], "mean_slip_rate") for fields in (state.faults, solution.faults)
@@ -227,7 +227,8 @@ class QuasiStaticMotion:
         """
         model, time = self.model, state.time
         loads = [self.equilibrium.forces.load(t) for t in (time, time + solution.dt)]
-        before, after = self.equilibrium.forces.internal(state) - loads[0], solution.internal - loads[1]
+        begun = self.equilibrium.forces.internal(state) if solution.begun is None else solution.begun
+        before, after = begun - loads[0], solution.internal - loads[1]
         moved = solution.displacement - state.displacement
         mean = 0.5 * (before + after)
         dot = model.layout.owned_dot

@@ -297,8 +297,10 @@ def mean_force_and_friction(given: Case) -> tuple[float, float]:
     [
         ({"faults.main.contact": SPLIT},
          r"contact.kind = 'split_node': on an interface that slides .* 'forward_lagrange'"),
-        ({"faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}, "stepper": {"kind": "quasi_static"}},
-         r"faults.main.sliding: interfaces slide in explicit steps only"),
+        ({"stepper": {"kind": "quasi_static"}},
+         r"'forward_lagrange': not for implicit steps; use 'augmented_lagrangian' or 'compliant', or another stepper"),
+        ({"faults.main.contact": CONTACTS["compliant"], "stepper": {"kind": "petsc_ts"}},
+         r"faults.main.sliding: TS keeps what points face as it is; use the stepper 'generalized_alpha'"),
         ({"faults.main.sliding": None}, r"'main' have meshes of their own; add the table \[faults.main.sliding\]"),
         ({"faults.main.gap": 1e-6}, r"faults.main.gap: surfaces that slide have the distance"),
         ({"plane": "antiplane", "boundaries": []}, r"faults.main.sliding: only motion in a plane slides far"),

@@ -16,7 +16,7 @@ from ruptfx import parallel, simulation
 from ruptfx.case import Case
 from ruptfx.fem import MPI
 from ruptfx.implicit import deferred
-from ruptfx.implicit.compliance import Compliance
+from ruptfx.implicit.compliance import Factors
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
 from ruptfx.recording.checkpoint import Checkpoint
@@ -144,7 +144,7 @@ def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) ->
         raise AssertionError("the bodies were asked")
 
     with monkeypatch.context() as patch:
-        for owner, name in ((Compliance, "solve"), (Compliance, "solve_each"), (Model, "internal_force")):
+        for owner, name in ((Factors, "solve"), (Factors, "solve_each"), (Model, "internal_force")):
             patch.setattr(owner, name, forbidden)
         for _ in range(4):
             motion.step(state)

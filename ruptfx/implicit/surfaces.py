@@ -1,0 +1,208 @@
+"""What linear bodies answer at the nodes of their interfaces, so that these may face each other as they like.
+
+Where interfaces slide, jumps and tractions change with what the points face: [u] = J_s v, forces J_s' W t, with v the
+displacement of the nodes of all interfaces, which stay where they are on their bodies. All that the bodies are there is
+their stiffness D with everything inside condensed,
+
+    D = (G A^-1 G')^-1 - h,    A = K + c_M M + c_C C + G' h G,
+
+with G what takes the nodes of the interfaces. The springs h to the ground, as stiff as the nodes themselves, make A
+regular where bodies are not held, and the small matrix well conditioned, so that to take them off again costs hardly
+more than the last digit. D depends on the length of the step only. For every facing, J_s' W k J_s of interfaces that
+are closed and stuck is added, and the inverse of that is what jumps answer to tractions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import inv
+from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.sparse import bsr_array, coo_array, csr_array
+
+from ruptfx import RuptfxError, parallel
+from ruptfx.implicit.compliance import Factors, Finish, Influence, Jumps, norm
+
+if TYPE_CHECKING:
+    from ruptfx.implicit.tangent import Tangent
+    from ruptfx.model import Model
+
+
+def count_nodes(model: Model) -> int:
+    """Nodes of all interfaces; collective."""
+    return int(parallel.total(model.comm, len(_owned_nodes(model))))
+
+
+def _owned_nodes(model: Model) -> np.ndarray:
+    """Local nodes of interfaces that this rank owns."""
+    nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
+    return nodes[nodes < model.owned_nodes]
+
+
+class Surfaces:
+    """Displacements and forces of the nodes of all interfaces, in an order that all ranks know.
+
+    Attributes
+    ----------
+    points, local : int
+        Nodes, and components of a displacement.
+    where : ndarray, shape (points, dim)
+        Coordinates [m].
+    """
+
+    def __init__(self, model: Model, jumps: Jumps) -> None:
+        self._model, self._jumps, self.local = model, jumps, model.components
+        owned = _owned_nodes(model)
+        of_all = parallel.share_rows(model.comm, self._global(owned))
+        self._numbers, self.points = np.sort(of_all), len(of_all)
+        self._nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
+        self._places = self._place(self._nodes)
+        self.where = self.gather(model.coordinates)
+
+    def _global(self, nodes: np.ndarray) -> np.ndarray:
+        index_map = self._model.space.dofmap.index_map
+        return np.asarray(index_map.local_to_global(nodes.astype(np.int32)), dtype=np.int64)
+
+    def _place(self, nodes: np.ndarray) -> np.ndarray:
+        """Where local nodes of interfaces are among those of all ranks."""
+        return np.searchsorted(self._numbers, self._global(nodes.ravel())).reshape(nodes.shape)
+
+    def gather(self, nodal: np.ndarray) -> np.ndarray:
+        """Of all nodes of interfaces, shape (points, ...), from values at all local nodes; collective."""
+        return self._gathered(nodal[self._nodes])
+
+    def _gathered(self, values: np.ndarray) -> np.ndarray:
+        whole, owned = np.zeros((self.points, *values.shape[1:])), self._nodes < self._model.owned_nodes
+        whole[self._places[owned]] = values[owned]
+        return whole if self._model.comm.size == 1 else parallel.total(self._model.comm, whole)
+
+    def force(self, values: np.ndarray, size: int) -> np.ndarray:
+        """Local nodal forces, shape (size,) [N], from those of all nodes of interfaces, shape (points, local)."""
+        force = np.zeros((size // self.local, self.local))
+        force[self._nodes] = values[self._places]
+        return force.ravel()
+
+    def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
+        """From displacements, shape (size,) each: (points, local, fields) [m]; collective."""
+        return self._gathered(np.stack([field.reshape(-1, self.local)[self._nodes] for field in fields], axis=2))
+
+    def operator(self) -> csr_array:
+        """J_s as interfaces are now, shape (all points * local, points * local); collective."""
+        rows = []
+        for fault in self._model.faults:
+            face = fault.interface
+            nodes, blocks = face.stencil()
+            point = self._jumps.places(fault.name)[:, None, None, None] * self._jumps.local
+            row = point + np.arange(self._jumps.local)[:, None]
+            column = self._place(nodes)[:, :, None, None] * self.local + np.arange(self.local)
+            entries = np.broadcast_arrays(row, column, blocks)
+            chosen = face.owned[:, None, None, None] & (blocks != 0)
+            rows.append(np.column_stack([part[chosen].astype(float) for part in entries]))
+        row, column, values = parallel.share_rows(self._model.comm, np.concatenate(rows)).T
+        shape = self._jumps.points * self._jumps.local, self.points * self.local
+        return csr_array(coo_array((values, (row.astype(int), column.astype(int))), shape=shape))
+
+
+class SurfaceStiffness:
+    """D: what the bodies resist at the nodes of all interfaces, with everything else in balance.
+
+    Parameters
+    ----------
+    model : Model
+    surfaces : Surfaces
+    tangent : Tangent
+        Makes the matrix.
+    factors : (float, float)
+        c_M [1/s2] and c_C [1/s].
+
+    Attributes
+    ----------
+    free : ndarray of bool, shape (points * local,)
+        Whose motion is not prescribed.
+    stiffness : ndarray, shape (free, free)
+        D [N/m].
+    held : ndarray, shape (free,)
+        h [N/m].
+    """
+
+    def __init__(self, model: Model, surfaces: Surfaces, tangent: Tangent, factors: tuple[float, float]) -> None:
+        self.surfaces, nodal = surfaces, (-1, surfaces.local)
+        own = tangent.diagonal + factors[0] * model.mass
+        self.free = surfaces.gather(model.loads.prescribed.reshape(nodal)).ravel() == 0
+        held = surfaces.gather(own.reshape(nodal))
+        tangent.update(*factors, {}, driven=tangent.unit, held=surfaces.force(held, len(own)))
+        self.factors = Factors(model, tangent)
+        blocks = self.factors.answers(surfaces)
+        free, size = self.free, surfaces.points * surfaces.local
+        compliance = blocks.transpose(2, 0, 3, 1).reshape(size, size)[np.ix_(free, free)]
+        self.held = held.ravel()[free]
+        self.stiffness = inv(0.5 * (compliance + compliance.T), overwrite_a=True, check_finite=False)
+        self.stiffness[np.diag_indices_from(self.stiffness)] -= self.held
+
+    def destroy(self) -> None:
+        """Free the factors; collective."""
+        self.factors.destroy()
+
+
+class FacingCompliance(Influence):
+    """What jumps answer to tractions while the interfaces face each other as they do now.
+
+    That is `Compliance` with S = J_s (D + J_s' W k J_s)^-1 J_s' W.
+
+    Parameters
+    ----------
+    bodies : SurfaceStiffness
+    jumps : Jumps
+    stuck : dict of str to ndarray, shape (n, local, local)
+        k by fault [Pa/m].
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: bodies that nothing holds, closed interfaces included.
+    """
+
+    def __init__(self, bodies: SurfaceStiffness, jumps: Jumps, stuck: dict[str, np.ndarray]) -> None:
+        self._bodies, weight = bodies, jumps.weight
+        self._jump = bodies.surfaces.operator()[:, bodies.free]
+        k, each = jumps.gather(stuck), np.arange(jumps.points + 1)
+        self._closed = self._jump.T @ bsr_array((weight[:, None, None] * k, each[:-1], each)) @ self._jump
+        self._compliance = _inverse(bodies.stiffness + self._closed.toarray())
+        local, points = jumps.local, jumps.points
+        answers = self._jump @ (self._jump @ self._compliance).T  # symmetric
+        blocks = answers.reshape(points, local, points, local).transpose(1, 3, 0, 2) * weight
+        super().__init__(k, np.ascontiguousarray(blocks), weight)
+
+    def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
+        bodies, surfaces = self._bodies, self._bodies.surfaces
+        there = surfaces.gather(force.reshape(-1, surfaces.local))
+        beside = force - surfaces.force(there, len(force))
+        begun, moved, acting = force, np.zeros_like(force), there.ravel()[bodies.free]
+        if norm(bodies.factors.model, beside) > small:
+            begun, moved = np.zeros_like(force), bodies.factors.solve(force)
+            v = surfaces.gather(moved.reshape(-1, surfaces.local)).ravel()[bodies.free]
+            acting = bodies.stiffness @ v + bodies.held * v  # what moves the nodes of interfaces as much
+
+        def finish(q: np.ndarray) -> np.ndarray:
+            pull = self._jump.T @ (self.weight[:, None] * q).ravel()
+            v = self._compliance @ (acting - pull)
+            given = np.zeros(len(bodies.free))
+            given[bodies.free] = bodies.held * v - self._closed @ v - pull
+            rest = surfaces.force(given.reshape(-1, surfaces.local), len(force))
+            return np.asarray(moved + bodies.factors.solve(begun + rest))
+
+        return (self._jump @ (self._compliance @ acting)).reshape(len(self.weight), -1), finish
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Of a symmetric and positive definite matrix, which is overwritten."""
+    factor, failed = dpotrf(matrix.T, lower=0, overwrite_a=1)
+    if not failed:
+        factor, failed = dpotri(factor, lower=0, overwrite_c=1)
+    if failed:
+        raise RuptfxError("bodies that nothing holds, not even their interfaces if these were closed")
+    upper = np.triu(factor)
+    upper += np.triu(factor, 1).T
+    return upper

@@ -1,0 +1,266 @@
+"""Interfaces that slide in implicit steps: closed forms, laws of motion, geometry that converges, runs and restarts."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from compare import largest_difference
+from sliding_cases import STIFF, rough
+from small_cases import HOMALITE, merged, plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError
+from ruptfx.bench import westergaard
+from ruptfx.case import parse_case, read_case
+from ruptfx.implicit import condensed
+from ruptfx.implicit.equilibrium import Equilibrium
+from ruptfx.launch import find_mpiexec
+from ruptfx.model import Model
+from ruptfx.record import Record
+from ruptfx.simulation import simulate
+from ruptfx.state import State
+
+pytestmark = pytest.mark.fem
+
+CONTACTS: dict[str, dict[str, Any]] = {
+    "augmented_lagrangian": {"kind": "augmented_lagrangian", "tolerance": 1e-12},
+    "compliant": {"kind": "compliant", "C_n": 3e11, "C_s": 3e11},
+}
+RIGID = {"kind": "augmented_lagrangian"}
+every_contact = pytest.mark.parametrize("contact", CONTACTS)
+
+
+def held(edge: str, axes: str = "xy") -> list[dict[str, object]]:
+    return [{"kind": "driven", "edge": edge, "component": axis, "velocity": 0.0} for axis in axes]
+
+
+def started(table: dict[str, Any]) -> tuple[Model, Any, State]:
+    given = parse_case(table)
+    model = Model(given)  # type: ignore[arg-type]
+    return model, given.stepper.bind(model), model.initial_state()  # type: ignore[union-attr]
+
+
+# -- patch test, matching meshes -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+@every_contact
+def test_uniform_stress_passes_between_different_meshes(contact: str, order: int) -> None:
+    """16 on 11 elements: compression and shear on top of the initial stress, without strain along the interface.
+
+    Where contact is compliant shear would move the ends of one side past those of the other.
+    """
+    E, nu, shear = HOMALITE["young_modulus"], HOMALITE["poisson_ratio"], 0.7e6 * (contact != "compliant")
+    added = np.array([[-nu * 2e6, shear], [shear, -2e6]])  # plane stress
+    boundaries: list[dict[str, object]] = held("lower.bottom")
+    for edge, n in {"upper.top": (0, 1), "upper.left": (-1, 0), "lower.left": (-1, 0), "upper.right": (1, 0),
+                    "lower.right": (1, 0)}.items():  # fmt: skip
+        traction = (added @ np.array(n, float)).tolist()
+        boundaries.append({"kind": "traction", "edge": edge, "traction": traction, "ramp": 1.0})
+    body = {"length": 8e-3, "height": 2e-3}
+    model, motion, state = started(merged(rough(), {
+        "plane": "stress", "order": order, "boundaries": boundaries, "duration": 1.0,
+        "materials": {"default": HOMALITE},
+        "mesh": {"kind": "rough_plates", "curve_order": 1, "upper": {**body, "element_size": 0.5e-3},
+                 "lower": {**body, "element_size": 8e-3 / 11}},
+        "faults.main": {"sliding": {}, "contact": CONTACTS[contact], "friction": {"kind": "coulomb", "mu_d": 0.9},
+                        "initial_stress": {"normal": 6e6}},
+        "stepper": {"kind": "quasi_static", "first_step": 0.5, "largest_step": 0.5},
+    }))  # fmt: skip
+    for _ in range(2):
+        motion.step(state)
+    fault = state.faults["main"]
+    np.testing.assert_allclose(fault["normal_stress"], 8e6, rtol=1e-9)
+    np.testing.assert_allclose(fault["shear_traction"], shear, rtol=1e-8, atol=1e-3)
+    top = np.isclose(model.coordinates[:, 1], model.coordinates[:, 1].max())
+    moved = state.displacement.reshape(-1, 2)[top, 0]
+    np.testing.assert_allclose(moved, 4e-3 * 2 * (1 + nu) / E * shear, rtol=1e-9, atol=1e-15)
+
+
+@every_contact
+def test_matching_nodes_give_what_pairs_give(contact: str) -> None:
+    """As long as slip, here 0.1 nm, is next to nothing against the elements, 1 mm."""
+    found = []
+    for sliding in ({}, None):
+        given = parse_case(plates({
+            "order": 2, "faults.main.contact": CONTACTS[contact], "faults.main.sliding": sliding,
+            "faults.main.friction": {"kind": "coulomb", "mu_d": 0.2},
+            "faults.main.initial_stress": {"normal": 600.0, "shear": 100.0}, "stepper": {"kind": "quasi_static"},
+            "boundaries": [*held("lower.bottom"),
+                           {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1.2e-10}],
+        }))  # fmt: skip
+        model = Model(given)  # type: ignore[arg-type]
+        equilibrium, state = Equilibrium(model), model.initial_state()
+        for _ in range(5):
+            equilibrium.solve(state, 0.2).commit(state)
+        found.append(state)
+    ours, pairs = found
+    assert 0 < np.mean(pairs.faults["main"]["slip"] > 1e-3 * pairs.faults["main"]["slip"].max()) < 1
+    np.testing.assert_allclose(ours.displacement, pairs.displacement, atol=1e-5 * np.abs(pairs.displacement).max())
+    for name in ("slip", "normal_stress", "shear_traction", "friction_work"):
+        values = pairs.faults["main"][name]
+        np.testing.assert_allclose(ours.faults["main"][name], values, atol=1e-5 * np.abs(values).max())
+
+
+# -- closed forms --------------------------------------------------------------------------------------------------
+
+
+def test_westergaard_pressed_by_a_force() -> None:
+    """Opposed waves, touching in one point at first, with an upper body that only contact holds; in five steps."""
+    given = westergaard.implicit(1.3, 0.2)
+    model = Model(given)
+    motion, state, shares = given.stepper.bind(model), model.initial_state(), []
+    while state.time < 1 - 1e-9:
+        motion.step(state)
+        x, weight, pressure = westergaard.pressures(model, state)
+        shares.append(1.3 * min(state.time, 1.0))
+        wanted = westergaard.exact(x, shares[-1])
+        assert weight @ np.abs(pressure - wanted) < 0.01 * weight @ wanted
+        np.testing.assert_allclose(pressure.max(), wanted.max(), rtol=0.003)
+        width = westergaard.WAVELENGTH / np.pi * np.arcsin(min(1.0, np.sqrt(shares[-1])))
+        np.testing.assert_allclose(x[pressure > 0].max(), width, atol=np.diff(x).max())
+    np.testing.assert_allclose(shares, [0.26, 0.52, 0.78, 1.04, 1.3])
+
+
+def bump(changes: dict[str, Any]) -> dict[str, Any]:
+    """A cylinder of 10 mm on a plane, 4 elements on 3 in a half-width of 0.1 mm; both bodies are held by far edges."""
+    radius, half_width = 10e-3, 0.1e-3
+    height = 8 * half_width
+    plate = {"length": 2 * height, "height": height, "growth": 1.35}
+    return merged({
+        "plane": "strain", "order": 4, "duration": 1.0,
+        "mesh": {
+            "kind": "rough_plates", "curve_order": 2,
+            "upper": {**plate, "element_size": half_width / 4,
+                      "profile": {"kind": "parabola", "radius": radius, "center": height}},
+            "lower": {**plate, "element_size": half_width / 3},
+        },
+        "materials": {"default": STIFF},
+        "faults": {"main": {
+            "sliding": {}, "contact": RIGID, "friction": {"kind": "coulomb", "mu_d": 0.0},
+            "initial_stress": {"normal": 0.0},
+        }},
+        "boundaries": [
+            *held("lower.bottom"), *held("upper.top", "x"),
+            {"kind": "driven", "edge": "upper.top", "component": "y",
+             "velocity": -0.25 * half_width**2 / radius * (np.log(8 * height / half_width) + 1)},
+        ],
+    }, changes)  # fmt: skip
+
+
+def test_hertz_between_different_meshes() -> None:
+    """Pressed in five steps: within 2 % of the closed form for its force (Johnson 1985, section 4.2)."""
+    model, motion, state = started(bump({"stepper": {"kind": "quasi_static", "largest_step": 0.2, "first_step": 0.2}}))
+    while state.time < 1 - 1e-9:
+        motion.step(state)
+    face, pressure, radius = model.faults[0].interface, state.faults["main"]["normal_stress"], 10e-3
+    force = face.weight @ pressure
+    stiffness = STIFF["young_modulus"] / (2 * (1 - STIFF["poisson_ratio"] ** 2))
+    a = np.sqrt(4 * force * radius / (np.pi * stiffness))
+    exact = 2 * force / (np.pi * a) * np.sqrt(np.maximum(1 - ((face.position - 0.8e-3) / a) ** 2, 0))
+    assert 0.08e-3 < a < 0.12e-3
+    assert np.sqrt(face.weight @ (pressure - exact) ** 2 / (face.weight @ exact**2)) < 0.02
+    np.testing.assert_allclose(pressure.max(), exact.max(), rtol=0.01)
+    # Without shear at either end nothing is left over: forces are in balance, work is strain energy.
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert abs(work - sum(energy.values())) < 1e-10 * work
+    assert abs(energy["damping"]) < 1e-6 * work and abs(energy["impact"]) < 0.05 * work
+
+
+# -- runs ----------------------------------------------------------------------------------------------------------
+
+
+def rubbed(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Two rough bodies pressed by 5 MPa within 0.2 s, held for as long, and then sheared by 0.2 mm/s."""
+    return rough({
+        "faults.main.contact": RIGID, "duration": 1.0, "stepper": {"kind": "quasi_static", "largest_step": 0.1},
+        "boundaries": [
+            *held("lower.bottom"), {"kind": "traction", "edge": "upper.top", "traction": [0.0, -5e6], "ramp": 0.2},
+            {"kind": "moved", "edge": "upper.top", "component": "x", "quantity": "velocity", "times": [0.4, 0.5],
+             "values": [0.0, 2e-4]},
+        ],
+    } | (changes or {}))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("case") / "rubbing.toml"
+    changes = {"output.checkpoint_steps": 4, "output.interface_interval": 0.1, "output.rupture_threshold": 1e-6}
+    path.write_text(tomli_w.dumps(rubbed(changes)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def alone(case_file: Path) -> Path:
+    out = case_file.parent / "alone"
+    simulate(read_case(case_file), out, progress=False)
+    return out
+
+
+def test_pressed_held_sheared(alone: Path) -> None:
+    """The normal force is that on the edge, forces rest while all is held, then all that is closed slides."""
+    with Record(alone) as record:
+        table = record.forces
+        slip = record.interface.slip.values
+    normal, shear = table.normal_force.values / 1.2e-3, table.shear_force.values / 1.2e-3
+    pressed, still = table.time > 0.19, (table.time > 0.19) & (table.time < 0.41)
+    np.testing.assert_allclose(normal[pressed], 5e6, rtol=2e-4)
+    assert still.sum() == 3 and np.ptp(shear[still]) < 1e-5 * 5e6  # what points face is found to 1e-4
+    assert table.sticking.values[still].min() > 0 and table.sliding.values[-1] > 0.05
+    assert table.sticking.values[-1] == 0
+    # Flanks of the asperities carry some of the shear.
+    assert 0.2 < shear[-1] / normal[-1] < 0.4
+    np.testing.assert_allclose(slip[-1].max(), 2e-4 * (table.time.values[-1] - 0.45), rtol=0.05)
+
+
+def test_same_on_two_ranks(case_file: Path, alone: Path) -> None:
+    out = case_file.parent / "on_2"
+    done = subprocess.run(
+        [find_mpiexec(), "-n", "2", sys.executable, "-m", "ruptfx", "run", str(case_file), "--out", str(out),
+         "--quiet"], capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert max(largest_difference(alone, out).values()) < 1e-9
+
+
+def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
+    """From the last checkpoint, in a new model, while it slides."""
+    out = case_file.parent / "resumed"
+    shutil.copytree(alone, out)
+    (out / "summary.json").unlink()
+    simulate(read_case(case_file), out, progress=False, resume=True)
+    assert max(largest_difference(alone, out).values()) == 0
+    assert (out / "forces.csv").read_bytes() == (alone / "forces.csv").read_bytes()
+
+
+# -- what is refused -----------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(
+    "replaced, options, message",
+    [
+        ({}, {"petsc_options": {"ksp_type": "gmres"}},
+         r"stepper.petsc_options: faults.main slides, and steps are then solved at the interfaces, not by PETSc"),
+        ({"is_linear": lambda bulk: False}, {},
+         r"faults.main.sliding: implicit steps need .* one of 'isotropic_elastic' has another; use 'isotropic"),
+        ({"MOST_UNKNOWNS": 100}, {},
+         r"faults.main.sliding: the surfaces have \d+ degrees of freedom, implicit steps take 100 .*; use larger elem"),
+        ({"is_factorised": lambda model: False}, {},
+         r"faults.main.sliding: implicit steps factorise the bodies, and \d+ degrees of freedom are too many"),
+    ],
+)  # fmt: skip
+def test_cases_that_cannot_slide_in_implicit_steps(
+    replaced: dict[str, object], options: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in replaced.items():
+        monkeypatch.setattr(condensed, name, value)
+    with pytest.raises(RuptfxError, match=message):
+        started(rough({"faults.main.contact": RIGID, "stepper": {"kind": "quasi_static", **options}}))
