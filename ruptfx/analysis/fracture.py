@@ -8,11 +8,14 @@ stress.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipe
+
+Mode = Literal["I", "II"]
 
 
 def slowness_factors(speed: float, c_p: float, c_s: float) -> tuple[float, float]:
@@ -48,6 +51,15 @@ def A_II(speed: float, c_p: float, c_s: float) -> float:
     """
     _, a_s = slowness_factors(speed, c_p, c_s)
     return 2 * (1 - (c_s / c_p) ** 2) * a_s / _rayleigh_quotient(speed, c_p, c_s)
+
+
+def A_I(speed: float, c_p: float, c_s: float) -> float:
+    """Energy release over K_I^2 / E' of an opening crack: v^2 a_p / ((1 - nu) c_s^2 D) (Source: Freund 1990, ch. 5.3).
+
+    One at v = 0, unbounded at c_R.
+    """
+    a_p, _ = slowness_factors(speed, c_p, c_s)
+    return 2 * (1 - (c_s / c_p) ** 2) * a_p / _rayleigh_quotient(speed, c_p, c_s)
 
 
 def k_II(speed: float, c_p: float, c_s: float, c_R: float) -> float:
@@ -90,6 +102,19 @@ def self_similar_factor_II(speed: float, c_p: float, c_s: float) -> float:
     F = int_0^inf [(2 p^2 + b^2)^2 - 4 p^2 sqrt(p^2 + a^2) sqrt(p^2 + b^2)] / (b^2 sqrt(p^2 + b^2)) (1 + p^2)^(-3/2) dp
     with a = v/c_p, b = v/c_s (Source: Burridge and Willis 1969; Kostrov 1964).
     """
+    return _self_similar_factor(speed, c_p, c_s, speed / c_s)
+
+
+def self_similar_factor_I(speed: float, c_p: float, c_s: float) -> float:
+    """F of a mode I crack that grows at constant speed: opening = 2 T / (G F) sqrt(v^2 t^2 - x^2).
+
+    That of mode II with sqrt(p^2 + a^2) in place of the last root: stress over opening of a half space is
+    that over slip with the two roots exchanged (Source: Broberg 1960; Freund 1990, ch. 6.3).
+    """
+    return _self_similar_factor(speed, c_p, c_s, speed / c_p)
+
+
+def _self_similar_factor(speed: float, c_p: float, c_s: float, root: float) -> float:
     a, b = speed / c_p, speed / c_s
 
     def integrand(p: float) -> float:
@@ -97,7 +122,7 @@ def self_similar_factor_II(speed: float, c_p: float, c_s: float) -> float:
         # (2 p^2 + b^2)^2 - 4 p^2 ra rb, with the cancellation at large p taken out: lower = p^4 - (ra rb)^2.
         lower = -(p**2 * (a**2 + b**2) + (a * b) ** 2)
         bracket = b**4 + 4 * p**2 * b**2 + 4 * p**2 * lower / (p**2 + root_a * root_b)
-        return bracket / (b**2 * root_b) * (1 + p**2) ** -1.5
+        return bracket / (b**2 * np.sqrt(p**2 + root**2)) * (1 + p**2) ** -1.5
 
     return float(quad(integrand, 0, np.inf, limit=500)[0])
 
@@ -125,25 +150,26 @@ def self_similar_factor_III(speed: float, c_s: float) -> float:
     return float(ellipe(1 - (speed / c_s) ** 2))
 
 
-def half_length_at(speed: float, c_p: float, c_s: float) -> float:
-    """a / a_c of a bilateral mode II crack under uniform stress drop that moves at a speed.
+def half_length_at(speed: float, c_p: float, c_s: float, mode: Mode = "II") -> float:
+    """a / a_c of a bilateral crack of mode I or II under uniform stress drop that moves at a speed.
 
-    Slip near the tip of the self-similar crack gives K = T sqrt(pi a) G* / (G F A_II); with G = A_II K^2 / E' equal to
-    the fracture energy a / a_c = (G F / G*)^2 A_II.
+    Slip near the tip of the self-similar crack gives K = T sqrt(pi a) G* / (G F A); with G = A K^2 / E' equal to the
+    fracture energy a / a_c = (G F / G*)^2 A.
     """
     if speed == 0:
         return 1.0
-    ratio = self_similar_factor_II(speed, c_p, c_s) / (2 * (1 - (c_s / c_p) ** 2))
-    return ratio**2 * A_II(speed, c_p, c_s)
+    factor, A = (self_similar_factor_I, A_I) if mode == "I" else (self_similar_factor_II, A_II)
+    ratio = factor(speed, c_p, c_s) / (2 * (1 - (c_s / c_p) ** 2))
+    return ratio**2 * A(speed, c_p, c_s)
 
 
-def speed_at(half_length: float, c_p: float, c_s: float, c_R: float) -> float:
-    """Equation of motion of a bilateral mode II crack under uniform stress drop: speed [m/s] at a / a_c."""
+def speed_at(half_length: float, c_p: float, c_s: float, c_R: float, mode: Mode = "II") -> float:
+    """Equation of motion of a bilateral crack under uniform stress drop: speed [m/s] at a / a_c."""
     if half_length <= 1:
         return 0.0
 
     def excess(fraction: float) -> float:
-        return half_length_at(fraction * c_R, c_p, c_s) - half_length
+        return half_length_at(fraction * c_R, c_p, c_s, mode) - half_length
 
     return float(brentq(excess, 1e-3, 1 - 1e-6)) * c_R if excess(1e-3) < 0 else 0.0
 

@@ -45,6 +45,10 @@ class CohesiveLaw(Alternative):
         """Inelastic slip at which it has failed, G_IIc / (c area) [m]."""
         return self.G_IIc / (self.c * self.area)
 
+    def left_strength(self, damage: np.ndarray) -> np.ndarray:
+        """Shear strength without friction at a damage [Pa], shape (n,)."""
+        return np.asarray(self.c * np.where(damage < 1, self.left(damage), 0.0))
+
     def left(self, damage: Array) -> Array:
         """Part of the strength that is left, 1 at damage 0 and 0 at damage 1, falling."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""The shear strength that the friction law of a run gives along its interface: what its shear traction comes up to."""
+"""The shear strength that the laws of a run give along its interface: what its shear traction comes up to."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ruptfx.record import Files
 def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     """Shear strength at some saved times along the first interface [Pa].
 
-    From the law of the case, weakened as its nucleation does, at the saved slip rate, normal stress and state. It is
-    zero where the interface is open.
+    From the law of the case, weakened as its nucleation does, at the saved slip rate, normal stress and state, and
+    from the cohesion that its damage has left. It is zero where the interface is open and broken.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
         law = case.faults[name].friction.at(position)
         for nucleation in case.faults[name].nucleation:
             law = nucleation.weaken(law, position)
+        bond = case.faults[name].cohesion
+        held = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
     except (RuptfxError, TypeError):  # a place that is a point on the interface is no number
         return None
     states = law.all_state_fields()
@@ -45,5 +47,5 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     rate, normal, *values = (np.asarray(data[each].isel(time=rows).values) for each in names)
     state = dict(zip(states, values, strict=True))
     with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
-        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + np.zeros_like(rate)
+        found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + held + np.zeros_like(rate)
     return np.where(np.isfinite(found), found, np.nan)
