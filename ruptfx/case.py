@@ -207,6 +207,11 @@ class Case(CaseFile):
             boundary.check(key, self.plane, allowed)
         self._check_stages()
         self._check_instruments(allowed)
+        if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):
+            raise ValueError(
+                f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
+                "slides; add the table [faults.NAME.sliding], or remove this key"
+            )
         self._check_fracture()
         self._check_axisymmetric()
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}

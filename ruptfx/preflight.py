@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypeVar
 
@@ -20,6 +20,7 @@ from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.inside import Inside
 from ruptfx.interface import Interface
+from ruptfx.loading import Loads
 from ruptfx.materials import Material
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.model import Model
@@ -90,8 +91,8 @@ def preflight(case: Case) -> Iterator[Row]:
         if len(fault.interface.plus):
             yield from _fault_rows(model, fault)
             if isinstance(fault.interface, SlidingInterface):
-                yield from _sliding_rows(model, fault.name, fault.interface)
                 ends = motion.ends if isinstance(motion, stages.Staged) else [(case.duration, model.loads)]
+                yield from _sliding_rows(model, fault.name, fault.interface, ends)
                 yield from _rough_rows(f"faults.{fault.name}", roughness(model, fault, ends))
             yield from _without_effect(model, fault)
             if steps is not None:
@@ -362,8 +363,10 @@ def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)
 
 
-def _sliding_rows(model: Model, name: str, face: SlidingInterface) -> Iterator[Row]:
-    """What the surfaces of an interface that slides are like, and how far they reach."""
+def _sliding_rows(
+    model: Model, name: str, face: SlidingInterface, ends: Sequence[tuple[float, Loads]]
+) -> Iterator[Row]:
+    """What the surfaces of an interface that slides are like, how far they reach, and how far edges drive them."""
     label = f"faults.{name}"
     sides = face.geometry.plus, face.geometry.minus
     ratio = sides[0].spacing / sides[1].spacing
@@ -378,15 +381,35 @@ def _sliding_rows(model: Model, name: str, face: SlidingInterface) -> Iterator[R
     steep = "; strains and rotations must stay small: contact of steep flanks is less exact" if slope > STEEP else ""
     yield Row(f"{label}: largest slope", slope, "", f"of both surfaces{steep}", "warning" if steep else "ok")
     margins = (sides[0].points[0] - sides[1].points[0]) @ along, (sides[1].points[-1] - sides[0].points[-1]) @ along
+    driven = sum(_driven_slip(model, face, along, time, loads) for time, loads in ends)
+    leaves = abs(driven) > max(0.0, margins[driven > 0])
+    away = f", but edges drive it by {driven:.4g} m: make the body that it slides on longer" if leaves else ""
     yield Row(
         f"{label}: slip until an end leaves", max(0.0, min(margins)), "m",
-        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing",
+        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing{away}",
+        "warning" if leaves else "ok",
     )  # fmt: skip
     if model.case.impact_speed > 0:
         yield Row(
             f"{label}: updates of what points face", model.case.impact_speed * model.case.duration / face.limit, "",
             f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",
         )  # fmt: skip
+
+
+def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:
+    """By how much driven edges move the plus side along the interface, and the minus side back, until a time [m]."""
+    slip = 0.0
+    for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):
+        body = model.layout.body[side.nodes[0]]
+        ways = np.zeros(2)
+        for motion in loads.motions:
+            way = np.broadcast_to(motion.displacement(time), motion.dofs.shape)
+            for axis in (0, 1):
+                there = (model.layout.body[motion.dofs // 2] == body) & (motion.dofs % 2 == axis)
+                mean = float(way[there].mean()) if there.any() else 0.0
+                ways[axis] = mean if abs(mean) > abs(ways[axis]) else ways[axis]
+        slip += sign * float(ways @ along)
+    return slip
 
 
 def _rough_rows(label: str, found: Roughness | None) -> Iterator[Row]:

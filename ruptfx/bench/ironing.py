@@ -3,7 +3,8 @@
 A cylinder of 5 mm (upper, 5.3 GPa) on a plane (lower, 3.392 GPa) in plane strain, pressed by the motion of its top
 until contact is about 0.4 mm wide, then dragged at constant height with friction 0.3 over two elements of the plane.
 On an infinite plane nothing would change; here the forces drift with the distance from its ends along a smooth curve,
-which is taken off: what is left repeats with the elements.
+which is taken off: what is left repeats with the elements. The bodies are damped, and the elements at the interface
+have a Kelvin-Voigt layer: without that they ring at order 4, by 27 % of the shear force.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def case(order: int) -> Case:
     down = 5e-6
     slide = (SETTLED + WAY) / SPEED + 0.5 * RAMP
     made = parse_case({
-        "plane": "strain", "order": order, "duration": PRESS + slide, "damping": {"mass": 1e6},
+        "plane": "strain", "order": order, "duration": PRESS + slide,
+        "damping": {"mass": 1e6, "kelvin_voigt": {"fraction": 0.1}},
         "mesh": {
             "kind": "rough_plates", "curve_order": min(order, 2) if order > 1 else 1,
             "upper": {
@@ -111,9 +113,10 @@ def _draw(curves: dict[int, tuple[Floats, Floats]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3, 5)
-    for order, (way, force) in curves.items():
-        for name, values, style in (("normal", force[:, 1], "-"), ("shear", force[:, 0], "--")):
-            axes.plot(way / (RATIO * SIZE), values / values.mean(), style, lw=0.8, label=f"{name}, order {order}")
-    axes.set(xlabel="Way over the size of an element", ylabel="Force over its mean")
-    axes.legend(frameon=False, ncols=2)
+    for number, (order, (way, force)) in enumerate(curves.items()):
+        for name, values, style in (("normal", force[:, 1], "-"), ("shear", force[:, 0], ":")):
+            label = f"{name}, order {order}"
+            axes.plot(way / (RATIO * SIZE), values / values.mean(), style, color=f"C{number}", lw=1, label=label)
+    axes.set(xlabel="Way over the size of an element", ylabel="Force over its mean", ylim=(0.97, 1.03))
+    axes.legend(frameon=False, ncols=len(curves))
     return figure

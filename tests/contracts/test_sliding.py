@@ -326,8 +326,17 @@ def test_bodies_that_overlap() -> None:
         Model(given)
 
 
-def test_one_side_without_a_body() -> None:
-    table = plates({"mesh": {"kind": "block_on_rigid", "length": 4e-3, "height": 1e-3, "element_size": 1e-3},
-                    "faults.main.sliding": {}})  # fmt: skip
-    with pytest.raises(RuptfxError, match=r"faults.main.sliding: the minus side is not meshed \(rigid\)"):
+@pytest.mark.parametrize(
+    "mesh, other", [({"kind": "block_on_rigid"}, "rigid"), ({"kind": "half_plate"}, "antisymmetric"),
+                    ({"kind": "half_plate", "symmetry": "symmetric"}, "symmetric")],
+)  # fmt: skip
+def test_one_side_without_a_body(mesh: dict[str, Any], other: str) -> None:
+    size = {"length": 4e-3, "height": 1e-3, "element_size": 1e-3}
+    table = plates({"mesh": {**mesh, **size}, "faults.main.sliding": {}})
+    with pytest.raises(RuptfxError, match=rf"faults.main.sliding: the minus side is not meshed \({other}\)"):
         Model(parse_case(table))
+
+
+def test_forces_of_nothing_that_slides() -> None:
+    with pytest.raises(RuptfxError, match=r"output.forces_interval = 1e-06 s: forces are recorded where an interface"):
+        parse_case(plates({"output.forces_interval": 1e-6}))

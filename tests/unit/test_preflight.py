@@ -50,6 +50,22 @@ def test_surfaces_that_slide() -> None:
     assert "swap plus and minus" in found[": spacing of nodes, plus / minus"].note
 
 
+def test_an_end_that_edges_drive_off() -> None:
+    """0.9 mm of the lower body are in front of the upper one, 0.3 mm behind it; driven by 10 m/s."""
+    key = ": slip until an end leaves"
+    for duration, way, leaves in ((80e-6, 0.8e-3, False), (100e-6, 1e-3, True)):
+        found = rows(rough({"duration": duration}))[key]
+        assert found.verdict == ("warning" if leaves else "ok")
+        assert (f"but edges drive it by {way:.4g} m" in found.note) == leaves
+    table = rough({"duration": 40e-6})
+    table["boundaries"][3]["velocity"] = -10.0
+    assert rows(table)[key].verdict == "warning"
+    # In stages, ways add up.
+    table = rough({"duration": 120e-6})
+    stages = [{"duration": 60e-6}] * 2
+    assert rows({**table, "stages": stages})[key].verdict == "warning"
+
+
 def test_theory_of_two_waves() -> None:
     """Opposed waves, together 20 um over 0.6 mm, E* 2.206 GPa: p* 231 MPa, of which the edge brings 20 MPa. In contact
     are (2 / pi) asin(sqrt(20 / 231.0)) = 0.1903 of 0.6 mm, with nodes every 50 um; the peak is 2 sqrt(20 * 231)."""
