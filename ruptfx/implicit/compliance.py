@@ -257,7 +257,11 @@ class Influence:
         S of each point on itself.
     weight : ndarray, shape (points,)
         Areas of the points [m], [m2] in 3D.
+    farthest : float
+        As much may jumps change in one iteration [m].
     """
+
+    farthest = np.inf
 
     def __init__(self, stuck: np.ndarray, blocks: np.ndarray, weight: np.ndarray) -> None:
         self.stuck, self.blocks, self.weight = stuck, blocks, weight

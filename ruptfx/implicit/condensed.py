@@ -152,7 +152,12 @@ class Condensed:
             before = left
             compliance = self.influence(step)
             driven, finish = compliance.begin(-step.residual, 0.1 * step.enough(TOLERANCE))
-            found = self.balance(step, compliance, self.jumps.of(u), driven, step.enough(TOLERANCE))
+            start, begun, enough = self.jumps.of(u), step.multipliers, step.enough(TOLERANCE)
+            found = self.balance(step, compliance, start, driven, enough)
+            if found is None and self._surfaces is not None:
+                step.multipliers, self.outer = begun, 1
+                self.tractions(step, start)
+                found = self.balance(step, compliance, start, driven, enough, together=True)
             if found is None:
                 return False
             u += finish(found.q)
@@ -195,8 +200,9 @@ class Condensed:
         return found
 
     def balance(
-        self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float
-    ) -> Guess | None:
+        self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float,
+        together: bool = False,
+    ) -> Guess | None:  # fmt: skip
         """The jumps e that balance; None where there are none; collective.
 
         The step must have responded to the jumps at the start; after it, it has to those at the end.
@@ -209,6 +215,9 @@ class Condensed:
             -J A^-1 R [m].
         enough : float
             Force [N] that may be left in the whole system; a hundredth of it is left here.
+        together : bool
+            Begin with what open points would do if they pulled as closed ones press: bodies that only contact will
+            hold are then in one another, and iteration lets points go instead of looking for the first that touches.
         """
         stuck, begin = compliance.stuck, self.gather(step)
         changes = _Changes(compliance)
@@ -220,6 +229,12 @@ class Condensed:
             return Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
 
         now = guess(np.zeros_like(driven), begin)
+        if together:
+            opening = self.jumps.gather({name: response.state["opening"] for name, response in step.responses.items()})
+            pulled = np.zeros_like(driven)
+            pulled[:, 0] = stuck[:, 0, 0] * opening
+            e = self._agreed(driven - compliance.jumps_under(pulled))
+            now = guess(e, self.tractions(step, start + e))
         while now is not None and self.outer <= MAX_OUTER:
             for _ in range(MAX_NEWTON):
                 forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
@@ -230,7 +245,7 @@ class Condensed:
                     break
                 change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
                 self.iterations += 1
-                length, taken = 1.0, None
+                length, taken = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300)), None
                 for _ in range(MAX_HALVINGS):
                     e = now.e + length * change
                     there = guess(e, self.tractions(step, start + e))

@@ -24,6 +24,7 @@ from scipy.sparse import bsr_array, coo_array, csr_array
 
 from ruptfx import RuptfxError, parallel
 from ruptfx.implicit.compliance import Factors, Finish, Influence, Jumps, norm
+from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
     from ruptfx.implicit.tangent import Tangent
@@ -50,6 +51,8 @@ class Surfaces:
         Nodes, and components of a displacement.
     where : ndarray, shape (points, dim)
         Coordinates [m].
+    farthest : float
+        Length of the facets of interfaces that slide [m].
     """
 
     def __init__(self, model: Model, jumps: Jumps) -> None:
@@ -60,6 +63,10 @@ class Surfaces:
         self._nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
         self._places = self._place(self._nodes)
         self.where = self.gather(model.coordinates)
+        # What moves a facet at once does so for want of a hold.
+        faces = [fault.interface for fault in model.faults]
+        facets = [face.near for face in faces if isinstance(face, SlidingInterface)]
+        self.farthest = parallel.largest(model.comm, max(facets, default=0.0))
 
     def _global(self, nodes: np.ndarray) -> np.ndarray:
         index_map = self._model.space.dofmap.index_map
@@ -173,6 +180,7 @@ class FacingCompliance(Influence):
         local, points = jumps.local, jumps.points
         answers = self._jump @ (self._jump @ self._compliance).T  # symmetric
         blocks = answers.reshape(points, local, points, local).transpose(1, 3, 0, 2) * weight
+        self.farthest = bodies.surfaces.farthest
         super().__init__(k, np.ascontiguousarray(blocks), weight)
 
     def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:

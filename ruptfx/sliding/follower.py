@@ -53,7 +53,7 @@ class Follower:
         slid = farthest > face.limit
         moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
         if slid or moved:
-            self._remember(state, slip)
+            self._remember(state, state.displacement, slip)
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:
         """Displacement and slip that the geometry was last made from, which it is now."""
@@ -66,12 +66,13 @@ class Follower:
             self._made, self._room = state, 0.0
         return followed, slip_then
 
-    def _remember(self, state: State, slip: Floats) -> None:
-        """Make the geometry anew where the bodies are, with the tangential jump there."""
+    def _remember(self, state: State, displacement: Floats, slip: Floats) -> None:
+        """Make the geometry of a displacement, with the tangential jump there, that of a state."""
         followed, slip_then = state.fields[FIELDS + self._fault.name], state.faults[self._fault.name]["slip_followed"]
         dofs = self.face.dofs
-        followed[dofs], slip_then[:] = state.displacement[dofs], slip
+        followed[dofs], slip_then[:] = displacement[dofs], slip
         self._follow(followed, slip_then)
+        self._made = state
 
     def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         dofs = self.face.dofs
@@ -94,26 +95,22 @@ class StepFollower(Follower):
 
     def __init__(self, model: Model, fault: Fault) -> None:
         super().__init__(fault)
-        self.name = fault.name
-        self._model = model
-        self._before, self._slip_before, self._slip = np.zeros(0), np.zeros(0), np.zeros(0)
-        self._pull, self._pull_then = np.zeros(0), np.zeros(0)
-        self._held = 0.0
+        self.name, self._model = fault.name, model
+        none = np.zeros(0)
+        self._begun, self._slip_begun, self._pull_begun, self._held = none, none, none, 0.0  # at the beginning
+        self._estimate, self._taken, self._slip, self._pull = none, (none, none), none, none
 
     def begin(self, state: State) -> None:
-        """The geometry at the beginning of a step: where the bodies are."""
-        followed, slip_then = self._recall(state)
-        face, fields = self.face, state.faults[self.name]
-        if not np.array_equal(state.displacement[face.dofs], followed[face.dofs]):  # explicit steps came before
-            self._remember(state, face.jump(state.displacement)[:, 1])
-        self._before, self._slip_before = state.displacement.copy(), slip_then.copy()
-        self._pull_then = self._pull_of(fields)
-        self._held = self._energy(fields, state.time)
+        """The geometry at the beginning of a step."""
+        self._recall(state)
+        fields = state.faults[self.name]
+        self._begun, self._slip_begun = state.displacement.copy(), self.face.jump(state.displacement)[:, 1]
+        self._pull_begun, self._held = self._pull_of(fields), self._energy(fields, state.time)
 
     def at(self, displacement: Floats) -> None:
         """The geometry at an estimate of the displacement at the end."""
-        self._made = None
-        self._follow(displacement, self._slip_before, self._before)
+        self._made, self._estimate = None, displacement.copy()
+        self._follow(displacement, self._slip_begun, self._begun)
 
     def change(self, displacement: Floats, fields: FaultState, stiffness: Floats, largest: float) -> float:
         """The geometry at a displacement that was solved for with the one before, and what is new in it.
@@ -138,6 +135,7 @@ class StepFollower(Follower):
         face, pressure = self.face, fields["normal_stress"]
         before, normal = face.jump(displacement), face.frame[:, 0].copy()
         self._slip, self._pull = before[:, 1], self._pull_of(fields)
+        self._taken = self._estimate, face.jump(self._estimate)[:, 1]
         self.at(displacement)
         if not len(face.plus):
             return 0.0
@@ -150,10 +148,10 @@ class StepFollower(Follower):
 
     def slid(self) -> float:
         """Largest slip of the step as it was last solved, over the most that it may be."""
-        return float(np.max(np.abs(self._slip - self._slip_before) / self.face.step_limit, initial=0.0))
+        return float(np.max(np.abs(self._slip - self._slip_begun) / self.face.step_limit, initial=0.0))
 
     def commit(self, state: State, moved: Floats, friction: float) -> None:
-        """Take over the geometry at the end of the step, and count what the interface took beyond friction.
+        """Take over the geometry that the step was solved with, and count what the interface took beyond friction.
 
         Parameters
         ----------
@@ -164,9 +162,8 @@ class StepFollower(Follower):
         friction : float
             What friction took at the points of this rank [J].
         """
-        taken = 0.5 * self._model.layout.owned_dot(self._pull_then + self._pull, moved)
-        self._remember(state, self._slip)
-        self._made = state
+        taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
+        self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._held
         state.energy["impact"] += taken - friction - stored
 

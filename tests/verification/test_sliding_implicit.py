@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError
 from ruptfx.bench import westergaard
 from ruptfx.case import parse_case, read_case
-from ruptfx.implicit import condensed
+from ruptfx.implicit import ConvergenceError, condensed
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.launch import find_mpiexec
 from ruptfx.model import Model
@@ -174,6 +175,190 @@ def test_hertz_between_different_meshes() -> None:
     work = energy.pop("boundary_work")
     assert abs(work - sum(energy.values())) < 1e-10 * work
     assert abs(energy["damping"]) < 1e-6 * work and abs(energy["impact"]) < 0.05 * work
+
+
+# -- motion --------------------------------------------------------------------------------------------------------
+
+
+def flat(changes: dict[str, Any]) -> dict[str, Any]:
+    """A flat block of 0.6 on 0.3 mm on a long flat base, 8 on 9 elements per millimetre, of two materials."""
+    block = {"length": 0.6e-3, "height": 0.3e-3, "element_size": 0.1e-3}
+    return merged(rough(), {
+        "mesh": {"kind": "rough_plates", "curve_order": 1, "upper": block,
+                 "lower": {"left": -0.5e-3, "length": 2e-3, "height": 0.3e-3, "element_size": 0.117e-3}},
+        "faults.main.contact": RIGID, "boundaries": held("lower.bottom"), **changes,
+    })  # fmt: skip
+
+
+SLOPE, G = 0.3, 3e7
+
+
+def pull(model: Model, state: State) -> np.ndarray:
+    """Force of the upper body on the lower one [N/m]."""
+    face, fault = model.faults[0].interface, state.faults["main"]
+    local = np.column_stack([-fault["normal_stress"], fault["shear_traction"]])
+    return np.asarray(np.einsum("i,ik,ikc->c", face.weight, local, face.frame))
+
+
+def heavy(mu: float, stepper: dict[str, Any], ramp: float) -> dict[str, Any]:
+    """Gravity that pulls as on a slope down to +x."""
+    pull = [G * np.sin(SLOPE), -G * np.cos(SLOPE)]
+    return flat({
+        "boundaries": [*held("lower.bottom"), {"kind": "gravity", "acceleration": pull, "ramp": ramp}],
+        "faults.main.friction": {"kind": "coulomb", "mu_d": mu}, "stepper": stepper,
+    })  # fmt: skip
+
+
+def test_a_block_rests_on_a_slope() -> None:
+    """Friction holds its weight, and nothing moves on when the load is there."""
+    model, motion, state = started(heavy(0.6, {"kind": "quasi_static", "largest_step": 0.25, "first_step": 0.25}, 1.0))
+    while state.time < 1 - 1e-9:
+        motion.step(state)
+    fault, upper = state.faults["main"], model.layout.body == model.bodies.names.index("upper")
+    weight = G * model.mass.reshape(-1, 2)[upper, 0].sum()
+    np.testing.assert_allclose(pull(model, state), weight * np.array([np.sin(SLOPE), -np.cos(SLOPE)]), rtol=1e-8)
+    assert not np.any(fault["slip"])
+    rested = state.displacement.copy()
+    motion.step(state)
+    assert np.abs(state.displacement - rested).max() < 1e-6 * np.abs(rested).max()
+
+
+def test_nothing_holds_a_block_on_a_steep_slope() -> None:
+    _, motion, state = started(heavy(0.1, {"kind": "quasi_static", "largest_step": 0.25, "first_step": 0.25}, 1.0))
+    with pytest.raises(ConvergenceError, match=r"no equilibrium at time .* the step was halved 12 times"):
+        while state.time < 1:
+            motion.step(state)
+
+
+def test_a_block_slides_down_a_slope() -> None:
+    """With a = g (sin - mu cos), over three elements in 60 steps of 0.2 us, 16 times the explicit one."""
+    step = {"kind": "generalized_alpha", "time_step": 0.2e-6}
+    model, motion, state = started(heavy(0.1, step, 2e-6))
+    upper = model.layout.body == model.bodies.names.index("upper")
+    mass = model.mass.reshape(-1, 2)[:, 0] * upper
+
+    def mean(field: np.ndarray) -> float:
+        return float(mass @ field.reshape(-1, 2)[:, 0] / mass.sum())
+
+    while state.time < 4e-6:
+        motion.step(state)
+    before, began = mean(state.velocity), state.time
+    while state.time < 12e-6:
+        motion.step(state)
+    gained = (mean(state.velocity) - before) / (state.time - began)
+    np.testing.assert_allclose(gained, G * (np.sin(SLOPE) - 0.1 * np.cos(SLOPE)), rtol=5e-3)
+    assert mean(state.displacement) > 0.3e-3
+    np.testing.assert_allclose(state.faults["main"]["slip"].mean(), mean(state.displacement), rtol=1e-2)
+
+
+@every_contact
+def test_average_acceleration_closes_the_budget(contact: str) -> None:
+    """Rough bodies that are pressed, slide, part and meet again: friction, impacts, new facings."""
+    springs = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}
+    _, motion, state = started(rough({
+        "duration": 6e-6, "faults.main.contact": RIGID if contact == "augmented_lagrangian" else springs,
+        "stepper": {"kind": "generalized_alpha", "scheme": "average_acceleration", "time_step": 1e-7},
+    }))  # fmt: skip
+    closed = []
+    while state.time < 6e-6:
+        motion.step(state)
+        closed.append(state.faults["main"]["normal_stress"] > 0)
+    assert any(np.any(before & ~after) for before, after in pairwise(closed))
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert energy["frictional_dissipation"] > 0.02 * work
+    np.testing.assert_allclose(sum(energy.values()), work, rtol=1e-8)
+    assert abs(energy["impact"]) < 0.5 * energy["frictional_dissipation"]
+
+
+def test_flat_blocks_slide_with_the_force_of_friction() -> None:
+    """Pressed, then sheared over one element of the base: T/N is the coefficient once all of it slides."""
+    model, motion, state = started(flat({
+        "boundaries": [
+            *held("lower.bottom"), {"kind": "traction", "edge": "upper.top", "traction": [0.0, -5e6], "ramp": 1.0},
+            {"kind": "moved", "edge": "upper.top", "component": "x", "quantity": "velocity", "times": [1.0, 1.2],
+             "values": [0.0, 2e-4]},
+        ],
+        "stepper": {"kind": "quasi_static", "largest_step": 0.1},
+    }))  # fmt: skip
+    face, fault, ratios = model.faults[0].interface, state.faults["main"], []
+    while state.time < 1.8:
+        motion.step(state)
+        if fault["slip"].min() > 1e-5:
+            ratios.append(face.weight @ fault["shear_traction"] / (face.weight @ fault["normal_stress"]))
+    assert len(ratios) > 4 and fault["slip"].max() > 0.117e-3
+    np.testing.assert_allclose(ratios, 0.3, rtol=1e-9)
+    np.testing.assert_allclose(pull(model, state)[1], -5e6 * 0.6e-3, rtol=1e-8)
+
+
+@every_contact
+def test_a_force_closes_a_gap(contact: str) -> None:
+    """3 um between bodies of which nothing holds the upper one from falling or tilting; then it lies on its crests."""
+    springs = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}
+    given = parse_case(rough({
+        "mesh.closest": 3e-6, "faults.main.contact": RIGID if contact == "augmented_lagrangian" else springs,
+        "boundaries": [*held("lower.bottom"), *held("upper.top", "x"),
+                       {"kind": "traction", "edge": "upper.top", "traction": [0.0, -5e6], "ramp": 1.0}],
+        "stepper": {"kind": "quasi_static"},
+    }))  # fmt: skip
+    model = Model(given)  # type: ignore[arg-type]
+    equilibrium, state = Equilibrium(model), model.initial_state()
+    assert model.faults[0].interface.jump(state.displacement)[:, 0].min() > 2.9e-6
+    equilibrium.solve(state, 0.01).commit(state)
+    np.testing.assert_allclose(pull(model, state)[1], -0.01 * 5e6 * 1.2e-3, rtol=1e-7)
+    crests = model.faults[0].interface.points[state.faults["main"]["normal_stress"] > 0, 0] / 0.6e-3
+    assert len(crests) > 1 and np.abs(crests - np.round(crests)).max() < 0.1
+
+
+def test_slow_and_fast() -> None:
+    """Pressed and sheared in equilibrium, a rupture in explicit steps when that ends, then slow sliding again."""
+    model, motion, state = started(rough({
+        "faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}, "damping": {"mass": 5e5},
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.5, "mu_d": 0.1, "D_c": 1e-6},
+        "duration": 2.0, "boundaries": [
+            *held("lower.bottom"), {"kind": "traction", "edge": "upper.top", "traction": [0.0, -5e6], "ramp": 1.0},
+            {"kind": "moved", "edge": "upper.top", "component": "x", "quantity": "velocity", "times": [1.0, 1.2],
+             "values": [0.0, 1e-5]},
+        ],
+        "stepper": {"kind": "hybrid", "slow": {"kind": "quasi_static", "largest_step": 0.1, "first_step": 0.02},
+                    "calm_for": 1e-6},
+    }))  # fmt: skip
+    modes, ratios = [0.0], []
+    while state.time < 1.7:
+        motion.step(state)
+        if state.numbers["fast"] != modes[-1]:
+            modes.append(state.numbers["fast"])
+        force = pull(model, state)
+        ratios.append(-force[0] / force[1])
+    assert modes[:3] == [0.0, 1.0, 0.0] and modes[-1] == 0.0
+    # Flanks of the asperities add to the friction, or take off it.
+    assert max(ratios) > 0.35 and abs(ratios[-1] - 0.1) < 0.03
+    fault = state.faults["main"]
+    closed = fault["normal_stress"] > 0
+    np.testing.assert_allclose(fault["shear_traction"][closed], 0.1 * fault["normal_stress"][closed], rtol=1e-6)
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    np.testing.assert_allclose(sum(energy.values()), work, rtol=2e-3)  # springs that find others in explicit steps
+
+
+def test_facing_converges() -> None:
+    """What is found again changes less each time, by twenty and more, also in steps of a third of a node's distance."""
+    found: list[list[float]] = []
+    _, motion, state = started(rubbed())
+    solve = motion.equilibrium.solve
+
+    def noted(*given: Any, **more: Any) -> Any:
+        solution = solve(*given, **more)
+        found.append(solution.facings)
+        return solution
+
+    motion.equilibrium.solve = noted
+    while state.time < 1:
+        motion.step(state)
+    assert max(map(len, found)) > 2 and min(map(len, found)) <= 2
+    assert all(changes[-1] <= 1e-4 for changes in found)
+    falls = [before / after for changes in found for before, after in pairwise(changes)]
+    assert np.median(falls) > 20 and min(falls) > 1
 
 
 # -- runs ----------------------------------------------------------------------------------------------------------
