@@ -16,7 +16,7 @@ from ruptfx import read_case, simulate
 from ruptfx.analysis.front import fit_speed
 from ruptfx.analysis.front_motion import front_motion
 from ruptfx.analysis.near_tip import Medium
-from ruptfx.figure_style import new_figure
+from ruptfx.figure_style import new_figure, style
 from ruptfx.profiles import evaluate
 
 case = read_case(Path(__file__).with_name("stress_barrier.toml"))
@@ -51,13 +51,13 @@ print(f"it stops at {1e3 * stopped:.1f} mm after {1e6 * np.nanmax(arrival):.0f} 
 print(f"predicted: at {1e3 * predicted.arrest:.1f} mm")
 
 # %%
-figure, axes = new_figure(1, 1, 3.2)
-ax = axes[0, 0]
-ax.plot(1e3 * predicted.length, predicted.speed / medium.c_R, "k--", label="equation of motion")
-ax.plot(1e3 * places, np.array(speed) / medium.c_R, "o", ms=3, label="run")
-ax.axvspan(30, 80, color="0.92", lw=0)
-ax.text(60, 0.95, "barrier", va="top", color="0.4")
-ax.axvline(1e3 * stopped, color="C0", lw=0.8, ls=":", label="where it stops")
-ax.set(xlabel="half-length of the rupture (mm)", ylabel="front speed / $c_R$", xlim=(0, 80), ylim=(0, 1))
-ax.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.12, 0.02))
-figure.savefig(record.path / "figures" / "front.png", dpi=150)
+with style():
+    figure, ((ax,),) = new_figure(1, 1, 3.0)
+    ax.plot(1e3 * predicted.length, predicted.speed / medium.c_R, "k--", label="equation of motion")
+    ax.plot(1e3 * places, np.array(speed) / medium.c_R, "o", ms=3, label="run")
+    ax.axvspan(30, 80, color="0.92", lw=0)
+    ax.text(78, 0.95, "barrier", ha="right", va="top", color="0.4")
+    ax.axvline(1e3 * stopped, color="C0", lw=0.8, ls=":", label="where it stops")
+    ax.set(xlabel="Half-length of the rupture (mm)", ylabel="Front speed / $c_R$", xlim=(0, 80), ylim=(0, 1))
+    ax.legend(loc="lower left", bbox_to_anchor=(0.12, 0.02))
+    figure.savefig(record.path / "figures" / "front.png", dpi=150)

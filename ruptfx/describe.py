@@ -142,7 +142,8 @@ def describe_topic(topic: str) -> Iterator[RenderableType]:
             grid.add_row("")
             grid.add_row(labels)
         if entry.keys:
-            table = Table.grid(padding=(0, 2))
+            columns = "key", "unit", "bounds", "default", "what it is"
+            table = Table(*columns, box=None, pad_edge=False, header_style="dim")
             for key in entry.keys:
                 table.add_row(key.name, key.unit, key.bounds, Text(key.default), Text(key.description))
             grid.add_row("")
@@ -218,7 +219,7 @@ def _bounds(field: FieldInfo) -> str:
     }
     if typing.get_origin(field.annotation) is typing.Literal:
         return " | ".join(str(value) for value in typing.get_args(field.annotation))
-    return ", ".join(sorted(bounds))
+    return ", ".join(sorted(bounds, key=lambda bound: (bound[0] == "<", bound)))
 
 
 def _default(field: FieldInfo) -> str:

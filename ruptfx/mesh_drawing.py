@@ -16,6 +16,7 @@ from ruptfx.model import Model
 from ruptfx.places import patches
 
 BODIES = ("#dfe9f2", "#f3e6dd", "#e3efdd", "#efe0ef", "#f2efd8")
+LINE = 9  # points from one label to the next
 NORMAL, TANGENT, PATCH = "#1769aa", "#2e7d32", "#c8501e"
 
 
@@ -48,19 +49,33 @@ def draw(case: Case) -> Figure:
 def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
     order = [0, 1, 3, 2] if raw.cell == "quadrilateral" else [0, 1, 2]
     corners = raw.points[raw.cells[:, order]]
+    named: list[np.ndarray] = []
     for number, name in enumerate(raw.bodies):
         own = corners[raw.cell_body == number]
         colour = BODIES[number % len(BODIES)]
         axes.add_collection(PolyCollection(own, facecolor=colour, edgecolor="#bbbbbb", linewidth=0.2))
-        center = own.mean(axis=(0, 1))
-        axes.text(center[0], center[1], name, ha="center", va="center", weight="bold", size=10)
+        named.append(_free_place(own.mean(axis=1), named, 0.08 * np.ptp(raw.points, axis=0).max()))
+        axes.text(*named[-1], name, ha="center", va="center", weight="bold", size=10)
     axes.autoscale_view()
+
+
+def _free_place(centres: np.ndarray, taken: list[np.ndarray], apart: float) -> np.ndarray:
+    """The middle of a body or, where another one has it, as of grains that are mixed, a cell that is free."""
+    middle = centres.mean(axis=0)
+    free = np.ones(len(centres), dtype=bool)
+    for place in taken:
+        free &= np.linalg.norm(centres - place, axis=1) > apart
+        middle = np.full(2, np.nan) if np.linalg.norm(middle - place) <= apart else middle
+    if np.isfinite(middle).all() or not free.any():
+        return np.where(np.isfinite(middle), middle, centres.mean(axis=0))
+    return centres[free][np.argmin(np.linalg.norm(centres[free] - centres.mean(axis=0), axis=1))]
 
 
 def _name(axes: Axes, sides: np.ndarray, name: str) -> None:
     """An edge in black, its name beside its middle."""
     axes.add_collection(LineCollection(list(sides), color="black", linewidth=1.2))
-    middle = sides.mean(axis=(0, 1))
+    middles = sides.mean(axis=1)
+    middle = middles[np.argmin(np.linalg.norm(middles - middles.mean(axis=0), axis=1))]  # on it, where it is curved
     along = np.ptp(sides.reshape(-1, 2), axis=0)
     axes.text(middle[0], middle[1], name, ha="center", va="center", size=7, rotation=90 if along[1] > along[0] else 0,
               bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8})  # fmt: skip
@@ -74,22 +89,27 @@ def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> No
     if face.line.measure != "x":
         axes.plot(*face.line.origin, "o", color="black", markersize=4)
     middle = order[len(order) // 4]
+    below = face.other_side == "meshed"  # else there are the numbers of the axis
+    marked = list(patches(model.placed[fault.name], f"faults.{fault.name}"))
     label = f"interface {fault.name}: position = {face.line.meaning}"
-    axes.annotate(label, face.points[middle], (0, -18), textcoords="offset points", size=7)
+    place = face.points[middle if below else order[len(order) // 2]]
+    axes.annotate(label, place, (0, -18 if below else 5 + LINE * len(marked)), textcoords="offset points", size=7,
+                  ha="left" if below else "center")  # fmt: skip
     normal = np.array([face.frame[middle, 0, 0], face.frame[middle, 0, 1]]) if model.components > 1 else _across(x, y)
     tangent = np.array([normal[1], -normal[0]])  # the convention of `Interface`
     for direction, colour, label in ((normal, NORMAL, "n"), (tangent, TANGENT, "t")):
         start, end = face.points[middle], face.points[middle] + length * direction
         axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.4})
         axes.annotate(label, end, (2, 2), textcoords="offset points", color=colour)
-    for patch in patches(model.placed[fault.name], f"faults.{fault.name}"):
+    for number, patch in enumerate(marked):
         ends = np.clip(patch.ends, face.line.first, face.line.last)
         inside = order[(face.position[order] >= ends[0]) & (face.position[order] <= ends[1])]
         axes.plot(*face.points[inside].T, color=PATCH, linewidth=3.5, alpha=0.7, solid_capstyle="butt")
         if len(inside):
             key = patch.key.removeprefix(f"faults.{fault.name}.")
             place = face.points[inside[len(inside) // 2]]
-            axes.annotate(key, place, (0, 5), textcoords="offset points", color=PATCH, ha="center", size=7)
+            height = 5 + LINE * number
+            axes.annotate(key, place, (0, height), textcoords="offset points", color=PATCH, ha="center", size=7)
 
 
 def _across(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -499,6 +499,13 @@ def _breakdown_rows(
     yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
     yield _points_row(f"{label}: points in it", zone, spacing, 5)
     yield from (_doubtful(doubt) for doubt in slow_records(model, label, zone))
+    stiffness = fault.contact.stiffness()[1]
+    if stiffness and not note and law.drop > stiffness * law.slip:
+        yield Row(
+            f"{label}: softening / stiffness", law.drop / law.slip / stiffness, "", "above 1: strength falls faster "
+            "with slip than the springs of the contact unload, so that slip jumps within a step; take a stiffer "
+            "contact, split_node, or a longer slip weakening", "warning",
+        )  # fmt: skip
     if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
         yield Row(
             f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "

@@ -50,7 +50,7 @@ def draw(law: FrictionLaw) -> Figure:
                            label=name.replace("_", " ") if factor > 1 else None)  # fmt: skip
     pressed = rf"$\sigma$ = {STRESSES[1] / 1e6:g} MPa"
     axes[1].set(xlabel="Time since velocity step (s)", ylabel=rf"Strength / $\sigma$, {pressed}")
-    axes[1].legend()
+    axes[1].legend(frameon=True, edgecolor="none", borderpad=0.2)  # curves may lie behind it
     axes[2].set(xlabel="Time since velocity step (s)", ylabel="State / state before the step")
     if names:
         axes[2].legend()

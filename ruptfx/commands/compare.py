@@ -12,6 +12,7 @@ from ruptfx.commands._shared import reported, screen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import DataArray, Dataset
 
     from ruptfx.record import Record
 
@@ -29,16 +30,17 @@ def compare(
     """
     with reported():
         from ruptfx.record import Record
+        from ruptfx.summary_fields import unit
 
         with Record(first) as one, Record(second) as other:
-            table = Table("", str(first), str(second), "difference", box=None, pad_edge=False)
+            table = Table("", str(first), str(second), "unit", "difference", box=None, pad_edge=False)
             for key, (a, b) in differences(one.case, other.case).items():
-                table.add_row(key, _shown(a), _shown(b), _change(a, b))
+                table.add_row(key, _shown(a), _shown(b), "", _change(a, b))
             table.add_section()
             for key in {**(one.summary or {}), **(other.summary or {})}:
                 a, b = ((record.summary or {}).get(key) for record in (one, other))
                 if key not in UNINTERESTING and not (a is None and b is None):
-                    table.add_row(key, _shown(a), _shown(b), _change(a, b))
+                    table.add_row(key, _shown(a), _shown(b), unit(key), _change(a, b))
             screen.print(table)
             out.parent.mkdir(parents=True, exist_ok=True)
             overlay(one, other).savefig(out, dpi=150)
@@ -73,25 +75,48 @@ def _change(a: object, b: object) -> str:
 
 
 def overlay(one: Record, other: Record) -> Figure:
-    """Arrival of the rupture, final slip, and slip rate in the middle, of both runs."""
-    from ruptfx.figure_style import blank_figure, styled
+    """Arrival of the rupture, final slip, and slip rate at a place that both have reached."""
+    import numpy as np
+
+    from ruptfx.figure_style import blank_figure, scale, styled
+
+    names, both = [record.path.name for record in (one, other)], [record.interface for record in (one, other)]
+    slips = [data["slip" if "slip" in data else "slip_1"] for data in both]
+    rates = [data["slip_rate" if "slip_rate" in data else "slip_rate_1"] for data in both]
+
+    def fitting(fields: list[DataArray], unit: str) -> tuple[float, str]:
+        return scale(np.concatenate([field.values.ravel() for field in fields]), unit)
+
+    x, x_unit = fitting([data.position for data in both], "m")
+    t, t_unit = fitting([data.time for data in both], "s")
+    (u, u_unit), (v, v_unit) = fitting(slips, "m"), fitting(rates, "m/s")
+    at = _place(both)
 
     @styled
     def draw() -> Figure:
-        figure = blank_figure(7.0, 2.4)
+        figure = blank_figure(7.0, 2.6)
         arrival, slip, rate = figure.subplots(1, 3)
-        for record, line in ((one, "-"), (other, "--")):
-            data, name = record.interface, record.path.name
-            slips, rates = (data[n] if n in data else data[f"{n}_1"] for n in ("slip", "slip_rate"))
-            arrival.plot(data.position, data.rupture_time, line, label=name)
-            slip.plot(data.position, slips.isel(time=-1), line, label=name)
-            middle = rates.isel(position=data.sizes["position"] // 2)
-            rate.plot(data.time, middle, line, label=name)
-            rate.set_title(f"at {float(middle.position):.4g} m")
-        arrival.set(xlabel="Position (m)", ylabel="Rupture time (s)")
-        slip.set(xlabel="Position (m)", ylabel="Slip at the end (m)")
-        rate.set(xlabel="Time (s)", ylabel="Slip rate (m/s)")
-        arrival.legend()
+        for data, slipped, rated, line, name in zip(both, slips, rates, ("-", "--"), names, strict=True):
+            arrival.plot(data.position / x, data.rupture_time / t, line, label=name)
+            slip.plot(data.position / x, slipped.isel(time=-1) / u, line)
+            rate.plot(data.time / t, rated.sel(position=at, method="nearest") / v, line)
+        arrival.set(xlabel=f"Position ({x_unit})", ylabel=f"Rupture time ({t_unit})")
+        slip.set(xlabel=f"Position ({x_unit})", ylabel=f"Slip at the end ({u_unit})")
+        rate.set(xlabel=f"Time ({t_unit})", ylabel=f"Slip rate ({v_unit})", title=f"at {at / x:.4g} {x_unit}")
+        figure.legend(loc="outside upper left", ncols=2)
         return figure
 
     return draw()
+
+
+def _place(both: list[Dataset]) -> float:
+    """The middle of what slid in both runs, else of the first interface [m]."""
+    import numpy as np
+
+    slid = [data.position.values[np.isfinite(data.rupture_time.values)] for data in both]
+    if all(map(len, slid)):
+        first, last = max(part.min() for part in slid), min(part.max() for part in slid)
+        if first <= last:
+            return float(first + last) / 2
+    position = both[0].position.values
+    return float(position.min() + position.max()) / 2

@@ -94,11 +94,13 @@ def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool
 
 
 def _show_summary(out: Path) -> None:
+    from ruptfx.summary_fields import unit
+
     summary = json.loads((out / "summary.json").read_text())
     table = Table(show_header=False, box=None, pad_edge=False)
     for key, value in summary.items():
         if isinstance(value, int | float | str) and not isinstance(value, bool):
-            table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value))
+            table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
     screen.print(table)
     screen.print(f"Run directory: {out}")
 

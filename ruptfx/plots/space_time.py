@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator
 
 from ruptfx.analysis import rupture_origin
 from ruptfx.analysis.modes import LEVEL
@@ -48,7 +49,10 @@ def space_time(record: Files) -> Figure:
         grid = edges(position) / x_size, edges(time) / t_size
         colours = RATE_MAP.with_extremes(under="white")
         mesh = ax.pcolormesh(*grid, shown, norm=norm, cmap=colours, rasterized=True)
-        bar = figure.colorbar(mesh, ax=ax, label=f"Magnitude of slip rate ({unit})", extend="both", pad=0.03)
+        # Less than two decades need numbers between their powers of ten.
+        ticks = LogLocator(subs=(1, 2, 5)) if logarithmic and high < 100 * low else None
+        label = f"Magnitude of slip rate ({unit})"
+        bar = figure.colorbar(mesh, ax=ax, label=label, ticks=ticks, extend="both", pad=0.03)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("")
         white = f"White: slower than {low / size:.3g} {unit}, which does not count as sliding."

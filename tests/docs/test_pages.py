@@ -18,6 +18,28 @@ def test_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     run_page(page, tmp_path)
 
 
+def test_pages_do_not_stand_in_each_others_way() -> None:
+    """Whoever follows them one after another in one directory meets no run or file of an earlier one there."""
+    made: dict[str, Path] = {}
+    for page in PAGES:
+        for name in makes(page):
+            assert made.setdefault(name, page) == page, f"{page} makes {name}, as {made[name]} does"
+
+
+def makes(page: Path) -> set[str]:
+    """Runs, studies and cases that its blocks begin; what is overwritten on purpose does not count."""
+    found = set()
+    for block in filter(lambda block: block.wanted and not block.caption, blocks(page)):
+        found |= set(re.findall(r"""simulate\([^\n]*out="([^"]+)"(?!, overwrite=True)""", block.text))
+        for line in block.text.replace("\\\n", " ").splitlines():
+            command = re.match(r"(?:\$ )?ruptfx (run|study|new) (\S+)(?!.*\|\| true)", line)
+            if command:
+                given = re.search(r"--out (\S+)", line)
+                folder = {"run": "runs/", "study": "studies/", "new": ""}[command[1]]
+                found.add(given[1] if given else folder + Path(command[2]).stem)
+    return found
+
+
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_links_lead_somewhere(page: Path) -> None:
     """Relative links; those in the site are checked by Sphinx, too, but not those out of docs/."""

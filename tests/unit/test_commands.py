@@ -12,6 +12,7 @@ import pytest
 import synthetic
 import tomli_w
 import xarray
+from labels import label_faults
 from matplotlib.image import imread
 from small_cases import merged, plates
 from typer.testing import CliRunner, Result
@@ -84,17 +85,20 @@ def test_new_knows_its_demos(tmp_path: Path) -> None:
 
 
 @fem
-@pytest.mark.parametrize("demo", ["gmsh", "antiplane"])
+@pytest.mark.parametrize("demo", ["gmsh", "antiplane", "rate_state"])
 def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None:
     from ruptfx.case import read_case
     from ruptfx.mesh_drawing import draw
 
     pytest.importorskip("gmsh")
-    coarse = ["mesh.element_size=2000.0"] if demo == "antiplane" else []
-    axes = draw(read_case(ROOT / "demos" / f"{demo}.toml", coarse)).axes[0]
+    coarse = [] if demo == "gmsh" else ["mesh.element_size=2000.0"]
+    figure = draw(read_case(ROOT / "demos" / f"{demo}.toml", coarse))
+    assert label_faults(figure) == []
+    (axes,) = figure.axes
     words = " ".join(text.get_text() for text in axes.texts)
     wanted = {
         "gmsh": ["above", "below", "above.left", "interface fault: position = arc length from (0, 0.015) m", "n", "t"],
+        "rate_state": ["upper.left", "friction.a", "nucleation.0"],
         "antiplane": ["upper", "upper.top", "interface main: position = x", "nucleation.0"],
     }[demo]
     assert [word for word in wanted if word not in words] == []

@@ -224,6 +224,15 @@ def test_a_law_without_a_length_says_so() -> None:
     assert (found.value, found.note) == ("none", "velocity_weakening has no length of its own")
 
 
+def test_softening_against_the_stiffness_of_the_contact() -> None:
+    """1.8 MPa are lost over D_c, and the springs have 100 GPa/m: 3.6 at 5 um, 0.9 at 20 um."""
+    for slip, told in ((5e-6, 3.6), (20e-6, None)):
+        law = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": slip}
+        found = rows(plates({"faults.main.friction": law})).get(": softening / stiffness")
+        assert (found and found.value) == (told and pytest.approx(told))
+        assert found is None or found.verdict == "warning"
+
+
 def test_the_demo_needs_no_warning() -> None:
     demo = read_case(Path(__file__).parents[2] / "demos" / "slip_weakening.toml")
     assert {row.quantity for row in preflight(demo) if row.verdict != "ok"} == set()
