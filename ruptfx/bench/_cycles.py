@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 BEGINS, ENDS = 1e-3, 1e-4  # m/s, of the largest slip rate
+SLOW, FAST = 5 * 365.25 * 24 * 3600, 1.0  # s, between the profiles of slip that are kept: no rupture, and in one
 
 
 @dataclass
@@ -22,11 +23,22 @@ class Event:
     """Largest slip rate [m/s]."""
     slip: float = 0.0
     """Largest slip [m]; zero before the end."""
+    first_slip: float = 0.0
+    """Slip of the first point, at the surface [m]; zero before the end."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Slip along the fault [m], at a time [s], in a rupture or not."""
+
+    time: float
+    slip: np.ndarray
+    ruptures: bool
 
 
 @dataclass
 class Cycles:
-    """What a run leaves: its events, and of every step time [s] and largest slip rate [m/s].
+    """What a run leaves: its events, of every step time [s] and largest slip rate [m/s], and now and then the slip.
 
     Attributes
     ----------
@@ -38,6 +50,7 @@ class Cycles:
     events: list[Event] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     speeds: list[float] = field(default_factory=list)
+    profiles: list[Profile] = field(default_factory=list)
     _slip: np.ndarray | None = None
 
     def look(self, time: float, rate: np.ndarray, slip: np.ndarray) -> None:
@@ -54,7 +67,12 @@ class Cycles:
             event = self.events[-1]
             event.peak = max(event.peak, fastest)
             if fastest < ENDS:
-                event.slip, self._slip = float((slip - self._slip).max()), None
+                slipped = slip - self._slip
+                event.slip, event.first_slip, self._slip = float(slipped.max()), float(slipped[0]), None
+        ruptures = self._slip is not None
+        last = self.profiles[-1] if self.profiles else Profile(-np.inf, slip, False)
+        if ruptures != last.ruptures or time - last.time >= (FAST if ruptures else SLOW):
+            self.profiles.append(Profile(time, slip.copy(), ruptures))
 
     @property
     def over(self) -> int:

@@ -12,12 +12,11 @@ from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.deferred import Ahead
-from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
-from ruptfx.radiation import radiation_impedance
 from ruptfx.schema import Part, unit_of
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
+from ruptfx.steppers._slow import SlowMotion
 from ruptfx.units import Duration, Fraction, Length
 
 if TYPE_CHECKING:
@@ -70,28 +69,17 @@ class QuasiStatic(Stepper):
         return QuasiStaticMotion(model, self)
 
 
-class QuasiStaticMotion:
-    """Quasi-static steps bound to a model.
-
-    `State.velocity` is the mean one of the last step, the size of the next step is in `State.numbers`.
-    """
-
-    collective = True
+class QuasiStaticMotion(SlowMotion):
+    """Quasi-static steps bound to a model; the size of the next step is in `State.numbers`."""
 
     def __init__(self, model: Model, stepper: QuasiStatic) -> None:
-        # Not at the top: cases are read also where there is no DOLFINx.
-        self.model, self._stepper = model, stepper
-        self._radiation = {
-            f.name: radiation_impedance(model, f) if stepper.radiation_damping else np.zeros(len(f.interface.plus))
-            for f in model.faults
-        }
-        self.equilibrium = Equilibrium(model, stepper.petsc_options, self._radiation)
+        super().__init__(model, stepper.radiation_damping, stepper.petsc_options)
+        self._stepper = stepper
         self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
         self._smallest = stepper.smallest_step or 0.1 * stable_time_step(model)
         self._greatest = stepper.largest_step or model.case.duration / 100
         self.dt = parallel.three_digits(min(stepper.first_step or self._first_step(), self._greatest))
         self._warned = False
-        self._driven = model.loads.prescribed.astype(float)
 
     def _chosen_tolerance(self) -> float:
         return min((slip_to_resolve(self.model, fault) for fault in self.model.faults), default=np.inf)
@@ -156,18 +144,12 @@ class QuasiStaticMotion:
 
     def _commit(self, state: State, solution: Solution) -> None:
         """Take over a step, and count energies."""
-        for fault in self.model.faults:
-            # Radiation is part of the traction times the slip rate that counts as friction.
-            radiated = self._radiated(fault, state, solution)
-            state.energy["frictional_dissipation"] -= radiated
-            state.energy["damping"] += radiated
+        self.count_radiation(state, solution)
         deferred = self.equilibrium.deferred
         if deferred is not None and isinstance(solution, Ahead):
             deferred.commit(state, solution)
             return
-        moved = self._account(state, solution)
-        solution.commit(state)
-        self._lose_kinetic(state, moved / solution.dt)
+        self.take(state, solution)
         if deferred is not None and state.unseen:
             deferred.begin(state)
 
@@ -218,35 +200,6 @@ class QuasiStaticMotion:
         if newton > EASY:
             growth = min(growth, 0.7 if newton > HARD else 1.0)
         return parallel.three_digits(min(max(dt * stepped(growth), self._smallest), self._greatest))
-
-    def _account(self, state: State, solution: Solution) -> np.ndarray:
-        """Count the work done in the step; the displacement added in it [m].
-
-        Bodies and interfaces take what driven edges and loads give, and what forces out of balance at the start, such
-        as those of waves that are no longer computed, lose.
-        """
-        model, time = self.model, state.time
-        loads = [self.equilibrium.forces.load(t) for t in (time, time + solution.dt)]
-        begun = self.equilibrium.forces.internal(state) if solution.begun is None else solution.begun
-        before, after = begun - loads[0], solution.internal - loads[1]
-        moved = solution.displacement - state.displacement
-        mean = 0.5 * (before + after)
-        dot = model.layout.owned_dot
-        state.energy["boundary_work"] += dot(0.5 * (loads[0] + loads[1]) + self._driven * mean, moved)
-        state.energy["damping"] -= dot((1 - self._driven) * mean, moved)
-        return moved
-
-    def _radiated(self, fault: Fault, state: State, solution: Solution) -> float:
-        old, new = (fault.components(fields[fault.name], "slip_rate") for fields in (state.faults, solution.faults))
-        mean = fault.components(solution.faults[fault.name], "mean_slip_rate")
-        power = 0.5 * self._radiation[fault.name] * np.sum((old + new) * mean, axis=1)
-        return float(np.sum(fault.interface.owned * fault.interface.weight * power)) * solution.dt
-
-    def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:
-        """Take over the velocity; equilibrium knows no inertia, so the change of kinetic energy is lost or gained."""
-        mass, dot = self.model.mass, self.model.layout.owned_dot
-        state.energy["damping"] += 0.5 * (dot(state.velocity, mass * state.velocity) - dot(velocity, mass * velocity))
-        state.velocity[:] = velocity
 
 
 def stepped(factor: float) -> float:

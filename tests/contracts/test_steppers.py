@@ -33,6 +33,8 @@ SCHEMES: list[dict[str, Any]] = [
 ]  # fmt: skip
 RIGID = {"kind": "augmented_lagrangian"}
 METHODS = (COMPLIANT, SPLIT, RIGID)
+ANY_STEPPER = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6,
+               "theta_initial": 1e3}  # fmt: skip
 
 
 def name_of(stepper: dict[str, Any]) -> str:
@@ -79,7 +81,7 @@ def test_what_a_stepper_owes(kind: str) -> None:
     for contact in METHODS:
         pushed = case({
             "order": 1, "boundaries": [*HELD, *EVERYTHING[:3]], "faults.main.contact": contact,
-            "stepper": {"kind": kind, **required(kind)},
+            "faults.main.friction": ANY_STEPPER, "stepper": {"kind": kind, **required(kind)},
         })  # fmt: skip
         model = Model(pushed)
         if not fits({"kind": kind}, contact):

@@ -1,0 +1,361 @@
+"""Earthquake cycles of rate-and-state faults: explicit Runge-Kutta steps of slip and age."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from scipy.integrate import RK45
+from scipy.linalg import solve
+
+from ruptfx import parallel
+from ruptfx.contact import Way
+from ruptfx.fields import MONITORS, Moment
+from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.implicit import ConvergenceError
+from ruptfx.implicit.compliance import Compliance, Jumps
+from ruptfx.implicit.condensed import MOST_UNKNOWNS, fits
+from ruptfx.implicit.solution import Solution
+from ruptfx.points import frictional_power
+from ruptfx.schema import CaseError, alternatives
+from ruptfx.steppers import Stepper
+from ruptfx.steppers._slow import SlowMotion
+from ruptfx.units import Duration, Fraction
+
+if TYPE_CHECKING:
+    from ruptfx.fault import Fault
+    from ruptfx.model import Model
+    from ruptfx.state import FaultState, State
+
+MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
+OPENS = 0.01  # of its initial normal stress, below which a fault is taken to open
+LEAST = 1e-14  # step over time, next to rounding
+MAX_NEWTON = 50
+SLOWEST = -230.0  # of ln V
+NUDGE = 1e-6  # of ln V, for slopes
+HELD = 1e-9  # compliance of a point over that of the softest one, below which it moves as it is driven
+
+
+class QuasiDynamic(Stepper):
+    """Equilibrium with radiation damping, slip and age of rate-and-state faults in adaptive Runge-Kutta steps.
+
+    Tractions follow from slip by a matrix that is made once, for bodies are linear:
+
+        tau = tau_0 + tau_F(t) - K s,   strength(V, theta) + eta V = |tau|,   ds/dt = V,   dtheta/dt of the law
+
+    with eta the impedance of waves that leave both sides (Rice 1993). Steps follow the errors of slip over D_c and of
+    ln theta, the largest of all points. They are of fifth order and take ruptures in a hundredth of the steps of
+    `quasi_static`, which serves other laws, contact that opens and bodies that are not linear.
+    Source: Dormand and Prince (1980).
+    """
+
+    ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    inertia: ClassVar[bool] = False
+    adaptive: ClassVar[bool] = True
+
+    tolerance: Fraction = 1e-4
+    """Error of a step: of slip over D_c, and of the logarithm of the age."""
+    first_step: Duration | None = None
+    """Default: the step in which the fastest point slips a hundredth of its D_c."""
+    largest_step: Duration | None = None
+    """Default: a hundredth of the duration."""
+
+    def bind(self, model: Model) -> QuasiDynamicMotion:
+        return QuasiDynamicMotion(model, self)
+
+
+class QuasiDynamicMotion(SlowMotion):
+    """Steps bound to a model. All ranks know slip and age of all points, each asks the laws of its own."""
+
+    def __init__(self, model: Model, stepper: QuasiDynamic) -> None:
+        super().__init__(model, True)
+        for fault in model.faults:
+            require(fault)
+        if not fits(model):
+            raise CaseError(
+                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MOST_UNKNOWNS} "
+                "unknowns of all faults; use 'quasi_static', or fewer nodes"
+            )
+        self._stepper, self._jumps = stepper, Jumps(model)
+        self._greatest = stepper.largest_step or model.case.duration / 100
+        local, self._shear = self._jumps.local, slice(int(model.faults[0].interface.has_normal), None)
+        stuck = {
+            fault.name: self.equilibrium.body_stiffness(fault.interface, None)[:, None, None] * np.eye(local)
+            for fault in model.faults
+        }
+        self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
+        self._D_c = self._of_all(lambda fault: np.broadcast_to(law_of(fault).D_c, len(fault.interface.plus)))
+        self._make_matrices()
+        self._loaded: tuple[tuple[np.ndarray, np.ndarray], np.ndarray] | None = None
+        self.dt = min(stepper.first_step or self._first_step(), self._greatest)
+
+    def _make_matrices(self) -> None:
+        """Tractions per jump of loaded bodies with stuck faults, and per slip.
+
+        With k the stiffness of stuck faults in A and g_F = J A^-1 F the jump under the loads, bodies have the jump
+        g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t. Hence
+        (S (1 - k c) + c) t = g_F - (1 - S k) s.
+        """
+        jumps, bodies = self._jumps, self._bodies
+        size = jumps.points * jumps.local
+        S = bodies.blocks.transpose(2, 0, 3, 1).reshape(size, size)
+        k = np.diagonal(bodies.stuck, axis1=1, axis2=2).ravel()
+        self._compliance = self._of_all(compliance)
+        c = self._compliance.ravel()
+        whole = S * (1 - k * c) + np.diag(c)
+        self._by_jump, self._by_slip = solve(whole, np.eye(size)), solve(whole, np.eye(size) - S * k)
+        own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
+        self._held = np.any(own < HELD * own.max(), axis=1)
+
+    def _first_step(self) -> float:
+        fastest = self._of_all(lambda fault: speed_of(fault, fault.initial_state()))
+        rate = float((fastest / self._D_c).max(initial=0.0))
+        return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
+
+    def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
+        """What every fault has at its own points, at all points; collective."""
+        return self._jumps.gather({fault.name: ask(fault) for fault in self.model.faults})
+
+    def _agreed(self, values: np.ndarray) -> np.ndarray:
+        """Those of the first rank: products differ in their last digits."""
+        comm = self.model.comm
+        agreed: np.ndarray = values if comm.size == 1 else comm.bcast(values, root=0)
+        return agreed
+
+    def step(self, state: State) -> None:
+        """One step that is accurate enough; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks, the state as before: no step is short enough, or a fault opens.
+        """
+        self._refuse_to_open(state)
+        dt = min(state.numbers.get("dt", self.dt), self._greatest)
+        slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
+        age = np.log(self._of_all(lambda fault: state.faults[fault.name]["theta"]))
+        start = np.column_stack([slip, age])
+        speed = self._of_all(lambda fault: speed_of(fault, state.faults[fault.name]))
+        self._guess = np.log(np.maximum(speed, np.exp(SLOWEST)))
+        while True:
+            end, answer, error = self._attempt(state.time, dt, start)
+            if error <= 1:
+                break
+            dt *= max(MOST_SHRINKING, SAFETY * error**-0.2)
+            if dt < LEAST * (state.time + self._greatest):
+                raise ConvergenceError(
+                    f"no step is short enough at time {state.time:.9g} s, down to {dt:.3g} s; use stepper.kind = "
+                    "'quasi_static'"
+                )
+        solution = self._solution(state, dt, end, *answer)
+        self.count_radiation(state, solution)
+        self.take(state, solution)
+        state.numbers["dt"] = dt * min(MOST_GROWTH, SAFETY * max(error, 1e-10) ** -0.2)
+
+    def _refuse_to_open(self, state: State) -> None:
+        for fault in self.model.faults:
+            opens = state.faults[fault.name]["normal_stress"] < OPENS * fault.normal_stress_0
+            if parallel.anywhere(self.model.comm, bool(opens.any())):
+                raise ConvergenceError(
+                    f"faults.{fault.name} opens at time {state.time:.9g} s: less than {OPENS:.0%} of its initial "
+                    "normal stress is left; use stepper.kind = 'quasi_static'"
+                )
+
+    def _attempt(
+        self, time: float, dt: float, start: np.ndarray
+    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+        """Slip and age at the end of a step, tractions and slip rates there, and the error over the tolerance."""
+        loaded, later = self._loaded_jump(time), self._loaded_jump(time + dt)
+        growth = (later - loaded) / dt  # loads are linear in time over a step
+        slopes = np.zeros((len(RK45.B) + 1, *start.shape))
+        for stage, weights in enumerate([*RK45.A, RK45.B]):
+            y = start + dt * np.tensordot(weights[:stage], slopes[:stage], 1)
+            part = RK45.C[stage] if stage < len(RK45.C) else 1.0
+            slopes[stage], *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
+        wrong = np.abs(dt * np.tensordot(RK45.E, slopes, 1))
+        wrong[:, :-1] /= self._D_c[:, None]
+        error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
+        return self._agreed(y), (answer[0], answer[1]), error if np.isfinite(error) else np.inf
+
+    def _slope(
+        self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of slip and age; tractions beyond the initial ones, (points, local), and slip rates, (points, tangents).
+
+        Not a number where there is no slip rate, or the fault would open.
+        """
+        slip = self._with_normal(y[:, :-1])
+        traction = self._by_jump @ loaded.ravel() - self._by_slip @ slip.ravel()
+        traction = self._agreed(traction.reshape(slip.shape))
+        found = {}
+        with np.errstate(all="ignore"):  # trial steps that are too long
+            for fault in self.model.faults:
+                whole = (y[:, -1], traction, growth, self._guess, self._held)
+                found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
+        columns = self._jumps.gather(found)
+        rate, ageing, traction, log_rate = np.split(columns, np.cumsum([y.shape[1] - 1, 1, slip.shape[1]]), axis=1)
+        self._guess = np.where(np.isfinite(log_rate[:, 0]), log_rate[:, 0], self._guess)
+        return np.concatenate([rate, ageing], axis=1), traction, rate
+
+    def _answer(
+        self, fault: Fault, time: float, age: np.ndarray, traction: np.ndarray, growth: np.ndarray,
+        guess: np.ndarray, held: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Of the points of one fault: slip rate, that of ln theta, traction and ln V, side by side."""
+        law, eta, theta, traction = law_of(fault), self.radiation[fault.name], np.exp(age), traction.copy()
+        pressure, shear = self._stresses(fault, time, traction)
+        size = np.linalg.norm(shear, axis=1)
+
+        def missing(x: np.ndarray) -> np.ndarray:
+            return np.asarray(size - eta * np.exp(x) - law.strength(np.exp(x), pressure, {"theta": theta}))
+
+        x = zero_of(missing, guess)
+        x = np.where((pressure > 0) & np.isfinite(size), x, np.nan)
+        rate = np.exp(x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
+        if held.any():
+            # Slip follows the bodies there, and the traction is what friction makes of it.
+            rate = np.where(held[:, None], growth[:, self._shear], rate)
+            speed = np.linalg.norm(rate, axis=1)
+            carried = (law.strength(speed, pressure, {"theta": theta}) + eta * speed)[:, None] * rate
+            carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
+            traction[:, self._shear] = np.where(held[:, None], carried, traction[:, self._shear])
+            x = np.where(held, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
+        ageing = law.age_rate(theta, np.exp(x)) / theta
+        return np.column_stack([rate, ageing, traction, x])
+
+    def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from those beyond the initial ones."""
+        pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
+        return pressure, fault.driving_shear(time) + traction[:, self._shear]
+
+    def _with_normal(self, slip: np.ndarray) -> np.ndarray:
+        """With a normal component of zero where faults have one, shape (points, local)."""
+        whole = np.zeros((self._jumps.points, self._jumps.local))
+        whole[:, self._shear] = slip
+        return whole
+
+    def _loaded_jump(self, time: float) -> np.ndarray:
+        """Of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
+
+        Loads that have grown as a whole, as those of plates that move on, are answered by a larger jump of before.
+        """
+        model, dot = self.model, self.model.layout.owned_dot
+        given = self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
+        if self._loaded is not None:
+            before, jump = self._loaded
+            products = [[dot(new, old), dot(old, old)] for new, old in zip(given, before, strict=True)]
+            along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
+            factor = float(along / square) if square > 0 else 0.0
+            same = all(np.allclose(new, factor * old, 1e-12, 0.0) for new, old in zip(given, before, strict=True))
+            if not parallel.anywhere(model.comm, not same):
+                return np.asarray(factor * jump)
+        jump = self._jumps.of(self._balanced(given[1], time, self._of_stuck(self._jumps.of(given[1]))))
+        self._loaded = given, jump
+        return jump
+
+    def _of_stuck(self, jump: np.ndarray) -> np.ndarray:
+        """k times a jump [Pa], both of shape (points, local)."""
+        return np.asarray(np.einsum("pij,pj->pi", self._bodies.stuck, jump))
+
+    def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:
+        """Displacement in equilibrium with the loads of a time [m], from one with edges driven to where they are then.
+
+        Parameters
+        ----------
+        push : ndarray, shape (points, local)
+            t - k (g - J u), with the tractions t and the jump g at the end [Pa].
+        """
+        force = self.equilibrium.forces.load(time) + self.model.internal_force(u)
+        return np.asarray(u + self._bodies.solve(force - self._jumps.force(push, len(u))))
+
+    def _solution(
+        self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> Solution:
+        """What the step leaves, from slip and age, tractions and slip rates at its end."""
+        model, jumps, time = self.model, self._jumps, state.time + dt
+        jump = self._with_normal(end[:, :-1]) + self._compliance * traction
+        moved = model.loads.moved(state.displacement, state.time, time)
+        u = self._balanced(moved, time, traction - self._of_stuck(jump - jumps.of(moved)))
+        internal = jumps.force(traction, len(u)) - model.internal_force(u)
+        faults = {}
+        for fault in model.faults:
+            given = (jumps.pick(each, fault.name) for each in (end, traction, rate))
+            faults[fault.name] = self._fields(fault, state, dt, *given)
+        return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
+
+    def _fields(
+        self, fault: Fault, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> FaultState:
+        """Of one fault at the end of a step."""
+        old, time = state.faults[fault.name], state.time + dt
+        pressure, shear = self._stresses(fault, time, traction)
+        slip = end[:, :-1]
+        new = fault.state_of({
+            "normal_stress": pressure, "opening": np.zeros(len(slip)), "slip": slip, "slip_rate": rate,
+            "mean_slip_rate": (slip - fault.components(old, "slip")) / dt, "shear_traction": shear,
+        }) | {"theta": np.exp(end[:, -1])}  # fmt: skip
+        at = Moment(
+            time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
+            normal_stress=pressure, power=frictional_power(fault, old, new, dt), duration=dt,
+            threshold=self.model.case.output.rupture_threshold,
+        )  # fmt: skip
+        return new | {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
+
+
+def zero_of(missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray) -> np.ndarray:
+    """Where functions that fall with x are zero, by Newton's method, shape (n,); not a number where it finds none.
+
+    At `SLOWEST` those that are zero nowhere above.
+    """
+    x, found = guess, np.zeros(len(guess), dtype=bool)
+    for _ in range(MAX_NEWTON):
+        value = missing(x)
+        slope = (missing(x + NUDGE) - value) / NUDGE
+        change = np.maximum(x - np.clip(value / slope, -3, 3), SLOWEST) - x
+        x = x + change
+        found = np.abs(change) < 1e-10
+        if np.all(found | np.isnan(change)):
+            break
+    return np.where(found, x, np.nan)
+
+
+def law_of(fault: Fault) -> RateAndState:
+    """The friction law of a fault that `require` has let pass."""
+    assert isinstance(fault.friction, RateAndState)
+    return fault.friction
+
+
+def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:
+    """Slip rate [m/s], shape (n,)."""
+    return np.asarray(np.linalg.norm(fault.components(fields, "slip_rate"), axis=1))
+
+
+def compliance(fault: Fault) -> np.ndarray:
+    """Jump per traction of the contact [m/Pa], shape (n, local)."""
+    normal, shear = (1 / each for each in fault.contact.stiffness())
+    return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))
+
+
+def require(fault: Fault) -> None:
+    """Refuse what has no slip rate at every traction.
+
+    Raises
+    ------
+    CaseError
+    """
+    law, key = fault.friction, f"faults.{fault.name}"
+    ages = isinstance(law, RateAndState) and type(law).age_rate is not RateAndState.age_rate
+    if not ages or set(law.all_state_fields()) != {"theta"}:
+        able = [kind for kind, cls in alternatives("ruptfx.friction").items() if "age_rate" in vars(cls)]
+        raise CaseError(
+            f"{key}.friction.kind = '{law.kind()}': quasi_dynamic steps integrate slip rate and age; use "
+            f"{' or '.join(map(repr, able))}, or the stepper 'quasi_static'"
+        )
+    if fault.slides:
+        raise CaseError(f"{key}.sliding: not for quasi_dynamic steps; remove it, or use the stepper 'quasi_static'")
+    if not min(fault.contact.stiffness()) > 0:
+        raise CaseError(
+            f"{key}.contact.kind = '{fault.contact.kind()}': not for quasi_dynamic steps; use 'compliant', or the "
+            "stepper 'quasi_static'"
+        )

@@ -1,0 +1,127 @@
+"""Quasi-dynamic Runge-Kutta steps: against implicit ones, their own energy budget, restarts, what they refuse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compare import largest_difference
+from small_cases import case
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.implicit import ConvergenceError
+from ruptfx.model import Model
+from ruptfx.schema import CaseError
+from ruptfx.simulation import simulate
+from ruptfx.steppers.quasi_dynamic import QuasiDynamicMotion, zero_of
+
+pytestmark = pytest.mark.fem
+
+STIFF = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}
+LAW = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.014, "D_c": 2e-7, "f_0": 0.6, "V_0": 1e-6}
+HELD = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
+EXPLICIT, IMPLICIT = {"kind": "quasi_dynamic"}, {
+    "kind": "quasi_static", "radiation_damping": True, "slip_tolerance": 5e-11, "rate_tolerance": 2e-3,
+    "strength_tolerance": 1e-5,
+}  # fmt: skip
+
+
+def plates(changes: dict[str, Any] | None = None) -> Any:
+    """Unlike plates in plane stress, so that slip changes the normal stress; the upper one is pushed at its left."""
+    soft = {"kind": "isotropic_elastic", "young_modulus": 2e9, "poisson_ratio": 0.3, "density": 1100.0}
+    stiff = {"kind": "isotropic_elastic", "young_modulus": 4e9, "poisson_ratio": 0.35, "density": 1200.0}
+    return case({
+        "order": 2, "duration": 50.0, "mesh.length": 12e-3, "mesh.element_size": 2e-3,
+        "materials": {"upper": soft, "lower": stiff},
+        "faults.main.contact": STIFF, "faults.main.friction": LAW,
+        "faults.main.initial_stress": {"normal": 6e6, "shear": 3.3e6},
+        "boundaries": [*HELD, {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1e-6}],
+        "stepper": EXPLICIT, **(changes or {}),
+    })  # fmt: skip
+
+
+def reach(given: Any, time: float) -> tuple[Any, Any, Any]:
+    """Model, motion and state at a time, which the last step is cut to reach."""
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    while state.time < time * (1 - 1e-9):
+        state.numbers["dt"] = min(state.numbers.get("dt", motion.dt), time - state.time)
+        motion.step(state)
+    return model, motion, state
+
+
+def test_as_implicit_steps() -> None:
+    """Slip that spreads from one end at changing normal stress: slip, slip rate, age, tractions, balance and energy."""
+    model, motion, state = reach(plates(), 1.5)
+    _, _, implicit = reach(plates({"stepper": IMPLICIT}), 1.5)
+    ours, theirs = state.faults["main"], implicit.faults["main"]
+    assert state.step < 0.25 * implicit.step
+    assert np.ptp(ours["slip_rate"]) > 5e-7 and np.ptp(ours["normal_stress"]) > 3e5
+    for name in ("slip", "slip_rate", "theta", "normal_stress", "shear_traction"):
+        np.testing.assert_allclose(ours[name], theirs[name], atol=2e-3 * np.abs(theirs[name]).max(), err_msg=name)
+    size = np.abs(state.displacement).max()
+    np.testing.assert_allclose(state.displacement, implicit.displacement, atol=2e-3 * size)
+    # The displacement goes with slip and tractions, and all forces but those of driven edges are balanced.
+    jump = model.faults[0].interface.jump(state.displacement)[:, 1]
+    stretch = (ours["shear_traction"] - model.faults[0].shear_traction_0[:, 0]) / STIFF["C_s"]
+    np.testing.assert_allclose(jump, ours["slip"] + stretch, atol=1e-12 * size)
+    forces = motion.equilibrium.forces.internal(state)
+    free = ~model.loads.prescribed
+    assert np.abs(forces[free]).max() < 1e-10 * np.abs(forces[~free]).max()
+    energy = motion.energies(state)
+    lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+    assert energy["frictional_dissipation"] > 0 and abs(lost) < 1e-9 * energy["boundary_work"]
+
+
+def test_error_follows_the_tolerance() -> None:
+    finest = reach(plates({"stepper": {**EXPLICIT, "tolerance": 1e-8}}), 1.5)[2].faults["main"]["slip"]
+    errors = []
+    for tolerance in (1e-3, 1e-5):
+        slip = reach(plates({"stepper": {**EXPLICIT, "tolerance": tolerance}}), 1.5)[2].faults["main"]["slip"]
+        errors.append(np.abs(slip - finest).max() / LAW["D_c"])
+    assert errors[1] < 0.1 * errors[0] and errors[1] < 1e-4
+
+
+def test_stopped_run_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = plates({"duration": 3.0, "output.checkpoint_steps": 4})
+    simulate(given, tmp_path / "whole", progress=False)
+    step = QuasiDynamicMotion.step
+
+    def stops(motion: Any, state: Any) -> None:
+        if state.step == 10:
+            raise ConvergenceError("stopped by the test")
+        step(motion, state)
+
+    monkeypatch.setattr(QuasiDynamicMotion, "step", stops)
+    with pytest.raises(ConvergenceError):
+        simulate(given, tmp_path / "stopped", progress=False)
+    monkeypatch.setattr(QuasiDynamicMotion, "step", step)
+    simulate(given, tmp_path / "stopped", progress=False, resume=True).close()
+    assert max(largest_difference(tmp_path / "whole", tmp_path / "stopped").values()) == 0
+
+
+def test_refuses_what_has_no_slip_rate_at_every_traction() -> None:
+    """Another law, rigid contact, and a fault that opens: it says so, and the state is as before."""
+    for change, key in (
+        ({"faults.main.friction": {"kind": "coulomb", "mu_d": 0.4}}, "friction.kind = 'coulomb': .*_ageing"),
+        ({"faults.main.contact": {"kind": "augmented_lagrangian"}}, "contact.kind = 'augmented_lagrangian': not for q"),
+    ):
+        refused = plates(change)
+        with pytest.raises(CaseError, match=rf"faults\.main\.{key}"):
+            refused.stepper.bind(Model(refused))
+    up = {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 1e-2}
+    pulled = plates({"boundaries": [*HELD, up]})
+    with pytest.raises(ConvergenceError, match=r"faults\.main opens at time .*quasi_static"):
+        reach(pulled, 0.01)
+
+
+def test_zeros_of_falling_functions() -> None:
+    """One of them steep, one zero far below its guess, one nowhere."""
+    def missing(x: np.ndarray) -> np.ndarray:
+        return np.array([5 - np.exp(x[0]), -1e-3 * (x[1] + 40), -1 - np.exp(x[2])])
+
+    found = zero_of(missing, np.array([3.0, 0.0, 0.0]))
+    np.testing.assert_allclose(found, [np.log(5), -40, np.nan], rtol=1e-9)
