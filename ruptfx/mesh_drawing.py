@@ -54,8 +54,9 @@ def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
         own = corners[raw.cell_body == number]
         colour = BODIES[number % len(BODIES)]
         axes.add_collection(PolyCollection(own, facecolor=colour, edgecolor="#bbbbbb", linewidth=0.2))
-        named.append(_free_place(own.mean(axis=1), named, 0.08 * np.ptp(raw.points, axis=0).max()))
-        axes.text(*named[-1], name, ha="center", va="center", weight="bold", size=10)
+        place = _free_place(own.mean(axis=1), named, 0.08 * np.ptp(raw.points, axis=0).max())
+        named.append(place)
+        axes.text(place[0], place[1], name, ha="center", va="center", weight="bold", size=10)
     axes.autoscale_view()
 
 
