@@ -389,7 +389,11 @@ def _sliding_rows(
         f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing{away}",
         "warning" if leaves else "ok",
     )  # fmt: skip
-    if model.case.impact_speed > 0:
+    ways = model.case.stepper.ways
+    if "implicit" in ways:
+        note = "one that slides farther is repeated in two"
+        yield Row(f"{label}: largest slip of an implicit step", face.step_limit, "m", note)
+    if "explicit" in ways and model.case.impact_speed > 0:
         yield Row(
             f"{label}: updates of what points face", model.case.impact_speed * model.case.duration / face.limit, "",
             f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",

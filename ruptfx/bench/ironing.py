@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 SIZE, RATIO = 0.1e-3, 1.37  # of the elements of the upper body; that of the lower one's over it
 RADIUS, DEPTH, FRICTION = 5e-3, 12e-6, 0.3
+HELD = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
 PRESS, RAMP, SPEED = 20e-6, 15e-6, 10.0
 WAY = 2 * RATIO * SIZE
 SETTLED = 0.2e-3  # way after which forces are looked at [m]
@@ -32,23 +33,48 @@ Floats = NDArray[np.float64]
 
 
 def case(order: int) -> Case:
+    """Explicit steps: pressed, damped to rest, dragged at 10 m/s."""
+
+    def edges(speed: tuple[float, float], ramp: float) -> list[Table]:
+        return [*HELD, *(
+            {"kind": "driven", "edge": "upper.top", "component": axis, "velocity": value, "ramp": ramp}
+            for axis, value in zip("xy", speed, strict=True)
+        )]  # fmt: skip
+
+    down = 5e-6
+    slide = (SETTLED + WAY) / SPEED + 0.5 * RAMP
+    return _case(order, "forward_lagrange", {
+        "duration": PRESS + slide, "damping": {"mass": 1e6}, "stages": [
+            {"duration": down, "boundaries": edges((0.0, -DEPTH / down), 0.0)},
+            {"duration": PRESS - down, "boundaries": edges((0.0, 0.0), 1e-6)},
+            {"duration": slide, "boundaries": edges((SPEED, 0.0), RAMP)},
+        ],
+    })  # fmt: skip
+
+
+def implicit(order: int) -> Case:
+    """Equilibria: pressed within a second, dragged by a twentieth of an element in every step."""
+    step = 0.05
+    speed = RATIO * SIZE / (20 * step)
+    moves = {"y": ("displacement", [0.0, 1.0], [0.0, -DEPTH]), "x": ("velocity", [1.0, 1.1], [0.0, speed])}
+    return _case(order, "augmented_lagrangian", {
+        "duration": 1.05 + (SETTLED + WAY) / speed,
+        "boundaries": [*HELD, *(
+            {"kind": "moved", "edge": "upper.top", "component": axis, "quantity": what, "times": t, "values": values}
+            for axis, (what, t, values) in moves.items()
+        )],
+        "stepper": {"kind": "quasi_static", "first_step": step, "largest_step": step},
+    })  # fmt: skip
+
+
+def _case(order: int, contact: str, table: Table) -> Case:
     def body(young_modulus: float) -> Table:
         return {
             "kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0,
         }  # fmt: skip
 
-    def edges(speed: tuple[float, float], ramp: float) -> list[Table]:
-        moves = {"lower.bottom": (0.0, 0.0), "upper.top": speed}
-        return [
-            {"kind": "driven", "edge": edge, "component": axis, "velocity": value, "ramp": ramp}
-            for edge, values in moves.items() for axis, value in zip("xy", values, strict=True)
-        ]  # fmt: skip
-
-    down = 5e-6
-    slide = (SETTLED + WAY) / SPEED + 0.5 * RAMP
     made = parse_case({
-        "plane": "strain", "order": order, "duration": PRESS + slide,
-        "damping": {"mass": 1e6, "kelvin_voigt": {"fraction": 0.1}},
+        "plane": "strain", "order": order,
         "mesh": {
             "kind": "rough_plates", "curve_order": min(order, 2) if order > 1 else 1,
             "upper": {
@@ -59,14 +85,9 @@ def case(order: int) -> Case:
         },
         "materials": {"upper": body(5.3e9), "lower": body(3.392e9)},
         "faults": {"main": {
-            "sliding": {}, "contact": {"kind": "forward_lagrange"}, "friction": {"kind": "coulomb", "mu_d": FRICTION},
+            "sliding": {}, "contact": {"kind": contact}, "friction": {"kind": "coulomb", "mu_d": FRICTION},
             "initial_stress": {"normal": 0.0},
-        }},
-        "stages": [
-            {"duration": down, "boundaries": edges((0.0, -DEPTH / down), 0.0)},
-            {"duration": PRESS - down, "boundaries": edges((0.0, 0.0), 1e-6)},
-            {"duration": slide, "boundaries": edges((SPEED, 0.0), RAMP)},
-        ],
+        }}, **table,
     })  # fmt: skip
     assert isinstance(made, Case)
     return made
@@ -76,10 +97,11 @@ def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:
     """Way of the top since it has settled [m], and force along y and x on the lower body [N/m], over two elements."""
     model = Model(given, comm)
     motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
+    end = given.duration
     ways, found = [], []
-    while state.time < given.duration:
+    while state.time < end - 1e-9 * end:
         motion.step(state)
-        way = SPEED * (state.fault_time - PRESS - 0.5 * RAMP) - SETTLED
+        way = _way(given, state.fault_time) - SETTLED
         if way < 0:
             continue
         fault = state.faults["main"]
@@ -90,6 +112,13 @@ def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:
     return np.array(ways), np.abs(np.array(found))
 
 
+def _way(given: Case, time: float) -> float:
+    """How far the top has been dragged [m]."""
+    if given.stages:
+        return SPEED * (time - PRESS - 0.5 * RAMP)
+    return (SETTLED + WAY) * (time - 1.05) / (given.duration - 1.05)
+
+
 def noise(way: Floats, force: Floats) -> float:
     """Peak to peak over the mean, about a parabola."""
     return float(np.ptp(force - np.polyval(np.polyfit(way / WAY, force, 2), way / WAY)) / force.mean())
@@ -97,26 +126,28 @@ def noise(way: Floats, force: Floats) -> float:
 
 def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     checks, curves = [], {}
-    for order in (1, 2, 4) if fine else (2,):
-        way, force = forces(case(order), comm)
-        curves[order] = way, force
-        checks += [
-            Check(f"order {order}: {name} force, peak to peak over the mean", 0.0, noise(way, values), 0.02, "1", "aim")
-            for name, values in (("shear", force[:, 0]), ("normal", force[:, 1]))
-        ]
-        ratio = float(force[:, 0].mean() / force[:, 1].mean())
-        checks.append(Check(f"order {order}: ratio of the forces", FRICTION, ratio, 0.01, "1", "friction"))
+    for kind, make in (("explicit", case), ("implicit", implicit)):
+        for order in (1, 2, 4) if fine else (2,):
+            way, force = forces(make(order), comm)
+            curves[kind, order] = way, force
+            name = f"{kind}, order {order}"
+            checks += [
+                Check(f"{name}: {axis} force, peak to peak over the mean", 0.0, noise(way, values), 0.02, "1", "aim")
+                for axis, values in (("shear", force[:, 0]), ("normal", force[:, 1]))
+            ]
+            ratio = float(force[:, 0].mean() / force[:, 1].mean())
+            checks.append(Check(f"{name}: ratio of the forces", FRICTION, ratio, 0.01, "1", "friction"))
     return Outcome(checks, lambda: _draw(curves))
 
 
-def _draw(curves: dict[int, tuple[Floats, Floats]]) -> Figure:
+def _draw(curves: dict[tuple[str, int], tuple[Floats, Floats]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((axes,),) = new_figure(1, 1, 3, 5)
-    for number, (order, (way, force)) in enumerate(curves.items()):
+    for number, ((kind, order), (way, force)) in enumerate(curves.items()):
         for name, values, style in (("normal", force[:, 1], "-"), ("shear", force[:, 0], ":")):
-            label = f"{name}, order {order}"
+            label = f"{name}, {kind}, order {order}"
             axes.plot(way / (RATIO * SIZE), values / values.mean(), style, color=f"C{number}", lw=1, label=label)
     axes.set(xlabel="Way over the size of an element", ylabel="Force over its mean", ylim=(0.97, 1.03))
-    axes.legend(frameon=False, ncols=len(curves))
+    axes.legend(frameon=False, ncols=2, fontsize="small")
     return figure
