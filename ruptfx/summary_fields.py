@@ -38,7 +38,7 @@ DESCRIPTIONS = {
     "fall of 3 % before it is exceeded; force over width.",
     "first_peak_strain": "Approach of its ends over its height, then.",
     "first_peak_time": "When that was.",
-    "largest_stress": "Largest stress of the specimen.",
+    "largest_stress": "Largest stress of the specimen, its size.",
     "elastic_modulus": "Slope of its stress over strain between 20 and 50 % of the first peak.",
     "events": "Facets that failed.",
     "events_before_peak": "Those that failed before the first peak and radiate a magnitude of -10 at least; of the "

@@ -44,7 +44,7 @@ class Loading:
     ----------
     time, strain, stress : ndarray, shape (n,)
         [s]; approach of the edges over the height of the specimen; mean force at both over its width [Pa]. Both are
-        positive in compression.
+        positive in compression, and negative where a specimen is pulled.
     peak : int or None
         The first maximum that is followed by a fall of 3 % before it is exceeded; maxima below half of the largest
         stress are waves.
@@ -58,9 +58,10 @@ class Loading:
     @property
     def modulus(self) -> float:
         """Slope of stress over strain between 20 and 50 % of the first peak, or of the largest stress [Pa]."""
-        top = float(self.stress.max() if self.peak is None else self.stress[self.peak])
-        until = int(np.argmax(self.stress >= ELASTIC[1] * top)) + 1
-        below = np.flatnonzero(self.stress[:until] <= ELASTIC[0] * top)
+        size = np.abs(self.stress)
+        top = float(size.max() if self.peak is None else size[self.peak])
+        until = int(np.argmax(size >= ELASTIC[1] * top)) + 1
+        below = np.flatnonzero(size[:until] <= ELASTIC[0] * top)
         part = slice(int(below[-1]) if len(below) else 0, until)
         if until - part.start < 3:
             return float(np.nan)
@@ -82,8 +83,9 @@ def loading(record: Files) -> Loading | None:
         return None
     bottom, top, below, above = (edges[name].values for name in names)
     strain, stress = (bottom - top) / shape["height"], 0.5 * (below - above) / shape["width"]
-    begin = int(np.argmax(stress > RIPPLES * stress.max()))
-    peak = first_peak(stress[begin:])
+    loaded = stress * (1 if stress.max() >= -stress.min() else -1)  # pressed or pulled
+    begin = int(np.argmax(loaded > RIPPLES * loaded.max()))
+    peak = first_peak(loaded[begin:])
     return Loading(edges["time"].values, strain, stress, None if peak is None else begin + peak)
 
 
@@ -217,7 +219,7 @@ def summarise_fracture(record: Files) -> Table:
             "first_peak_stress": np.nan if pressed.peak is None else pressed.stress[pressed.peak],
             "first_peak_strain": np.nan if pressed.peak is None else pressed.strain[pressed.peak],
             "first_peak_time": np.nan if pressed.peak is None else pressed.time[pressed.peak],
-            "largest_stress": float(pressed.stress.max()), "elastic_modulus": pressed.modulus,
+            "largest_stress": float(np.abs(pressed.stress).max()), "elastic_modulus": pressed.modulus,
         }  # fmt: skip
     values |= {
         "events": len(found.events), "events_before_peak": len(found.seismic),

@@ -471,7 +471,7 @@ def first_peak(stress: Array, fall: float = 0.03, smooth: int = 5) -> int | None
         return None
     mean = np.convolve(stress, np.ones(smooth) / smooth, "valid")
     highest = np.maximum.accumulate(mean)
-    fallen = np.flatnonzero(mean < (1 - fall) * highest)
+    fallen = np.flatnonzero((highest > 0) & (mean < (1 - fall) * highest))
     return int(np.argmax(mean[: fallen[0]])) + smooth // 2 if len(fallen) else None
 
 

@@ -76,7 +76,8 @@ class Specimen(MeshSource):
     notches: list[Segment] = []
     """Cracks that are there from the start: x and y of one end and of the other [m]."""
     parts: dict[Name, Segment] = {}
-    """Parts of edges with a name of their own, by their ends [m]: what a projectile hits."""
+    """Parts of edges with a name of their own, by their ends [m]: what a projectile hits. The edge that they lie on is
+    what is left."""
     phases: AnyPhases | None = None
     """Minerals, each a body of its name."""
 
@@ -97,6 +98,8 @@ class Specimen(MeshSource):
             if not len(on):
                 raise CaseError(f"mesh.parts.{name}: no part of the boundary lies between "
                                 f"({segment[0]:g}, {segment[1]:g}) and ({segment[2]:g}, {segment[3]:g}) m")
+            for other, facets in raw.edges.items():  # what has a name of its own is not the rest
+                raw.edges[other] = facets[~np.isin(_codes(facets), _codes(on))]
             raw.edges[f"specimen.{name}"] = on
         if len(lines):
             inner = np.array([count[_key(line)] == 2 for line in lines])
@@ -215,6 +218,12 @@ class Specimen(MeshSource):
             if self.shape.flat == 0 and self.platens is None:
                 edges = {"specimen.side": edges["specimen.side"]}
         return edges
+
+
+def _codes(facets: Ints) -> Ints:
+    """A number for every facet, whatever the order of its ends."""
+    low, high = np.sort(facets, axis=1).T
+    return np.asarray(low * 2**32 + high)
 
 
 def _key(facet: Ints) -> tuple[int, int]:

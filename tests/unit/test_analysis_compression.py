@@ -68,6 +68,19 @@ def test_a_curve_that_only_rises_has_no_peak(tmp_path: Path) -> None:
     assert values["first_peak_stress"] is None and values["largest_stress"] == pytest.approx(100e6)
 
 
+def test_a_specimen_that_is_pulled_has_a_peak_as_well(tmp_path: Path) -> None:
+    path = write(tmp_path / "run")
+    lines = (path / "edges.csv").read_text().splitlines()
+    rows = -np.array([line.split(",") for line in lines[1:]], dtype=float)
+    rows[:, 0] *= -1
+    np.savetxt(path / "edges.csv", rows, delimiter=",", header=lines[0], comments="")
+    with Record(path) as record:
+        found, values = loading(record), summarise(record)
+    assert found is not None and found.peak is not None and found.modulus == pytest.approx(MODULUS, rel=1e-6)
+    assert values["first_peak_stress"] == pytest.approx(-100e6, rel=0.02)
+    assert values["largest_stress"] == pytest.approx(100e6, rel=0.01)
+
+
 def test_events_before_the_peak_are_counted(tmp_path: Path) -> None:
     """Of six, one comes after it, one radiates nothing and one too little; two of the others are one cluster."""
     seen = {

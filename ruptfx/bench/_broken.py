@@ -1,0 +1,87 @@
+"""What benchmarks of bodies that break share: a case in memory, its events, the forces at its edges, its energies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.bench import Check
+from ruptfx.case import Case, read_case
+from ruptfx.model import Model
+from ruptfx.recording.crack_files import events, facets_of
+from ruptfx.recording.edge_sums import EdgeSums
+
+if TYPE_CHECKING:
+    from ruptfx.state import FaultState
+
+SAMPLES = 400  # of the forces
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A body that broke.
+
+    Attributes
+    ----------
+    events : dict of ndarray
+        Columns of `events.h5`, with `mode` as text.
+    ends : ndarray, shape (events, 2, 2)
+        Of the facets that failed [m].
+    time : ndarray, shape (samples,)
+        Of the forces [s].
+    edges : dict of ndarray
+        Columns of `edges.csv` by name.
+    closure : float
+        Largest unaccounted energy over the largest work.
+    """
+
+    events: dict[str, np.ndarray]
+    ends: np.ndarray
+    time: np.ndarray
+    edges: dict[str, np.ndarray]
+    closure: float
+
+    def budget(self) -> Check:
+        """The energy check every benchmark has."""
+        return Check("energy closure", 0.0, self.closure, 1e-10, "1", "exact")
+
+
+def demo(name: str, overrides: Iterable[str] = ()) -> Case:
+    """A case of the demos, with other values."""
+    case = read_case(str(files("ruptfx").joinpath("demos", f"{name}.toml")), overrides)
+    assert isinstance(case, Case)
+    return case
+
+
+def broken(case: Case, comm: fem.MPI.Comm | None = None) -> Broken:
+    """Run a case in memory on one rank."""
+    model = Model(case, comm or fem.MPI.COMM_SELF)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    sums = EdgeSums(model)
+    rows, lost, work = [], [0.0], 1e-300
+    steps = int(np.ceil(case.duration / motion.dt))
+    every = max(steps // SAMPLES, 1)
+    for step in range(steps):
+        motion.step(state)
+        if step % every == 0:
+            rows.append([state.fault_time, *sums.row(state)])
+        if step % (10 * every) == 0 or step == steps - 1:
+            energy = model.energies(state)
+            lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
+            work = max(work, abs(energy["boundary_work"]))
+    assert model.cracks is not None and case.fracture is not None
+    cracks: FaultState = model.cracks.gather(state.cracks)
+    facets = model.cracks.gather(facets_of(model.cracks))
+    table, words = events(cracks, facets, model.bodies.names, case.fracture.thickness)
+    failed = np.flatnonzero(np.isfinite(cracks["time_of_failure"]))
+    failed = failed[np.argsort(cracks["time_of_failure"][failed], kind="stable")]
+    columns = np.array(rows).T
+    return Broken(
+        {**table, "mode": np.array(words["mode"])}, facets["ends"].reshape(-1, 2, 2)[failed], columns[0],
+        dict(zip(sums.columns, columns[1:], strict=True)), float(np.max(np.abs(lost))) / work,
+    )  # fmt: skip

@@ -1,0 +1,65 @@
+"""A crack in a plate under tension runs and branches (after Borden et al. 2012).
+
+The demo on coarser cells. The crack branches somewhere between 10 and 30 mm from the notch, and no front, in steps of
+10 mm, is faster than 0.65 c_R; it has run 45 mm after 70 to 90 us. There are branches where failed facets are more than
+4 mm apart.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._broken import Broken, broken, demo
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
+END = 45e-3  # m from the notch
+STEP = 10e-3
+APART = 4e-3  # m between branches
+SOURCE = "Borden et al. (2012) and others"
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    del comm
+    case = demo("branching", [f"mesh.element_size={0.6e-3 if fine else 1e-3}", "duration=95e-6"])
+    found = broken(case)
+    material = case.materials["specimen"]
+    assert isinstance(material, IsotropicElastic)
+    c_R = material.wave_speeds("strain").c_R
+    x, y, when = (found.events[name] for name in ("x", "y", "time_of_failure"))
+    ahead = x > 0
+    places = np.arange(0, END + 1e-9, STEP / 2)
+    arrival = np.array([when[ahead & (x >= place)].min(initial=np.inf) for place in places])
+    speed = STEP / (arrival[2:] - arrival[:-2])
+    apart = [place for place in np.arange(5e-3, END, 1e-3) if _height(x, y, place) > APART]
+    checks = [
+        Check("place of the branching", 20e-3, apart[0] if apart else np.nan, 10e-3, "m", SOURCE),
+        Check("fastest front over 10 mm", 0.65, float(np.max(speed)) / c_R, 0.0, "c_R", SOURCE, "at most"),
+        Check("time at 45 mm", 80e-6, float(arrival[-1]), 10e-6, "s", SOURCE),
+        found.budget(),
+    ]
+    return Outcome(checks, lambda: _draw(found))
+
+
+def _height(x: np.ndarray, y: np.ndarray, place: float) -> float:
+    """Of the cracked zone around a place [m]."""
+    near = np.abs(x - place) < 1.5e-3
+    return float(np.ptp(y[near])) if near.any() else 0.0
+
+
+def _draw(found: Broken) -> Figure:
+    from ruptfx.figure_style import new_figure
+
+    figure, ((ax,),) = new_figure(1, 1, 2.6, 6)
+    for ends in found.ends:
+        ax.plot(*(1e3 * ends.T), color="C3", lw=1)
+    ax.plot([-50, 0], [0, 0], "k", lw=1.5)
+    ax.set(xlim=(-50, 50), ylim=(-20, 20), aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
+    return figure
