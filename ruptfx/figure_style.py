@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from functools import wraps
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -30,6 +31,7 @@ STYLE: Any = {
 }
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
+REMARK_SIZE, REMARK_LETTER = 6.5, 0.047  # points, and inch that a letter takes on average
 STICK_SLIP, STEADY, UNDECIDED, ACCENT = "#b5382a", "#2a6099", "#8a8a8a", "#e0a030"
 # Perceptually uniform, cut where lines and guides would not show.
 RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
@@ -154,7 +156,8 @@ def empty_figure(text: str, x: str, y: str) -> Figure:
 def remark(figure: Figure, *texts: str) -> None:
     """What has to be known to read the figure right, in small type below it."""
     if any(texts):
-        figure.supxlabel("\n".join(text for text in texts if text), fontsize=6.5, color=MUTED)
+        width = int(figure.get_figwidth() / REMARK_LETTER)
+        figure.supxlabel("\n".join(fill(text, width) for text in texts if text), fontsize=REMARK_SIZE, color=MUTED)
 
 
 def edges(centres: Array) -> Array:

@@ -276,6 +276,8 @@ class BulkFields:
             return np.zeros(len(entries)), "unknown: what carries the tractions is left out"
         fault = model.faults[0]
         stress = self._carried_by(fault)
+        if not stress.any() and parallel.largest(model.comm, np.abs(fault.normal_stress_0).max(initial=0)) == 0:
+            return np.zeros(len(entries)), "none"
         text = (
             f"assumed: the uniform stress that carries the mean initial tractions of interface '{fault.name}', all "
             "other components zero"
