@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -113,7 +114,7 @@ def entries(topic: str) -> Iterator[Entry]:
             except RuptfxError as error:
                 yield Entry(kind, "", "", {}, [], str(error))
                 continue
-            yield Entry(kind, first_line(described), _details(described), {}, [])
+            yield Entry(kind, _marked(first_line(described)), _details(described), {}, [])
     else:
         yield from _with_held(alternatives(f"ruptfx.{topic}") | CLASSES.get(topic, {}))
         for kind, reason in broken(f"ruptfx.{topic}").items():
@@ -132,7 +133,9 @@ def describe_topic(topic: str) -> Iterator[RenderableType]:
         if entry.problem:
             yield Panel(Text(entry.problem), title=Text(f"{entry.name} (broken)"), title_align="left", style="red")
             continue
-        text = Text(entry.summary + (f"\n\n{entry.details}" if entry.details else ""))
+        # Paragraphs fill the screen; lists, indented lines and sources keep theirs.
+        details = re.sub(r"(?<!\n)\n(?![\s-]|Source:)", " ", entry.details)
+        text = Text(entry.summary + (f"\n\n{details}" if details else ""))
         grid = Table.grid(padding=(0, 2))
         grid.add_row(text)
         if entry.labels:
@@ -154,7 +157,7 @@ def describe_topic(topic: str) -> Iterator[RenderableType]:
 def keys_of(cls: type[Part]) -> list[Key]:
     """Every key of a table but its `kind`."""
     return [
-        Key(name, _unit(cls, name), _bounds(field), _default(field), " ".join((field.description or "").split()))
+        Key(name, _unit(cls, name), _bounds(field), _default(field), " ".join(_marked(field.description or "").split()))
         for name, field in cls.model_fields.items()
         if name != "kind"
     ]
@@ -181,12 +184,17 @@ def _entry(name: str, cls: type[Part]) -> Entry:
     labels = {label: getattr(cls, label) for label in ("formula", "example", "source") if getattr(cls, label, "")}
     if state := getattr(cls, "state_fields", None):
         labels["state"] = ", ".join(f"{key} [{unit}]" for key, unit in state.items())
-    return Entry(name, first_line(cls), _details(cls), labels, keys_of(cls))
+    return Entry(name, _marked(first_line(cls)), _details(cls), labels, keys_of(cls))
+
+
+def _marked(text: str) -> str:
+    """Text in which code stands between single marks, as on the site; docstrings have both."""
+    return text.replace("``", "`")
 
 
 def _details(described: object) -> str:
     """The docstring after its first line, without numpydoc's sections."""
-    text = inspect.cleandoc(described.__doc__ or "").partition("\n")[2]
+    text = _marked(inspect.cleandoc(described.__doc__ or "")).partition("\n")[2]
     return text.partition("\nRaises\n")[0].strip("\n")
 
 
