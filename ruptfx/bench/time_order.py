@@ -56,6 +56,7 @@ LAWS: dict[str, Table] = {
     "forced_weakening": {
         "kind": "forced_weakening", "mu_d": 0.25, "arrival": 0.0, "t_w": 2 * DURATION, "law": _COULOMB,
     },
+    "pressurised": {"kind": "pressurised", "pressure": 1e6, "rise": 2 * DURATION, "law": _COULOMB},
     "cohesion": {"kind": "cohesion", "c": 0.3e6, "D_cohesion": 100e-6, "law": _COULOMB},
     "memory_constant_time": {"kind": "memory_constant_time", "t_c": 2e-6, "law": _COULOMB},
     "prakash_clifton": {"kind": "prakash_clifton", "L_p": 40e-6, "theta_p_ratio": 0.1, "law": _POWER_LAW},

@@ -13,6 +13,7 @@ from ruptfx.friction.forced_weakening import ForcedWeakening
 from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
 from ruptfx.friction.memory_constant_time import MemoryConstantTime
 from ruptfx.friction.prakash_clifton import PrakashClifton
+from ruptfx.friction.pressurised import Pressurised
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
 from ruptfx.friction.time_weakening import TimeWeakening
@@ -112,6 +113,16 @@ def test_forced_weakening_of_a_law_that_creeps_begins_at_its_initial_traction() 
     # Half-way from 0.5 to 0.1; where the interface is open nothing is carried.
     assert forced.strength(ONE, ONE, state | {"clock": 1.25 * ONE})[0] == pytest.approx(0.3, rel=1e-14)
     assert forced.strength(ONE, 0 * ONE, state | {"clock": 1.25 * ONE})[0] == 0
+
+
+def test_fluid_takes_its_pressure_from_the_normal_stress() -> None:
+    """0.5 (10 - 4 w): w rises to 1 from 1 to 1.5 s and falls from 3 to 3.5 s; never below zero."""
+    law = Pressurised(law=Coulomb(mu_d=0.5), pressure=4.0, begin=1.0, end=3.0, rise=0.5)
+    for clock, expected in ((0.0, 5.0), (1.25, 4.0), (2.0, 3.0), (3.25, 4.0), (4.0, 5.0)):
+        state = {"clock": np.array(clock)}
+        assert float(law.strength(np.array(1.0), np.array(10.0), state)) == pytest.approx(expected)
+    assert float(law.strength(np.array(1.0), np.array(3.0), {"clock": np.array(2.0)})) == 0.0
+    assert float(law.advance({"clock": np.array(2.0)}, np.array(1.0), np.array(3.0), np.array(0.5))["clock"]) == 2.5
 
 
 def test_a_forced_rupture_may_be_under_way_at_the_start() -> None:

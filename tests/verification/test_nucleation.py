@@ -24,6 +24,7 @@ NUCLEATIONS = {
     "smooth_patch": {"extra": 3e6, "center": 6e-3, "radius": 2e-3, "rise": 1e-6},
     "forced_rupture": {"center": 6e-3, "radius": 2e-3, "speed": 1000.0, "mu_d": 0.1, "t_w": 5e-7},
     "friction_drop": {"center": 6e-3, "half_width": 1e-3, "mu_d": 0.0, "time": 5e-7},
+    "normal_stress_drop": {"center": 6e-3, "half_width": 1e-3, "drop": 5e6, "duration": 2e-6, "rise": 1e-7},
 }
 
 

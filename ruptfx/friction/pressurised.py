@@ -1,0 +1,56 @@
+"""A fluid between the surfaces around any law: how a sudden drop of the normal stress acts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ruptfx.friction import AnyFriction, Array, FrictionLaw, LawState
+from ruptfx.friction.time_weakening import weakened_fraction
+from ruptfx.units import VaryingDelay, VaryingInstant, VaryingPressure
+
+NEVER = 1e30  # s
+
+
+class Pressurised(FrictionLaw):
+    """A fluid in the interface: for a time its pressure carries part of the normal stress, without friction.
+
+    Bodies feel what they felt, the sum of both; a pressure above the normal stress would open the interface, and only
+    leaves it without friction here.
+    """
+
+    state_fields = {"clock": "s"}
+    formula = "strength = law at the normal stress max(sigma - pressure w, 0); w rises from begin on, falls from end on"
+    source = "effective stress, Terzaghi (1925)"
+
+    law: AnyFriction
+    """The law that feels what is left of the normal stress."""
+    pressure: VaryingPressure
+    """Of the fluid."""
+    begin: VaryingInstant = 0.0
+    """Time [s] at which it comes; before the start of the run where negative."""
+    end: VaryingInstant = NEVER
+    """Time [s] at which it goes."""
+    rise: VaryingDelay = 0.0
+    """Time its coming and its going take; 0: at once."""
+
+    def _left(self, normal_stress: Array, clock: Array) -> Array:
+        there = weakened_fraction(clock, self.begin, self.rise) - weakened_fraction(clock, self.end, self.rise)
+        return np.maximum(normal_stress - self.pressure * there, 0.0)
+
+    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+        held = self.law.initial_state(normal_stress, shear_stress, slip_rate)
+        return {"clock": np.zeros_like(normal_stress), **held}
+
+    def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.law.strength(slip_rate, self._left(normal_stress, state["clock"]), state)
+
+    def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
+        held = self.law.advance(state, slip_rate, self._left(normal_stress, state["clock"]), dt)
+        return {**held, "clock": state["clock"] + dt}
+
+    def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
+        return self.law.carried_slip_rate(shear_stress, self._left(normal_stress, state["clock"]), state)
+
+    def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
+        lasting = np.where(self.end < NEVER, 0.0, self.pressure)
+        return self.law.steady_strength(slip_rate, np.maximum(normal_stress - lasting, 0.0))
