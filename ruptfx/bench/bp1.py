@@ -44,6 +44,7 @@ A, A_MAX, B, D_C, F_0, V_0, V_P = 0.010, 0.025, 0.015, 8e-3, 0.6, 1e-6, 1e-9
 FAULT = 40e3  # m
 DEPTHS, A_AT = [0.0, 15e3, 18e3, FAULT], [A, A, A_MAX, A_MAX]
 FAR = 400e3  # m, of the edges
+SHOWN = 25e3  # m, of the depth, in the figure
 SOURCE = "SEAS BP1-QD"
 ORDINALS = ("first", "second", "third")
 PUBLISHED_ONSETS = (6.1965192e9, 8.5828065e9, 1.10383147e10)  # s
@@ -166,10 +167,11 @@ def _draw(found: Cycles, expected: Cycles) -> Figure:
     axes[0].semilogy(np.array(found.times) / YEAR, found.speeds, lw=0.8, color=GUIDE, label="finite elements")
     axes[0].axhline(V_P, color="0.6", lw=0.8, ls="--")
     axes[0].set(xlabel="Time (a)", ylabel="Largest slip rate (m/s)", title="Dashed: rate of the plates")
-    axes[0].legend(loc="upper left")
+    axes[0].legend(loc="center left")
     for profile in found.profiles:
         style = {"color": ACCENT, "lw": 0.3} if profile.ruptures else {"color": GUIDE, "lw": 0.6}
         axes[1].plot(profile.slip, found.position / 1e3, **style)
-    axes[1].set(xlabel="Slip (m)", ylabel="Depth (km)", title="Every 5 a, in ruptures every second", xlim=(0, None),
-                ylim=(25, 0))  # fmt: skip
+    most = found.profiles[-1].slip[found.position < SHOWN].max()
+    axes[1].set(xlabel="Slip (m)", ylabel="Depth (km)", title="Every 5 a, in ruptures every second",
+                xlim=(0, 1.02 * most), ylim=(SHOWN / 1e3, 0))  # fmt: skip
     return figure

@@ -45,8 +45,8 @@ class QuasiDynamic(Stepper):
         tau = tau_0 + tau_F(t) - K s,   strength(V, theta) + eta V = |tau|,   ds/dt = V,   dtheta/dt of the law
 
     with eta the impedance of waves that leave both sides (Rice 1993). Steps follow the errors of slip over D_c and of
-    ln theta, the largest of all points. They are of fifth order and take ruptures in a hundredth of the steps of
-    `quasi_static`, which serves other laws, contact that opens and bodies that are not linear.
+    ln theta, the largest of all points; they are of fifth order. `quasi_static` takes more of them for cycles, and
+    serves other laws, contact that opens and bodies that are not linear.
     Source: Dormand and Prince (1980).
     """
 
