@@ -26,6 +26,13 @@ def test_pages_do_not_stand_in_each_others_way() -> None:
             assert made.setdefault(name, page) == page, f"{page} makes {name}, as {made[name]} does"
 
 
+def test_every_demo_stands_in_the_gallery() -> None:
+    """A script and the case of its name share a line; what only serves other demos and tests needs none."""
+    told = (ROOT / "docs" / "gallery" / "demos.md").read_text()
+    demos = {path.stem for path in (ROOT / "demos").iterdir() if path.suffix in (".toml", ".py")}
+    assert {demo for demo in demos if f"`{demo}." not in told} <= {"lecture_cases", "calibration_two"}
+
+
 def makes(page: Path) -> set[str]:
     """Runs, studies and cases that its blocks begin; what is overwritten on purpose does not count."""
     found = set()
