@@ -27,7 +27,7 @@ from ruptfx.recording.recorder import Recorder, versions
 from ruptfx.state import State
 from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules
-from ruptfx.stopwatch import phase
+from ruptfx.stopwatch import phase, restart
 
 if TYPE_CHECKING:
     import xarray
@@ -106,6 +106,7 @@ def simulate(
     draws = case.output.figures and painter.LATER not in os.environ
     if draws and comm.rank == 0:
         painter.prepare()
+    restart()
     with run_directory.reserved(comm, out):
         checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
         if not (resume or overwrite):
@@ -244,7 +245,6 @@ class Signals:
             signal.signal(number, handler)
 
 
-@phase("end")
 def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
     """Analysis and the marker; rank 0 works, all ranks learn of an error."""
 
@@ -262,7 +262,6 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
     parallel.on_root(model.comm, finish)
 
 
-@phase("figures")
 def _draw(comm: fem.MPI.Comm, out: Path) -> None:
     """Figures of a complete run; all ranks learn of an error."""
     error = None

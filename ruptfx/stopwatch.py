@@ -1,4 +1,4 @@
-"""Processor time of a run by phase, without gaps: start, model, steps, energies, gathering, writing, end, figures."""
+"""Time of a run by phase, by the clock and without gaps: model, steps, energies, gathering, writing."""
 
 from __future__ import annotations
 
@@ -7,13 +7,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _seconds: dict[str, float] = {}
-_phase, _since = "start", 0.0  # time before the first phase counts as start
+_phase, _since = "start", time.perf_counter()
+
+
+def restart() -> None:
+    """Forget what was before."""
+    global _phase, _since
+    _seconds.clear()
+    _phase, _since = "start", time.perf_counter()
 
 
 def _turn_to(name: str) -> str:
     """Begin a phase; the name of the one that it ends."""
     global _phase, _since
-    before, now = _phase, time.thread_time()
+    before, now = _phase, time.perf_counter()
     _seconds[before] = _seconds.get(before, 0.0) + now - _since
     _phase, _since = name, now
     return before
@@ -30,7 +37,6 @@ def phase(name: str) -> Iterator[None]:
 
 
 def phases() -> dict[str, float]:
-    """Processor time of this process so far [s], by phase; other threads than the main one write."""
+    """Seconds since `restart` by phase; what is in none of them is of the phase `start`."""
     _turn_to(_phase)
-    others = time.process_time() - time.thread_time()
-    return {**_seconds, "writing": _seconds.get("writing", 0.0) + others}
+    return dict(_seconds)

@@ -4,7 +4,7 @@
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`.
-- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases or checks.
+- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases, aims or checks.
 """
 
 from __future__ import annotations
@@ -192,6 +192,10 @@ class Speed(Directive):
         saved = json.loads(path.read_text())
         if self.arguments[1] == "checks":
             return [checks(saved)]
+        if self.arguments[1] == "aims":
+            others = path.with_name("mode_map.json")
+            found = [saved, *([json.loads(others.read_text())] if others.exists() else [])]
+            return [table(_speed_tables.AIMS, _speed_tables.aim_rows(*found), (40, 10, 15, 10, 10), literal=0)]
         if self.arguments[1] == "steps":
             header, rows = _speed_tables.STEPS, _speed_tables.step_rows(saved["rows"])
         else:

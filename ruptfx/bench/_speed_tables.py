@@ -49,3 +49,31 @@ def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
 
 
 OUTSIDE = ("wall",)  # rows of whole commands that are no phases
+
+# What the aims began with: quantity, as it was measured first.
+FIRST = (
+    ("fault problem, 100 m: whole command over its steps", 5.3),
+    ("fault problem, 50 m: whole command over its steps", 2.7),
+    ("fault problem, 50 m: time loop on 1 rank over 2", 1.36),
+    ("impact demo, 2 ranks, figures included", 11.0),
+    ("fault problem, 100 m: command to first step", 2.5),
+    ("fault problem, 100 m: figures", 3.0),
+    ("3D order 4 affine, 1 M nodes, interface share of a step", 0.32),
+    ("mode map of 180 runs, 2 cores", 418.0),
+)
+AIMS = ("quantity", "at first", "aim", "reached", "")
+
+
+def aim_rows(*saved: Table) -> list[Cells]:
+    """Cells under `AIMS` from the checks of saved benchmarks; what none of them has measured is said to be so."""
+    checks = {check["quantity"]: check for each in saved for check in each["checks"]}
+    rows: list[Cells] = []
+    for quantity, first in FIRST:
+        check = checks.get(quantity)
+        if check is None:
+            rows.append((quantity, f"{first:g}", "", "not measured", ""))
+            continue
+        unit = "" if check["unit"] == "1" else f" {check['unit']}"
+        aim, found = f"{check['relation']} {check['expected']:g}{unit}", f"{check['found']:.3g}{unit}"
+        rows.append((quantity, f"{first:g}{unit}", aim, found, "reached" if check["passed"] else "missed"))
+    return rows

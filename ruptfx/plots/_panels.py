@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from ruptfx.figure_style import WIDTH, Array, empty_figure, letter, new_figure, 
 from ruptfx.plots._record import default_times, nearest
 from ruptfx.record import Files
 
-_rasters: WeakKeyDictionary[Files, Raster] = WeakKeyDictionary()
+_last: list[tuple[Array, Array, Raster]] = []
 
 
 def panels(
@@ -66,10 +65,11 @@ def panels(
 
 
 def _raster(record: Files) -> Raster:
-    """The pixels of a run, set up once for all its figures."""
-    if record not in _rasters:
-        _rasters[record] = Raster(record.bulk["points"].values, record.bulk["cells"].values)
-    return _rasters[record]
+    """The pixels of a run, set up once for all figures of the same mesh: runs of a study often share theirs."""
+    mesh = record.bulk["points"].values, record.bulk["cells"].values
+    if not _last or not all(map(np.array_equal, mesh, _last[0][:2])):
+        _last[:] = [(*mesh, Raster(*mesh))]
+    return _last[0][2]
 
 
 def without(text: str) -> Figure:

@@ -7,6 +7,7 @@ written last, to a temporary name, and renamed. Only figures follow.
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -28,7 +29,7 @@ from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.sampling import Samples
 from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
-from ruptfx.stopwatch import phase
+from ruptfx.stopwatch import phase, phases
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -363,6 +364,7 @@ class Recorder:
             with suppress(OSError, RuntimeError) if error is not None else nullcontext():
                 file.close()
         self.log.info("%d records", self.records)
+        self.log.info("time by phase [s]: %s", json.dumps({name: round(s, 4) for name, s in phases().items()}))
         if self.model.comm.rank == 0:
             for handler in self.log.handlers:
                 handler.close()

@@ -1,16 +1,20 @@
 """The benchmark of speed: parts that fail, tables, and the clock of whole commands."""
 
-import json
+import os
 import subprocess
-import sys
+from dataclasses import asdict
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
+import tomli_w
 
 from ruptfx import RuptfxError
-from ruptfx.bench import Check
+from ruptfx.bench import Check, mode_map, speed
 from ruptfx.bench._parts import Parts
-from ruptfx.bench._speed_tables import STEPS, phase_table, step_rows
+from ruptfx.bench._speed_tables import FIRST, STEPS, aim_rows, phase_table, step_rows
+from ruptfx.bench._timings import fault_case
+from ruptfx.bench._whole_runs import _checks, _phases, _run
 
 
 def test_a_part_that_fails_is_a_failed_check_and_loses_nothing() -> None:
@@ -50,11 +54,56 @@ def test_tables_are_of_the_saved_rows() -> None:
     }  # fmt: skip
 
 
+def test_phases_of_a_command_add_up_to_it(tmp_path: Path) -> None:
+    """What the log does not say comes from when files were written: nothing is counted twice or left out."""
+    (tmp_path / "figures").mkdir()
+    log = '2026-01-01 INFO time by phase [s]: {"start": 0.4, "model": 0.5, "steps": 3.0, "writing": 0.25}\n'
+    for name, text, when in (("run.log", log, 1005.0), ("summary.json", "", 1005.5), ("figures/a.png", "", 1006.5),
+                             ("figures/b.png", "", 1006.0)):  # fmt: skip
+        (tmp_path / name).write_text(text)
+        os.utime(tmp_path / name, (when, when))
+    found = _phases(tmp_path, 1000.0, 1007.0)
+    assert found == {
+        "start": 1.25, "model": 0.5, "steps": 3.0, "writing": 0.25, "end": 0.5, "figures": 1.0,
+        "exit": 0.5, "wall": 7.0,
+    }  # fmt: skip
+    assert sum(found.values()) == 2 * found["wall"]
+
+
 @pytest.mark.skipif(find_spec("dolfinx") is None, reason="needs DOLFINx")
-def test_the_clock_of_a_whole_command_is_in_its_last_line() -> None:
-    command = [sys.executable, "-m", "ruptfx.bench._timed_run", "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
-    seconds = json.loads(done.stdout.splitlines()[-1])
-    assert seconds.keys() == {"start", "writing"} and seconds["start"] > 0
-    failed = subprocess.run([*command[:-1], "run", "missing.toml"], capture_output=True, text=True, timeout=600)
-    assert failed.returncode == 1 and "missing.toml" in failed.stderr
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_whole_command_by_phase(ranks: int, tmp_path: Path) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(tomli_w.dumps(fault_case(1000.0, True) | {"duration": 0.1}))
+    found = _run(case, tmp_path, ranks)
+    assert set(found) >= {"start", "model", "steps", "energies", "gathering", "writing", "end", "figures", "exit"}
+    assert min(found.values()) > 0 and found["start"] < found["wall"]
+    with pytest.raises(RuptfxError, match="missing"):
+        _run(tmp_path / "missing.toml", tmp_path, ranks)
+
+
+def test_aims_say_what_was_reached_missed_and_not_measured() -> None:
+    def saved(*checks: Check) -> dict[str, object]:
+        return {"checks": [{**asdict(check), "passed": check.passed} for check in checks]}
+
+    found = saved(
+        Check("fault problem, 100 m: figures", 1.5, 1.23, 0, "s", "aim", "at most"),
+        Check("fault problem, 50 m: time loop on 1 rank over 2", 1.75, 1.6, 0, "1", "aim", "at least"),
+    )
+    rows = {row[0]: row[1:] for row in aim_rows(found, saved())}
+    assert rows["fault problem, 100 m: figures"] == ("3 s", "at most 1.5 s", "1.23 s", "reached")
+    assert rows["fault problem, 50 m: time loop on 1 rank over 2"] == ("1.36", "at least 1.75", "1.6", "missed")
+    assert rows["mode map of 180 runs, 2 cores"] == ("418", "", "not measured", "")
+
+
+def test_every_aim_is_measured_by_a_benchmark() -> None:
+    """Names in the table of aims are those of checks."""
+    run = dict.fromkeys(("start", "model", "steps", "energies", "gathering", "writing", "figures", "wall"), 1.0)
+    found = {(problem, ranks): [run] for problem in ("impact demo", "fault problem, 100 m", "fault problem, 50 m")
+             for ranks in (1, 2)}  # fmt: skip
+    row = {
+        "dim": 3, "order": 4, "geometry": "affine", "nodes": 1_000_000, "asked": 1_000_000, "ranks": 1,
+        "efficiency": None, "node_updates_per_second_per_core": 4e7, "interface_share": 0.1,
+    }  # fmt: skip
+    known = {check.quantity for check in [*_checks(found), *speed._of_steps([row])]}
+    assert {quantity for quantity, _ in FIRST} - known == {f"mode map of {mode_map.RUNS} runs, {mode_map.CORES} cores"}

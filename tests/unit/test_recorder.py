@@ -95,27 +95,29 @@ def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
     assert (seen, told) == (["drawn"], [True])
 
 
-def test_time_by_phase_is_all_there_is():
-    """Phases inside of others interrupt them; together they are the processor time of the process."""
-    import time
-
+def test_time_by_phase_is_all_there_is(monkeypatch):
+    """Phases inside of others interrupt them; together they are all the time since the start."""
     from ruptfx import stopwatch
 
-    def work() -> None:
-        until = time.thread_time() + 0.02
-        while time.thread_time() < until:
-            pass
+    now = [100.0]
+    monkeypatch.setattr(stopwatch.time, "perf_counter", lambda: now[0])
 
-    before = stopwatch.phases()
+    def work(seconds: float) -> None:
+        now[0] += seconds
+
+    stopwatch.restart()
+    work(0.5)
     with stopwatch.phase("outer"):
-        work()
+        work(1.0)
         with stopwatch.phase("inner"):
-            work()
-            work()
-    after = stopwatch.phases()
-    assert 0.02 <= after["outer"] < 0.03 and 0.04 <= after["inner"] < 0.05
-    assert sum(after.values()) == pytest.approx(time.process_time(), abs=0.01)
-    assert {name for name in after if after[name] - before.get(name, 0.0) > 0.015} == {"outer", "inner"}
+            work(2.0)
+        work(4.0)
+    work(8.0)
+    with stopwatch.phase("inner"):
+        work(16.0)
+    assert stopwatch.phases() == {"start": 8.5, "outer": 5.0, "inner": 18.0}
+    stopwatch.restart()
+    assert stopwatch.phases() == {"start": 0.0}
 
 
 def test_the_writer_does_all_in_order_and_nobody_waits_for_it() -> None:
