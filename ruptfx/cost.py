@@ -77,6 +77,7 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float) ->
     spared = max(started - START * pace, 0.0)  # a program that did something else before
     with tempfile.TemporaryDirectory() as folder, Recorder(model, motion, Path(folder)) as recorder:
         state = model.initial_state()
+        state.unseen = True
 
         def record(what: str) -> None:
             """Make the recorder believe that this is due."""

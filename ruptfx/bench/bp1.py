@@ -90,6 +90,7 @@ def march(case: Case, events: int, whole: bool) -> tuple[Cycles, float]:
     """Run on one rank until so many events have begun, or are over; with the age at the surface at the start [s]."""
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
+    state.unseen = True
     fields, age = state.faults["main"], float(state.faults["main"]["theta"][0])
     found = Cycles(model.faults[0].interface.position)
     while (found.over if whole else len(found.events)) < events:

@@ -2,8 +2,9 @@
 
 The shear impact in steps of ten times the stable explicit one, and the stick-slip block in the quasi-static steps of
 its demo, on coarse meshes; with `--fine` on that of the impact demo (343 000 unknowns) and on one of 183 000 unknowns
-of the block, where the aims are in seconds. A step is the median of some in which the interface slides; the first one,
-with the factorisation and its action on the interface, is counted alone.
+of the block, where the aims are in seconds. A step is the median of some in which the interface slides as fast as it
+says, and nobody looks at the bodies, as between two records; bringing them up to date is counted alone, and so is the
+first step, with the factorisation and its action on the interface.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import copy
 import time
 import tomllib
+from collections.abc import Callable
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -24,8 +26,6 @@ from ruptfx.model import Model
 
 if TYPE_CHECKING:
     from ruptfx.fem import MPI
-    from ruptfx.state import State
-    from ruptfx.steppers import Motion
 
 SOURCE = "aim, one core"
 TIMED = 3
@@ -39,29 +39,32 @@ def demo(name: str, element_size: float, stepper: Table | None = None) -> Case:
     return Case.model_validate(table | {"stepper": stepper, "output": {"figures": False}})
 
 
-def measured(case: Case, comm: MPI.Comm, skipped: int) -> dict[str, float]:
+def measured(case: Case, comm: MPI.Comm, fast: float) -> dict[str, float]:
     """Processor times [s] of condensed steps and of those of the whole system, and how far the two differ.
 
-    The times are of the first step, of a step when some were skipped, and of one of the whole system; the differences
-    the largest of displacement and of slip, over the largest value.
+    The times are of the first step, of a step when some point slides that fast [m/s], of a look at the bodies after it,
+    and of a step of the whole system; the differences the largest of displacement and of slip, over the largest value.
     """
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
+    state.unseen = True
 
-    def took(motion: Motion, state: State) -> float:
+    def took(action: Callable[[], None]) -> float:
         began = time.process_time()
-        motion.step(state)
+        action()
         return parallel.largest(model.comm, time.process_time() - began)
 
-    first = took(motion, state)
-    for _ in range(skipped):
+    first = took(lambda: motion.step(state))
+    while parallel.largest(model.comm, np.abs(state.faults["main"]["slip_rate"]).max(initial=0.0)) < fast:
         motion.step(state)
+    state.catch_up()
     theirs = copy.deepcopy(state)
-    condensed = [took(motion, state) for _ in range(TIMED)]
+    condensed = [took(lambda: motion.step(state)) for _ in range(TIMED)]
+    look = took(state.catch_up)
     name = "equilibrium" if hasattr(motion, "equilibrium") else "_equilibrium"
     radiation = {fault: answer.radiation for fault, answer in getattr(motion, name).answers.items()}
     setattr(motion, name, Equilibrium(model, radiation=radiation, condensed=False))
-    whole = [took(motion, theirs) for _ in range(TIMED)]
+    whole = [took(lambda: motion.step(theirs)) for _ in range(TIMED)]
     pairs = [(state.displacement, theirs.displacement), (state.faults["main"]["slip"], theirs.faults["main"]["slip"])]
     difference = max(
         parallel.largest(model.comm, np.abs(ours - other).max(initial=0.0))
@@ -70,24 +73,26 @@ def measured(case: Case, comm: MPI.Comm, skipped: int) -> dict[str, float]:
     )
     return {
         "unknowns": model.total_nodes * model.components, "first": first, "condensed": float(np.median(condensed)),
-        "whole": float(np.median(whole)), "difference": difference,
+        "whole": float(np.median(whole)), "difference": difference, "look": look,
     }  # fmt: skip
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     cases = {
-        "impact": (demo("impact", 1e-3 if fine else 4e-3, {"kind": "generalized_alpha"}), 48 if fine else 12, 0.3),
-        "stick-slip": (demo("stick_slip", 0.19e-3 if fine else 1.25e-3), 30, 0.05),
+        "impact": (demo("impact", 1e-3 if fine else 4e-3, {"kind": "generalized_alpha"}), 1.0, 0.3),
+        "stick-slip": (demo("stick_slip", 0.19e-3 if fine else 1.25e-3), 1e-6, 0.05),
     }  # fmt: skip
     checks = []
-    for name, (case, skipped, aim) in cases.items():
-        found = measured(case, comm, skipped)
-        text = f"{name}, {found['unknowns']:.0f} unknowns"
+    for name, (case, fast, aim) in cases.items():
+        found = measured(case, comm, fast)
+        text = f"{name}, {found['unknowns']:.0f} unknowns, {fast:g} m/s"
         checks.append(Check(f"{text}: difference", 0.0, found["difference"], 1e-9, "1", "the whole system"))
         ratio = found["condensed"] / found["whole"]
         checks.append(Check(f"{text}: a step over one of the whole system", 0.5, ratio, 0, "1", SOURCE, "at most"))
         if fine:
             checks.append(Check(f"{text}: a step", aim, found["condensed"], 0, "s", SOURCE, "at most"))
+            if found["look"] > 1e-3:
+                checks.append(Check(f"{text}: a look at the bodies", 0.2, found["look"], 0, "s", "own aim", "at most"))
             paid = found["first"] / (found["whole"] - found["condensed"])
             checks.append(Check(f"{text}: steps that pay for the first", 50, paid, 0, "1", "own aim", "at most"))
     return Outcome(checks)

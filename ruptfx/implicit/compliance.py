@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from ruptfx import fem, parallel
@@ -20,6 +21,7 @@ COLUMNS = 64  # right-hand sides at a time: most of the speed of one matrix prod
 Finish = Callable[[np.ndarray], np.ndarray]
 # A column is taken as zero where it falls below this part of its largest entry; the full residual decides in the end.
 SMALL = 1e-11
+LARGEST_STRIP = 0.6  # of all unknowns; more would save little
 
 
 class Unknowns(Protocol):
@@ -144,18 +146,8 @@ class Factors:
         self._owned = model.owned_nodes * model.components
         self._free = ~model.loads.prescribed[: self._owned]
         self._ghosted = fem.dolfinx.fem.Function(model.space)
-        # Without MUMPS there is one rank and PETSc's own LU.
-        made: Any = fem.PETSc.PC()  # its annotations refuse mpi4py's communicators
-        self._pc = made.create(model.comm)
-        self._pc.setOperators(tangent.matrix)
-        self._pc.setType("cholesky" if has_mumps() else "lu")
-        if has_mumps():
-            self._pc.setFactorSolverType("mumps")
-            self._pc.setFactorSetUpSolverType()
-            self._pc.getFactorMatrix().setMumpsIcntl(14, 50)  # room for fill that grows with pivoting
-        self._pc.setUp()
-        self._factors = self._pc.getFactorMatrix()
-        self._right, self._left = tangent.matrix.createVecLeft(), tangent.matrix.createVecRight()
+        self._whole = _Decomposed(tangent.matrix)
+        self._strip: tuple[_Decomposed, np.ndarray] | None = None
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """A^-1 force at every local degree of freedom [m], zero where the motion is prescribed; collective.
@@ -165,11 +157,33 @@ class Factors:
         force : ndarray, shape (nodes * components,)
             Of this rank's own count [N].
         """
-        self._right.array[:] = force[: self._owned] * self._free
-        self._factors.solve(self._right, self._left)
-        self._ghosted.x.array[: self._owned] = self._left.array_r
+        self._ghosted.x.array[: self._owned] = self._whole.solve(force[: self._owned] * self._free)
         self._ghosted.x.scatter_forward()
         return self._ghosted.x.array.copy()
+
+    def near(self, force: np.ndarray) -> np.ndarray | None:
+        """A^-1 force where unknowns are, in less work; None where all of the bodies are felt there; collective.
+
+        It is right at the unknowns of `answers`, zero far away from them, and of no use in between.
+        """
+        if self._strip is None:
+            return None
+        decomposed, dofs = self._strip
+        self._ghosted.x.array[:] = 0.0
+        self._ghosted.x.array[dofs] = decomposed.solve((force[: self._owned] * self._free)[dofs])
+        self._ghosted.x.scatter_forward()
+        return self._ghosted.x.array.copy()
+
+    def _find_strip(self, where: np.ndarray, reach: float) -> None:
+        """Decompose A within reach of some places, if that is much less than all; collective."""
+        model, matrix = self.model, self._whole.given
+        away, _ = cKDTree(where).query(model.coordinates[: model.owned_nodes], distance_upper_bound=reach)
+        dofs = np.flatnonzero(np.repeat(np.isfinite(away), model.components))
+        if parallel.total(model.comm, len(dofs)) <= LARGEST_STRIP * model.total_nodes * model.components:
+            made: Any = fem.PETSc.IS()
+            rows = (matrix.getOwnershipRange()[0] + dofs).astype(fem.PETSc.IntType)
+            chosen = made.createGeneral(rows, comm=model.comm)
+            self._strip = _Decomposed(matrix.createSubMatrix(chosen, chosen)), dofs
 
     def solve_each(self, forces: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
         """The same for so many forces at a time, in much less of it; collective, to be used up by all ranks."""
@@ -185,7 +199,7 @@ class Factors:
         for column, force in enumerate(forces):
             loads[:, column] = force[: self._owned] * self._free
         given.assemble()
-        self._factors.matSolve(given, found)
+        self._whole.matrix.matSolve(given, found)
         answers = found.getDenseArray().copy()
         given.destroy()
         found.destroy()
@@ -194,10 +208,16 @@ class Factors:
             self._ghosted.x.scatter_forward()
             yield self._ghosted.x.array.copy()
 
-    def answers(self, unknowns: Unknowns) -> np.ndarray:
+    def answers(self, unknowns: Unknowns, strip: bool = False) -> np.ndarray:
         """What all unknowns become under unit loads on each of them, from as many right-hand sides as needed.
 
         Where waves get only so far in a step, unknowns that are far apart share a right-hand side. Collective.
+
+        Parameters
+        ----------
+        unknowns : Unknowns
+        strip : bool
+            Decompose A once more within reach of them, for `near`.
 
         Returns
         -------
@@ -207,7 +227,10 @@ class Factors:
         distance = cdist(unknowns.where, unknowns.where)
         local, points = unknowns.local, len(distance)
         result = np.zeros((local, local, points, points))
-        groups = apart(distance, 2 * self._reach(unknowns, distance))
+        reach = self._reach(unknowns, distance)
+        groups = apart(distance, 2 * reach)
+        if strip and reach < distance.max(initial=0.0):  # else everything is felt everywhere, as in equilibrium
+            self._find_strip(unknowns.where, reach)
         for batch in batches(groups, max(1, COLUMNS // local)):
             answered = self._answer(unknowns, batch)
             for column, group in enumerate(batch):
@@ -241,6 +264,36 @@ class Factors:
 
     def destroy(self) -> None:
         """Free them; collective."""
+        self._whole.destroy()
+        if self._strip is not None:
+            self._strip[0].destroy()
+
+
+class _Decomposed:
+    """A symmetric matrix with its factors: by MUMPS; where it is missing there is one rank, and PETSc's own LU."""
+
+    def __init__(self, given: fem.PETSc.Mat) -> None:
+        self.given = given
+        made: Any = fem.PETSc.PC()  # its annotations refuse mpi4py's communicators
+        self._pc = made.create(given.comm)
+        self._pc.setOperators(given)
+        self._pc.setType("cholesky" if has_mumps() else "lu")
+        if has_mumps():
+            self._pc.setFactorSolverType("mumps")
+            self._pc.setFactorSetUpSolverType()
+            self._pc.getFactorMatrix().setMumpsIcntl(14, 50)  # room for fill that grows with pivoting
+        self._pc.setUp()
+        self.matrix = self._pc.getFactorMatrix()
+        self._right, self._left = given.createVecLeft(), given.createVecRight()
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Of the entries of this rank; collective."""
+        self._right.array[:] = right
+        self.matrix.solve(self._right, self._left)
+        return np.asarray(self._left.array_r)
+
+    def destroy(self) -> None:
+        """Free the factors; collective."""
         self._pc.destroy()
 
 
@@ -325,7 +378,7 @@ class Compliance(Influence):
         tangent.update(*factors, stuck, driven=tangent.unit)
         self._factors = Factors(model, tangent)
         self.solve, self.solve_each = self._factors.solve, self._factors.solve_each
-        super().__init__(jumps.gather(stuck), self._factors.answers(jumps), jumps.weight)
+        super().__init__(jumps.gather(stuck), self._factors.answers(jumps, strip=True), jumps.weight)
 
     def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
         # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
@@ -333,6 +386,9 @@ class Compliance(Influence):
         solve, pull = self.solve, self._jumps.force
         if norm(self._factors.model, rest) <= small:
             return self.jumps_under(traction), lambda q: -solve(pull(q, len(force)) - force)
+        near = self._factors.near(force)
+        if near is not None:
+            return self._jumps.changes([near])[:, :, 0], lambda q: -solve(pull(q, len(force)) - force)
         free = solve(force)
         return self._jumps.changes([free])[:, :, 0], lambda q: free - solve(pull(q, len(force)))
 

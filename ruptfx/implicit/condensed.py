@@ -7,7 +7,8 @@ At a displacement u with the jump g and out of balance by R, the correction d th
 with A = K + c_M M + c_C C + J' W k J as if interfaces were closed and stuck, whose factors are kept (`compliance`), and
 tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e alone, solved with the exact tangents of t; then
 d takes one back substitution. Where R is at the interfaces only, as in quasi-static steps that go on as before,
-J A^-1 R is S times it; elsewhere it takes another one. Bodies being linear, u + d is the equilibrium but for rounding;
+J A^-1 R is S times it; where waves get only so far in a step, it takes one of a strip along the interfaces; elsewhere
+one of all. Bodies being linear, u + d is the equilibrium but for rounding;
 the residual of the whole system decides, and is brought down once more if it must be. Multipliers are iterated at the
 interfaces, too.
 

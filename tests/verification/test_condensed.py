@@ -162,6 +162,24 @@ def test_points_that_do_not_feel_each_other_share_a_right_hand_side(monkeypatch:
     np.testing.assert_allclose(matrices[0], matrices[1], atol=1e-9 * np.abs(matrices[1]).max())
 
 
+def test_short_steps_ask_a_strip_along_the_interface(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is out of balance far away moves no interface in a step: one back substitution of the whole, and the same
+    answers as of the whole system."""
+    changes = {"mesh.length": 48e-3, "mesh.height": 24e-3, "order": 1, "damping": {}}
+    dts = [2e-7, 2e-7, 1e-7]
+    theirs, _ = march(pulled(COMPLIANT, changes), dts, True, False)
+    solved: list[int] = []
+    solve = compliance.Factors.solve
+    monkeypatch.setattr(compliance.Factors, "solve", lambda self, force: solved.append(1) or solve(self, force))
+    model = pulled(COMPLIANT, changes)
+    ours, equilibrium = march(model, dts, True, True)
+    assert all(kept._factors._strip for kept in equilibrium._solver._kept.values()) and len(solved) == len(dts)
+    found = differences(ours, theirs, model.comm)
+    assert max(found.values()) < 1e-9, found
+    _, equilibrium = march(model, dts[:1], False, True)
+    assert not next(iter(equilibrium._solver._kept.values()))._factors._strip
+
+
 def test_large_interfaces_take_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
     """The linear systems by GMRES, point by point and with the factors of an iteration before: as if factorised."""
     factorised, _ = march(pulled(COMPLIANT), [1e-5] * 3, False, True)
