@@ -53,7 +53,7 @@ def march(given: Case, looks: list[int], defer: bool = True) -> list[dict[str, A
     motion, state = given.stepper.bind(model), model.initial_state()
     state.unseen = defer
     if not defer:
-        motion.equilibrium = Equilibrium(model, radiation=motion._radiation, condensed=False)
+        motion.equilibrium = Equilibrium(model, radiation=motion.radiation, condensed=False)
     seen = []
     for step in range(1, looks[-1] + 1):
         motion.step(state)
