@@ -3,8 +3,8 @@
 `tpv205.png`, `time_order.png`, `self_similar.png` and `bp1.png` are the figures of `ruptfx bench NAME --fine`;
 `antiplane.png`, `bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of
 `ruptfx mesh`,
-`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `sliding_start.png` and
-`measured_surface.png` are `forces.png` and `surfaces.png` of these demos, `stress_barrier.png` is `front.png` of that
+`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `sliding_start.png` and `slow_sliding.png`
+are `forces.png` of these demos, `measured_surface.png` is `surfaces.png`, `stress_barrier.png` `front.png` of that
 one, `spring_block.png` is `onset_of_sliding.png`.
 """
 

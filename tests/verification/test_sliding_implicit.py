@@ -407,6 +407,27 @@ def test_pressed_held_sheared(alone: Path) -> None:
     np.testing.assert_allclose(slip[-1].max(), 2e-4 * (table.time.values[-1] - 0.45), rtol=0.05)
 
 
+def test_one_asperity_down_and_up() -> None:
+    """Over a whole wave the ratio of the forces is that of friction on average, in between less or more the slope."""
+    given = rubbed({"duration": 4.0, "stepper.largest_step": 0.05})
+    model, motion, state = started(given)
+    way, ratios = [], []
+    while state.time < 4.0:
+        motion.step(state)
+        force = pull(model, state)
+        way.append(2e-4 * (state.time - 0.45))
+        ratios.append(-force[0] / force[1])
+    ratios, way = np.array(ratios), np.array(way)
+    one = np.linspace(0.1e-3, 0.7e-3, 601)
+    np.testing.assert_allclose(np.interp(one, way, ratios).mean(), 0.3, rtol=0.02)
+    slope, mu = 0.105, 0.3
+    least, most = (mu - slope) / (1 + mu * slope), (mu + slope) / (1 - mu * slope)
+    slides = ratios[way > 0.05e-3]
+    assert least - 0.01 < slides.min() < least + 0.05 and most - 0.05 < slides.max() < most + 0.01
+    energy = motion.energies(state)
+    assert abs(energy["impact"]) < 0.01 * energy["frictional_dissipation"]
+
+
 def test_same_on_two_ranks(case_file: Path, alone: Path) -> None:
     out = case_file.parent / "on_2"
     done = subprocess.run(
