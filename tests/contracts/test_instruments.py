@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from small_cases import COMPLIANT, case, unstressed
-from test_steppers import required
+from test_steppers import ANY_STEPPER, required
 
 pytest.importorskip("dolfinx")
 
@@ -55,7 +55,7 @@ def test_written_and_read_again(kind: str) -> None:
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_all_of_them_in_every_stepper(stepper: str, shared_tmp_path: Path) -> None:
     """Samples at the multiples of the interval until the end; something moves, and every number has a unit."""
-    changes = {"stepper": {"kind": stepper, **required(stepper)}}
+    changes = {"stepper": {"kind": stepper, **required(stepper)}, "faults.main.friction": ANY_STEPPER}
     plain = with_instruments([], changes)
     interval = 1e-6 * np.ceil(plain.stepper.bind(Model(plain)).dt / 1e-6)
     if plain.stepper.adaptive:
