@@ -48,4 +48,9 @@ def test_ruptures_in_a_history() -> None:
     assert (first.onset, first.depth, first.nucleation, first.first_step) == (20.0, 2.0, 2.0, 2)
     assert first.peak == 3.0 and first.slip == pytest.approx(3.0 + 1e-3 + 1e-5)
     assert found.over == 1 and second.onset == 70.0 and second.slip == 0
+    assert first.first_slip == pytest.approx(0.01 * (3.0 + 1e-3 + 1e-5))
     np.testing.assert_array_equal(found.intervals, [50.0])
+    # Profiles of slip: the first, both where a rupture begins and ends, and every second in one.
+    kept = [(profile.time, profile.ruptures) for profile in found.profiles]
+    assert kept == [(10.0, False), (20.0, True), (30.0, True), (40.0, True), (50.0, False), (70.0, True)]
+    np.testing.assert_array_equal(found.profiles[-1].slip, slip)
