@@ -193,9 +193,9 @@ def flat(changes: dict[str, Any]) -> dict[str, Any]:
 SLOPE, G = 0.3, 3e7
 
 
-def pull(model: Model, state: State) -> np.ndarray:
+def pull(model: Model, state: State, number: int = 0) -> np.ndarray:
     """Force of the upper body on the lower one [N/m]."""
-    face, fault = model.faults[0].interface, state.faults["main"]
+    face, fault = model.faults[number].interface, state.faults[model.faults[number].name]
     local = np.column_stack([-fault["normal_stress"], fault["shear_traction"]])
     return np.asarray(np.einsum("i,ik,ikc->c", face.weight, local, face.frame))
 
@@ -271,9 +271,22 @@ def test_average_acceleration_closes_the_budget(contact: str) -> None:
     assert abs(energy["impact"]) < 0.5 * energy["frictional_dissipation"]
 
 
-def test_flat_blocks_slide_with_the_force_of_friction() -> None:
-    """Pressed, then sheared over one element of the base: T/N is the coefficient once all of it slides."""
+AGEING = {"kind": "rate_and_state_ageing", "a": 0.02, "b": 0.01, "D_c": 5e-6, "f_0": 0.3, "V_0": 1e-4}
+MEMORY = {"kind": "prakash_clifton", "L_p": 2e-6, "law": {"kind": "coulomb", "mu_d": 0.3}}
+
+
+@pytest.mark.parametrize(
+    "friction, coefficient, left",
+    [({"kind": "coulomb", "mu_d": 0.3}, 0.3, 1e-9), (AGEING, 0.3 + 0.01 * np.log(2), 2e-3), (MEMORY, 0.3, 1e-3)],
+    ids=["coulomb", "rate_and_state", "prakash_clifton"],
+)
+def test_flat_blocks_slide_with_the_force_of_friction(
+    friction: dict[str, Any], coefficient: float, left: float
+) -> None:
+    """Pressed, then sheared at 0.2 mm/s over one element of the base: T/N is the coefficient, that of steady sliding
+    where it has a state."""
     model, motion, state = started(flat({
+        "faults.main.friction": friction,
         "boundaries": [
             *held("lower.bottom"), {"kind": "traction", "edge": "upper.top", "traction": [0.0, -5e6], "ramp": 1.0},
             {"kind": "moved", "edge": "upper.top", "component": "x", "quantity": "velocity", "times": [1.0, 1.2],
@@ -284,10 +297,10 @@ def test_flat_blocks_slide_with_the_force_of_friction() -> None:
     face, fault, ratios = model.faults[0].interface, state.faults["main"], []
     while state.time < 1.8:
         motion.step(state)
-        if fault["slip"].min() > 1e-5:
+        if fault["slip"].min() > 5e-5:
             ratios.append(face.weight @ fault["shear_traction"] / (face.weight @ fault["normal_stress"]))
     assert len(ratios) > 4 and fault["slip"].max() > 0.117e-3
-    np.testing.assert_allclose(ratios, 0.3, rtol=1e-9)
+    np.testing.assert_allclose(ratios, coefficient, rtol=left)
     np.testing.assert_allclose(pull(model, state)[1], -5e6 * 0.6e-3, rtol=1e-8)
 
 
@@ -339,6 +352,56 @@ def test_slow_and_fast() -> None:
     energy = motion.energies(state)
     work = energy.pop("boundary_work")
     np.testing.assert_allclose(sum(energy.values()), work, rtol=2e-3)  # springs that find others in explicit steps
+
+
+# A block of 1 on 0.2 mm on a base of 2 mm, whose nodes do not match, under a cap whose nodes do.
+CAPPED = """
+Point(1) = {0, -0.4e-3, 0}; Point(2) = {2e-3, -0.4e-3, 0}; Point(3) = {2e-3, 0, 0}; Point(4) = {0, 0, 0};
+Point(5) = {0.5e-3, 0, 0}; Point(6) = {1.5e-3, 0, 0}; Point(7) = {1.5e-3, 0.2e-3, 0}; Point(8) = {0.5e-3, 0.2e-3, 0};
+Point(9) = {1.5e-3, 0.4e-3, 0}; Point(10) = {0.5e-3, 0.4e-3, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Line(5) = {5, 6}; Line(6) = {6, 7};
+Line(7) = {7, 8}; Line(8) = {8, 5}; Line(9) = {7, 9}; Line(10) = {9, 10}; Line(11) = {10, 8};
+Curve Loop(1) = {1, 2, 3, 4}; Curve Loop(2) = {5, 6, 7, 8}; Curve Loop(3) = {-7, 9, 10, 11};
+Plane Surface(1) = {1}; Plane Surface(2) = {2}; Plane Surface(3) = {3};
+Transfinite Curve{1, 3} = 13; Transfinite Curve{5, 7, 10} = 8; Transfinite Curve{2, 4, 6, 8, 9, 11} = 3;
+Transfinite Surface{1, 2, 3}; Recombine Surface{1, 2, 3};
+Physical Surface("base") = {1}; Physical Surface("block") = {2}; Physical Surface("cap") = {3};
+Physical Curve("main") = {3, 5}; Physical Curve("joint") = {7};
+Physical Curve("base.bottom") = {1}; Physical Curve("cap.top") = {10};
+"""
+
+
+def test_beside_an_interface_of_pairs(tmp_path: Path) -> None:
+    """A block slides under a cap that sticks to it: the forces go through both, less the stress that was there."""
+    pytest.importorskip("gmsh")
+    path = tmp_path / "capped.geo"
+    path.write_text(CAPPED)
+    main, joint = (
+        {"contact": RIGID, "friction": {"kind": "coulomb", "mu_d": mu}, "initial_stress": {"normal": stress}}
+        for mu, stress in ((0.3, 0.0), (0.6, 1e6))
+    )
+    model, motion, state = started({
+        "plane": "strain", "order": 2, "duration": 2.0, "materials": {"default": STIFF},
+        "mesh": {"kind": "gmsh_file", "file": str(path), "interfaces": {
+            "main": {"plus": "block", "minus": "base", "matching": False}, "joint": {"plus": "cap", "minus": "block"},
+        }},
+        "faults": {"main": {**main, "sliding": {}}, "joint": joint},
+        "stepper": {"kind": "quasi_static", "largest_step": 0.1, "first_step": 0.1, "slip_tolerance": 1e-5},
+        "boundaries": [
+            *held("base.bottom"), {"kind": "traction", "edge": "cap.top", "traction": [0.0, -5e6], "ramp": 1.0},
+            {"kind": "moved", "edge": "cap.top", "component": "x", "quantity": "velocity", "times": [1.0, 1.2],
+             "values": [0.0, 2e-4]},
+        ],
+    })  # fmt: skip
+    while state.time < 1.8:
+        motion.step(state)
+    slides, sticks = pull(model, state), pull(model, state, 1)
+    np.testing.assert_allclose(slides, [0.3 * 5e3, -5e3], rtol=1e-3)  # it has tilted a little
+    np.testing.assert_allclose(sticks, slides - [0.0, 1e6 * 1e-3], rtol=1e-6)
+    assert state.faults["main"]["slip"].min() > 0.13e-3 and not np.any(state.faults["joint"]["slip"])
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    np.testing.assert_allclose(sum(energy.values()), work, rtol=1e-9)
 
 
 def test_facing_converges() -> None:
