@@ -42,12 +42,12 @@ def timed(name, shear, normal, size=2e-3):
 # %%
 even = {shear: timed(f"even_{shear / 1e6:g}", shear, [5e6, 5e6]) for shear in EVEN}
 uneven = {name: timed(name, *load) for name, load in UNEVEN.items()}
-for shear, (x, ratio, speed, record) in even.items():
+for shear, (x, _, speed, record) in even.items():
     c_R = record.interface.attrs["c_R"]
     reach = 1e3 * x.max() if len(x) else 0.0
     middle = np.median(speed) / c_R if len(x) else np.nan
     print(f"tau / sigma = {shear / 5e6:.2f}: median speed {middle:.2f} c_R, timed up to {reach:.0f} mm")
-for name, (x, ratio, speed, record) in uneven.items():
+for name, (x, _, speed, _) in uneven.items():
     print(f"normal stress {name}: timed up to {1e3 * x.max():.0f} mm, {speed.min():.0f} to {speed.max():.0f} m/s")
 fine = timed("fine", 1.8e6, [5e6, 5e6], 1e-3)[2]
 print(f"0.36 on half the elements: median {np.median(fine):.0f}, before {np.median(even[1.8e6][2]):.0f} m/s")
