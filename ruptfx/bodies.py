@@ -63,6 +63,8 @@ class Bodies:
         Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
     open_facets : ndarray of int, shape (facets, 2)
         Cracks that are there from the start, by vertices of the raw mesh.
+    joints : dict of str to ndarray of int, shape (facets, 2)
+        Inner facets with a name, likewise.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -75,6 +77,7 @@ class Bodies:
     ties: list[Tie] = field(default_factory=list)
     surfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    joints: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def edges(self) -> list[str]:
@@ -205,9 +208,10 @@ def _from_root(
         described = (
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
             raw.one_sided, named, ties, surfaces, np.sort(raw.open_facets, axis=1),
+            {name: np.sort(facets, axis=1) for name, facets in raw.joints.items()},
         )  # fmt: skip
     described = comm.bcast(described, root=0)
-    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, open_facets = described
+    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, *inner = described
 
     def partitioner(_: object, parts: int, *__: object) -> object:
         if raw is None:
@@ -226,7 +230,7 @@ def _from_root(
     )
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
-    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, open_facets)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, *inner)
 
 
 def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:

@@ -86,8 +86,10 @@ class Model:
         if case.fracture is not None and self.mesh.basix_cell().name != "triangle":
             raise CaseError(f"fracture: bodies break along triangles, and this mesh has {self.mesh.basix_cell().name}s")
         broken = case.fracture is not None
-        if not broken and len(self.bodies.open_facets):
-            raise CaseError("mesh: it has notches, which open only where bodies may break; add the table [fracture]")
+        if not broken and (len(self.bodies.open_facets) or self.bodies.joints):
+            raise CaseError(
+                "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
+            )
         self.space = (
             fem.broken_lagrange(self.mesh, self.components) if broken
             else fem.lagrange(self.mesh, case.order, self.components)

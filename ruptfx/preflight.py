@@ -114,16 +114,18 @@ def _crack_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
     yield Row("fracture: facets", float(parallel.total(model.comm, cracks.owned.sum())), "", "mean length "
               f"{cracks.edge:.4g} m")  # fmt: skip
     young = {name: _young(material) for name, material in zip(model.bodies.names, model.materials, strict=True)}
-    for pair, laws in fracture.laws_by_pair(model.bodies.names).items():
+    moduli = {"-".join(pair): min(young[name] for name in pair) for pair in fracture.laws_by_pair(model.bodies.names)}
+    of_pairs = {"-".join(pair): laws for pair, laws in fracture.laws_by_pair(model.bodies.names).items()}
+    for pair, laws in (of_pairs | fracture.laws_of_joints(model.bodies.joints)).items():
         law = laws.cohesion
         if law is None:
             continue
-        modulus = min(young[name] for name in pair)
+        modulus = moduli.get(pair, min(young.values()))
         for mode, energy, strength in (("I", law.G_Ic, law.f_t), ("II", law.G_IIc, law.c)):
             cells = modulus * energy / strength**2 / cracks.edge
             fine, far = cells >= RESOLVED, cells < LOST and not fracture.unresolved
             yield Row(
-                f"fracture {'-'.join(pair)}: process zone {mode}", cells, "facets",
+                f"fracture {pair}: process zone {mode}", cells, "facets",
                 "" if fine else f"below {RESOLVED:g}: strength and path depend on the mesh; refine it, or a larger "
                 + f"G_{mode}c" + ("; or say that you know: fracture.unresolved = true" if far else ""),
                 "ok" if fine else "error" if far else "warning",

@@ -11,7 +11,7 @@ friction law admit, afterwards friction alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
@@ -19,7 +19,7 @@ from pydantic import Field
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.friction import AnyFriction
 from ruptfx.materials import Material, Plane
-from ruptfx.schema import Alternative, CaseError, Part, alternative, nearest
+from ruptfx.schema import Alternative, CaseError, Name, Part, alternative, nearest
 from ruptfx.units import Length
 
 Pair = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*-[A-Za-z][A-Za-z0-9_]*$")]
@@ -42,6 +42,8 @@ class Fracture(Alternative):
     pairs: dict[Pair, CrackLaws] = {}
     """By the bodies on both sides, ``"biotite-feldspar"`` in the order of the alphabet; inside of one,
     ``"quartz-quartz"``."""
+    joints: dict[Name, CrackLaws] = {}
+    """By the names of joints of the mesh: lines that were there before, weaker than the bodies."""
     thickness: Length = 1.0
     """Of the bodies, for the energies of events."""
     unresolved: bool = False
@@ -65,10 +67,25 @@ class Fracture(Alternative):
                 raise CaseError(f"fracture.pairs.{given}: {hint}")
         return {pair: self.pairs.get(name, self.default) for name, pair in pairs.items()}
 
+    def laws_of_joints(self, joints: Iterable[str]) -> dict[str, CrackLaws]:
+        """Laws of the joints of a mesh that have laws of their own.
+
+        Raises
+        ------
+        CaseError
+            A joint that the mesh does not have.
+        """
+        known = list(joints)
+        for given in self.joints:
+            if given not in known:
+                raise CaseError(f"fracture.joints.{given}: the mesh has no such joint, {nearest(given, known)}")
+        return dict(self.joints)
+
     def all_laws(self) -> Iterator[tuple[str, CrackLaws]]:
         """With their keys in a case."""
         yield "fracture.default", self.default
         yield from ((f"fracture.pairs.{name}", laws) for name, laws in self.pairs.items())
+        yield from ((f"fracture.joints.{name}", laws) for name, laws in self.joints.items())
 
     def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
         """What a body brings to the springs of its facets [Pa/m]; those of two bodies have the mean compliance.

@@ -43,6 +43,8 @@ class CrackNetwork:
         Body on either side.
     open : ndarray of bool, shape (facets,)
         Cracks that are there from the start.
+    joint : ndarray of int, shape (facets,)
+        Number of the joint that a facet belongs to, in their order in the mesh; -1 for none.
     owned : ndarray of bool, shape (facets,)
         True on one rank: the one that owns the minus cell.
     area : float
@@ -77,6 +79,8 @@ class CrackNetwork:
         self.bodies = bodies.cell_body[self.cells]
         known = {tuple(facet) for facet in bodies.open_facets.tolist()}
         self.open = np.array([tuple(facet) in known for facet in self.vertices.tolist()], dtype=bool)
+        joints = {tuple(f): i for i, facets in enumerate(bodies.joints.values()) for f in facets.tolist()}
+        self.joint = np.array([joints.get(tuple(facet), -1) for facet in self.vertices.tolist()], dtype=int)
         along = self.ends[:, 1] - self.ends[:, 0]
         self.length = np.hypot(along[:, 0], along[:, 1])
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / self.length[:, None]

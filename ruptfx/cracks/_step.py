@@ -111,12 +111,16 @@ class CrackStep:
         self.network = net = CrackNetwork(space, bodies)
         names = bodies.names
         of_pair = fracture.laws_by_pair(names)
-        kinds = _distinct(of_pair.values())
+        of_joint = fracture.laws_of_joints(bodies.joints)
+        kinds = _distinct([*of_pair.values(), *of_joint.values()])
         table = np.zeros((len(names), len(names)), dtype=int)
         for i, a in enumerate(names):
             for j, b in enumerate(names):
                 table[i, j] = kinds.index(of_pair[min(a, b), max(a, b)])
         kind = table[net.bodies[:, 0], net.bodies[:, 1]]
+        for number, name in enumerate(bodies.joints):
+            if name in of_joint:
+                kind[net.joint == number] = kinds.index(of_joint[name])
         self.order = np.argsort(kind, kind="stable")
         bounds = np.searchsorted(kind[self.order], np.arange(len(kinds) + 1))
         self.groups = [

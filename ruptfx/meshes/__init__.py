@@ -52,6 +52,8 @@ class RawMesh:
         Interfaces whose sides have meshes of their own: their facets are unequal lists, each in any order.
     open_facets : ndarray of int, shape (facets, 2)
         Inner facets that are cracks from the start, where bodies may break.
+    joints : dict of str to ndarray of int, shape (facets, 2)
+        Inner facets with a name, which may have laws of their own, where bodies may break.
     order : int
         Of the polynomials that map the reference cell: above 1, cells are curved.
     """
@@ -66,6 +68,7 @@ class RawMesh:
     one_sided: dict[str, str] = field(default_factory=dict)
     facing: set[str] = field(default_factory=set)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    joints: dict[str, np.ndarray] = field(default_factory=dict)
     order: int = 1
 
 

@@ -75,6 +75,8 @@ class Specimen(MeshSource):
     """Blocks below and above."""
     notches: list[Segment] = []
     """Cracks that are there from the start: x and y of one end and of the other [m]."""
+    joints: dict[Name, Segment] = {}
+    """Lines that facets follow and that may have laws of their own, `fracture.joints.NAME`, by their ends [m]."""
     parts: dict[Name, Segment] = {}
     """Parts of edges with a name of their own, by their ends [m]: what a projectile hits. The edge that they lie on is
     what is left."""
@@ -86,7 +88,7 @@ class Specimen(MeshSource):
         if cells > MOST_CELLS:
             raise CaseError(f"mesh.element_size = {self.element_size:g} m would make {cells:.2g} triangles; "
                             f"at most {MOST_CELLS:.0g} are made")
-        points, triangles, platen, lines = self._mesh()
+        points, triangles, platen, lines, joints = self._mesh()
         bodies, cell_body = self._bodies(points, triangles, platen)
         raw = RawMesh("triangle", points, triangles, bodies, cell_body)
         count = _facets(triangles)
@@ -104,6 +106,11 @@ class Specimen(MeshSource):
         if len(lines):
             inner = np.array([count[_key(line)] == 2 for line in lines])
             raw.open_facets = lines[inner]
+        for name, facets in joints.items():
+            inner = np.array([count.get(_key(facet), 0) == 2 for facet in facets], dtype=bool)
+            if not inner.any():
+                raise CaseError(f"mesh.joints.{name}: no part of it is inside of the specimen")
+            raw.joints[name] = facets[inner]
         return raw
 
     def _area(self) -> float:
@@ -121,8 +128,8 @@ class Specimen(MeshSource):
             return self.shape.width
         return self.shape.diameter * float(np.sin(np.deg2rad(self.shape.flat / 2)))
 
-    def _mesh(self) -> tuple[Floats, Ints, NDArray[np.bool_], Ints]:
-        """Points, triangles, which of them are platens, and lines of notches by their points."""
+    def _mesh(self) -> tuple[Floats, Ints, NDArray[np.bool_], Ints, dict[str, Ints]]:
+        """Points, triangles, which of them are platens, and lines of notches and of joints by their points."""
         import gmsh
 
         gmsh.initialize(interruptible=False)
@@ -144,21 +151,29 @@ class Specimen(MeshSource):
                 for level in (y - height / 2 - thick, y + height / 2):
                     tools.append((2, occ.addRectangle(x - flat / 2, level, 0, flat, thick)))
             notches = [(1, self._line(segment)) for segment in self.notches]
+            old = [(1, self._line(segment)) for segment in self.joints.values()]
             others = [(1, self._line(segment)) for segment in self.parts.values()]
-            joined = tools + notches + others
+            joined = tools + notches + old + others
             made = occ.fragment([(2, box)], joined)[1] if joined else [[(2, box)]]
             occ.synchronize()
             beyond = {entity for part in made[1 : 1 + len(tools)] for entity in part} - set(made[0])
-            cut = {entity for part in made[1 + len(tools) : 1 + len(tools) + len(notches)] for entity in part}
+            first = 1 + len(tools)
+            cut = {entity for part in made[first : first + len(notches)] for entity in part}
+            first += len(notches)
+            of_joint = dict(zip(self.joints, made[first : first + len(old)], strict=True))
             gmsh.model.mesh.generate(2)
             tags, coordinates, _ = gmsh.model.mesh.getNodes()
             number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
             number[tags] = np.arange(len(tags))
             cells = {entity: self._elements(entity, 3) for entity in gmsh.model.getEntities(2)}
             lines = [self._elements(entity, 2) for entity in sorted(cut)]
+            joints = {
+                name: np.concatenate([self._elements(entity, 2) for entity in part])
+                for name, part in of_joint.items()
+            }  # fmt: skip
         except Exception as error:
             raise RuptfxError(
-                f"Gmsh could not mesh the specimen: {error}; look at mesh.notches and mesh.parts"
+                f"Gmsh could not mesh the specimen: {error}; look at mesh.notches, mesh.joints and mesh.parts"
             ) from None
         finally:
             gmsh.finalize()
@@ -168,7 +183,8 @@ class Specimen(MeshSource):
         place = np.full(len(tags), -1)
         place[used] = np.arange(len(used))
         cut_lines = place[number[np.concatenate(lines)]] if lines else np.zeros((0, 2), dtype=np.int64)
-        return coordinates.reshape(-1, 3)[used, :2], triangles.reshape(-1, 3), platen, cut_lines
+        named = {name: place[number[lines]] for name, lines in joints.items()}
+        return coordinates.reshape(-1, 3)[used, :2], triangles.reshape(-1, 3), platen, cut_lines, named
 
     def _line(self, segment: Segment) -> int:
         import gmsh

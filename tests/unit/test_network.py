@@ -42,6 +42,7 @@ def test_facets_of_a_square_cut_in_four() -> None:
      "fracture.pairs.upper-lower: write it in the order of the alphabet, 'lower-upper'"),
     ({"fracture.pairs": {"rock": {"friction": RUBS}}}, "fracture.pairs.rock = 'rock': string should match pattern"),
     ({"fracture.stiffness_ratio": 2.0}, "fracture.stiffness_ratio = 2.0: input should be greater than or equal to 3"),
+    ({"fracture.joints": {"old": {"friction": RUBS}}}, "fracture.joints.old: the mesh has no such joint"),
     ({"fracture.thickness": 0.0}, "fracture.thickness = 0.0: input should be greater than 0"),
     ({"fracture.default.cohesion": {**WEAK, "f_t": -1.0}}, "fracture.default.cohesion.f_t = -1.0: .* equal to 0"),
     ({"fracture.default.cohesion": {**WEAK, "kind": "linaer"}}, "unknown kind 'linaer', did you mean 'linear'"),
@@ -131,5 +132,5 @@ def test_a_notch_is_a_crack_from_the_start() -> None:
         assert np.all((state.cracks["normal_traction"][notch] < 0) == carries)
         state.force[:] = 0
     assert not np.isfinite(state.cracks["time_of_failure"]).any()
-    with pytest.raises(CaseError, match=r"mesh: it has notches, .* add the table \[fracture\]"):
+    with pytest.raises(CaseError, match=r"mesh: it has notches or joints, .* add the table \[fracture\]"):
         Model(case({"mesh": mesh, "boundaries": [], "fracture": None}))

@@ -63,8 +63,18 @@ def test_notch_and_part_of_an_edge() -> None:
     assert len(build().open_facets) == 0
 
 
+def test_joints_are_lines_of_facets_with_a_name() -> None:
+    """Straight, whatever the mesh; what is outside of the specimen does not count."""
+    raw = build(center=[2e-3, 3e-3], joints={"old": [-1e-3, 0.0, 5e-3, 6e-3]})
+    ends = raw.points[raw.joints["old"]]
+    assert ends[:, :, 1] - ends[:, :, 0] == pytest.approx(1e-3, abs=1e-12)
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(4e-3 * np.sqrt(2))
+    assert len(raw.open_facets) == 0
+
+
 @pytest.mark.parametrize("keys, message", [
     ({"element_size": 1e-6}, "would make"),
+    ({"joints": {"old": [9e-3, 0, 9e-3, 1e-3]}}, r"mesh\.joints\.old: no part of it is inside"),
     ({"parts": {"struck": [1e-3, 0, 1e-3, 1e-3]}}, r"mesh\.parts\.struck: no part of the boundary"),
     ({"platens": {"thickness": 1e-3, "body": "quartz"},
       "phases": {"kind": "random_cells", "fractions": {"quartz": 1.0}}}, "name of a phase"),

@@ -1,0 +1,58 @@
+"""Curves of a study over one axis."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.container import ErrorbarContainer
+
+from ruptfx.study import curves
+from ruptfx.study.definition import Study
+from ruptfx.study.mode_map import read_map
+from ruptfx.study.table import write_csv
+
+AXIS: dict[str, Any] = {"key": "boundaries.0.velocity", "name": "speed", "label": "Speed", "unit": "m/s"}
+
+
+def study(path: Path, axes: list[dict[str, Any]], **columns: list[Any]) -> Path:
+    """A finished study with these columns."""
+    path.mkdir()
+    (path / "case.toml").write_text("duration = 1.0\n")
+    given = {"case": str(path / "case.toml"), "axes": axes, "quantities": list(columns)}
+    named = Study.model_validate(given, context={"directory": path}).model_dump(mode="json")
+    (path / "study.json").write_text(json.dumps({"study": named}))
+    values = [{"speed": speed} for speed in axes[0]["values"]]
+    rows = [{**row, "origin": "sample", "status": "done", **dict(zip(columns, each, strict=True)), "point": str(i)}
+            for i, (row, each) in enumerate(zip(values, zip(*columns.values(), strict=True), strict=True))]  # fmt: skip
+    write_csv(path / "table.csv", rows)
+    return path
+
+
+def test_a_panel_for_every_quantity_and_one_for_all_shares(tmp_path: Path) -> None:
+    path = study(
+        tmp_path / "study", [AXIS | {"values": [4.0, 1.0]}], largest_stress=[2e6, 1e6], b_value=[1.5, None],
+        b_value_error=[0.25, None], tensile_share=[0.25, 0.75], shear_share=[0.75, 0.25], nothing=[None, None],
+    )  # fmt: skip
+    shown = read_map(path)
+    assert curves.suits(shown)
+    figure = curves.draw(shown)
+    panels = [ax for ax in figure.axes if ax.axison]
+    assert [ax.get_ylabel() for ax in panels] == ["largest stress (MPa)", "b value", "part of events"]
+    assert panels[0].get_xlabel() == "" or "Speed" in panels[0].get_xlabel()
+    (stress,) = [bar for bar in panels[0].containers if isinstance(bar, ErrorbarContainer)]
+    assert stress[0].get_xdata().tolist() == [1.0, 4.0] and stress[0].get_ydata().tolist() == [1.0, 2.0]
+    (b,) = [bar for bar in panels[1].containers if isinstance(bar, ErrorbarContainer)]
+    (segments,) = b[2]
+    heights = [ends[1, 1] - ends[0, 1] for ends in segments.get_segments() if len(ends)]
+    assert max(heights) == pytest.approx(0.5)
+    assert {text.get_text() for text in panels[2].get_legend().get_texts()} == {"tensile", "shear"}
+    assert {path.name for path in curves.save(shown)} == {"curves.png", "curves.pdf"}
+
+
+def test_two_axes_are_a_map(tmp_path: Path) -> None:
+    other = {"key": "boundaries.1.velocity", "name": "other", "values": [1.0]}
+    path = study(tmp_path / "study", [AXIS | {"values": [1.0]}, other], largest_stress=[1e6])
+    assert not curves.suits(read_map(path))
