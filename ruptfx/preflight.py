@@ -199,7 +199,9 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
     state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
     zero = np.zeros(len(face.plus))
-    strength = TracedLaw(fault.friction)(zero, fault.normal_stress_0, state, 0.0).strength
+    strength = TracedLaw(fault.friction)(zero, np.maximum(fault.normal_stress_0, 0.0), state, 0.0).strength
+    if fault.cohesion is not None:
+        strength = strength + fault.cohesion.c
     slips = shear > strength * (1 + 1e-12)
     distance = np.abs(face.position - 0.5 * (face.line.first + face.line.last))
     middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))
@@ -215,6 +217,8 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     modulus = slowest.density * speeds.c_s**2
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
+    if fault.cohesion is not None:
+        yield from _bond_rows(label, fault, middle, sigma, modulus, spacing)
     rate = max(_expected_slip_rate(model, fault), model.case.impact_speed) or 1.0
     lengths = fault.friction.lengths(fault.normal_stress_0, rate)
     if isinstance(lengths, RateDependence):
@@ -232,6 +236,29 @@ def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
     if isinstance(other, Breakdown) and np.any(other.energy != lengths.energy):
         note = f"over a drop of {_at(lengths, middle).drop:.4g} Pa, at a slip rate of {rate:.3g} m/s: it depends on it"
     yield from _breakdown_rows(label, _at(lengths, middle), tau, note, modulus, spacing, fault, model)
+
+
+def _bond_rows(
+    label: str, fault: Fault, point: int, sigma: float, modulus: float, spacing: float
+) -> Iterator[Row]:  # fmt: skip
+    """Where an interface is held together: tension it carries, and the zones in which it breaks at rest.
+
+    9 pi / 16 G* G / strength^2, that of linear softening (Source: Palmer and Rice 1973).
+    """
+    law = fault.cohesion
+    assert law is not None
+    energies = {"I": (law.f_t, law.G_Ic), "II": (law.c, law.G_IIc)}
+    for mode, given in energies.items():
+        strength, energy = (float(np.broadcast_to(value, fault.normal_stress_0.shape)[point]) for value in given)
+        if strength == 0:
+            yield Row(f"{label}: bond, mode {mode}", "none", "", "nothing is held there")
+            continue
+        zone = 9 * np.pi / 16 * modulus * energy / strength**2
+        yield Row(f"{label}: bond, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
+        yield _points_row(f"{label}: points in it", zone, spacing, 5)
+    tension = float(np.broadcast_to(law.f_t, fault.normal_stress_0.shape)[point])
+    if -sigma > tension > 0:
+        yield Row(f"{label}: tension / strength", -sigma / tension, "", "it breaks in the first step", "warning")
 
 
 def _chain(law: FrictionLaw) -> list[FrictionLaw]:

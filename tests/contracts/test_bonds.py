@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, SPLIT, case, march
+from small_cases import COMPLIANT, HOMALITE, SPLIT, case, march
 
 pytest.importorskip("dolfinx")
 
 from ruptfx.check_law.examples import table
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
+from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError, alternatives
 
 pytestmark = pytest.mark.fem
@@ -122,3 +123,16 @@ def test_what_cannot_be_bonded_is_refused(changes: dict[str, Any], said: str) ->
     with pytest.raises(CaseError, match=said):
         given = bonded(SPLIT, **changes)
         given.stepper.bind(Model(given))
+
+
+def test_check_tells_the_zones_and_what_breaks_at_once() -> None:
+    """9 pi / 16 G* G / strength^2, with G* = G (1 + nu) in plane stress."""
+    given = bonded(SPLIT, **{"faults.main.initial_stress": {"tensor": [0.0, 6e6, 0.0]}})
+    rows = {row.quantity: row for row in preflight(given)}
+    modulus = HOMALITE["young_modulus"] / 2
+    for mode, strength, energy in (("I", 4e6, 30.0), ("II", 8e6, 60.0)):
+        found = rows[f"faults.main: bond, process zone {mode}"].value
+        assert found == pytest.approx(9 * np.pi / 16 * modulus * energy / strength**2, rel=1e-3)
+    assert rows["faults.main: tension / strength"].value == pytest.approx(1.5)
+    assert rows["faults.main: tension / strength"].verdict == "warning"
+    assert rows["faults.main: strength at rest"].value == 8e6
