@@ -87,7 +87,8 @@ class QuasiDynamicMotion(SlowMotion):
         self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
         self._D_c = self._of_all(lambda fault: np.broadcast_to(law_of(fault).D_c, len(fault.interface.plus)))
         self._make_matrices()
-        self._loaded: tuple[tuple[np.ndarray, np.ndarray], np.ndarray] | None = None
+        end = model.case.duration  # a time that a run which goes on has, too: the same to the last bit
+        self._at_end = self._loads(end), self._jump_under(self._loads(end), end)
         self.dt = min(stepper.first_step or self._first_step(), self._greatest)
 
     def _make_matrices(self) -> None:
@@ -238,21 +239,25 @@ class QuasiDynamicMotion(SlowMotion):
     def _loaded_jump(self, time: float) -> np.ndarray:
         """Of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
 
-        Loads that have grown as a whole, as those of plates that move on, are answered by a larger jump of before.
+        Loads that only grow, as those of plates that move on, are answered by a part of the jump at the end.
         """
-        model, dot = self.model, self.model.layout.owned_dot
-        given = self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
-        if self._loaded is not None:
-            before, jump = self._loaded
-            products = [[dot(new, old), dot(old, old)] for new, old in zip(given, before, strict=True)]
-            along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
-            factor = float(along / square) if square > 0 else 0.0
-            same = all(np.allclose(new, factor * old, 1e-12, 0.0) for new, old in zip(given, before, strict=True))
-            if not parallel.anywhere(model.comm, not same):
-                return np.asarray(factor * jump)
-        jump = self._jumps.of(self._balanced(given[1], time, self._of_stuck(self._jumps.of(given[1]))))
-        self._loaded = given, jump
-        return jump
+        model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._at_end
+        given = self._loads(time)
+        products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
+        along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))
+        part = float(along / square) if square > 0 else 0.0
+        same = all(np.allclose(new, part * old, 1e-12, 0.0) for new, old in zip(given, last, strict=True))
+        return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
+
+    def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Nodal forces [N] and the displacement of driven edges [m]."""
+        model = self.model
+        return self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
+
+    def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
+        """As `_loaded_jump`, by a solution of its own."""
+        moved = given[1]
+        return self._jumps.of(self._balanced(moved, time, self._of_stuck(self._jumps.of(moved))))
 
     def _of_stuck(self, jump: np.ndarray) -> np.ndarray:
         """k times a jump [Pa], both of shape (points, local)."""
@@ -310,9 +315,10 @@ def zero_of(missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray) -> n
     """
     x, found = guess, np.zeros(len(guess), dtype=bool)
     for _ in range(MAX_NEWTON):
-        value = missing(x)
-        slope = (missing(x + NUDGE) - value) / NUDGE
-        change = np.maximum(x - np.clip(value / slope, -3, 3), SLOWEST) - x
+        with np.errstate(all="ignore"):  # not every function has a zero
+            value = missing(x)
+            slope = (missing(x + NUDGE) - value) / NUDGE
+            change = np.maximum(x - np.clip(value / slope, -3, 3), SLOWEST) - x
         x = x + change
         found = np.abs(change) < 1e-10
         if np.all(found | np.isnan(change)):
