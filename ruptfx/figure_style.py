@@ -31,7 +31,7 @@ STYLE: Any = {
 }
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
-REMARK_SIZE, REMARK_LETTER = 6.5, 0.047  # points, and inch that a letter takes on average
+REMARK_SIZE, REMARK_LETTER = 6.5, 0.045  # points, and inch that a letter takes on average
 STICK_SLIP, STEADY, UNDECIDED, ACCENT = "#b5382a", "#2a6099", "#8a8a8a", "#e0a030"
 # Perceptually uniform, cut where lines and guides would not show.
 RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))

@@ -393,7 +393,7 @@ def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
 
 
 def _sliding_rows(
-    model: Model, name: str, face: SlidingInterface, ends: Sequence[tuple[float, Loads]]
+    model: Model, name: str, face: SlidingInterface, stages_end: Sequence[tuple[float, Loads]]
 ) -> Iterator[Row]:
     """What the surfaces of an interface that slides are like, how far they reach, and how far edges drive them."""
     label = f"faults.{name}"
@@ -409,8 +409,9 @@ def _sliding_rows(
     slope = float(np.max(np.abs(steps @ across) / np.maximum(steps @ along, 1e-300)))
     steep = "; strains and rotations must stay small: contact of steep flanks is less exact" if slope > STEEP else ""
     yield Row(f"{label}: largest slope", slope, "", f"of both surfaces{steep}", "warning" if steep else "ok")
-    margins = (sides[0].points[0] - sides[1].points[0]) @ along, (sides[1].points[-1] - sides[0].points[-1]) @ along
-    driven = sum(_driven_slip(model, face, along, time, loads) for time, loads in ends)
+    ends = sides[0].points[0] - sides[1].points[0], sides[1].points[-1] - sides[0].points[-1]
+    margins = [0.0 if abs(end @ along) < 1e-9 * face.line.length else float(end @ along) for end in ends]
+    driven = sum(_driven_slip(model, face, along, time, loads) for time, loads in stages_end)
     leaves = abs(driven) > max(0.0, margins[driven > 0])
     away = f", but edges drive it by {driven:.4g} m: make the body that it slides on longer" if leaves else ""
     yield Row(
@@ -479,7 +480,7 @@ def _wave_rows(label: str, found: Roughness, amplitude: float, wavelength: float
 
 
 def _nodes_row(quantity: str, nodes: float, note: str) -> Row:
-    if nodes >= FEWEST_NODES:
+    if nodes > FEWEST_NODES - 0.01:
         return Row(quantity, nodes, "", note)
     return Row(quantity, nodes, "", f"{note}; too few, {FEWEST_NODES} or more resolve it", "warning")
 

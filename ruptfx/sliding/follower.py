@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,8 @@ from ruptfx.state import FaultState, State
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
+LOG = logging.getLogger("ruptfx.run")
+LARGE = 0.05  # strain or rotation of a facet; beyond it the theory of small ones is off by as much
 FIELDS = "followed_"  # names of nodal fields of a state begin so
 BARELY = 1e-9  # of the distance of nodes: overlap that rounding may make
 
@@ -36,6 +39,7 @@ class Follower:
         self._fault, self.face = fault, face
         self._made: State | None = None  # the state that the geometry is of
         self._room = 0.0  # that points have left at least, before one has slid far enough [m]
+        self._large = LARGE  # of what the log says something
 
     def __call__(self, state: State) -> None:
         """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
@@ -73,6 +77,26 @@ class Follower:
         followed[dofs], slip_then[:] = displacement[dofs], slip
         self._follow(followed, slip_then)
         self._made = state
+        if len(dofs):
+            self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
+
+    def _doubt(self, displacement: Floats, time: float) -> None:
+        """Say so where a surface strains or turns more than the theory of small strains allows; at each doubling."""
+        plus, minus = self.face.geometry.plus, self.face.geometry.minus
+        for side, moved in ((plus, displacement[: len(plus.nodes)]), (minus, displacement[len(plus.nodes) :])):
+            ends = side.points[:: side.order]
+            change = np.linalg.norm(np.diff(moved[:: side.order], axis=0), axis=1)
+            change /= np.linalg.norm(np.diff(ends, axis=0), axis=1)
+            worst = int(np.argmax(change))
+            if change[worst] <= self._large:
+                continue
+            self._large = 2 * change[worst]
+            x, y = ends[worst]
+            LOG.warning(
+                "faults.%s: the surface at (%.4g, %.4g) m has strained or turned by %.2g at %.4g s: strains and "
+                "rotations must stay below some per cent; reduce the loads, or make the bodies larger",
+                self._fault.name, x, y, change[worst], time,
+            )  # fmt: skip
 
     def _follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
         dofs = self.face.dofs

@@ -383,8 +383,10 @@ def _in_order(comm: fem.MPI.Comm, face: SlidingInterface) -> SlidingInterface:
     points = share[np.argsort(share[:, 0]), 1:]
     steps = np.diff(points, axis=0)
     if np.all(steps[:, 0] > 0):
-        line = Line("x", np.array([0.0, points[0, 1]]), float(points[0, 0]), float(points[-1, 0]))
-        position = face.points[:, 0]
+        extent = np.abs(points[:, 0]).max()  # against rounding of what is zero
+        x = np.round(points[:, 0] / extent, 13) * extent + 0.0
+        line = Line("x", np.array([0.0, points[0, 1]]), float(x[0]), float(x[-1]))
+        position = x[face.number]
     else:
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
         line = Line("arc length", points[0], 0.0, float(along[-1]))

@@ -213,6 +213,21 @@ def test_sweeps_that_do_not_settle_are_reported(caplog: pytest.LogCaptureFixture
     assert abs(energy.pop("boundary_work") / sum(energy.values()) - 1) < 1e-11
 
 
+def test_large_strains_are_reported(caplog: pytest.LogCaptureFixture) -> None:
+    """Bodies that meet at 400 m/s, a fifth of the speed of their waves: once, with place and amount."""
+    given = parse_case(rough({"boundaries": [], "duration": 1e-6}))
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    velocity, upper = state.velocity.reshape(-1, 2), model.layout.body == model.bodies.names.index("upper")
+    velocity[upper] = [40.0, -4.0]
+    advance(motion, state, 0.3e-6)
+    assert not caplog.records
+    velocity[upper] = [400.0, -400.0]
+    advance(motion, state, 0.6e-6)
+    said = [record.getMessage() for record in caplog.records]
+    assert 1 <= len(said) <= 6 and "has strained or turned by 0." in said[0] and "must stay below some" in said[0]
+
+
 def test_free_bodies_that_collide_keep_their_momentum() -> None:
     """No supports: the sum of m v, zero at first, stays zero; the shear of friction turns nothing either."""
     table = rough({"boundaries": [
