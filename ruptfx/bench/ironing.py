@@ -44,7 +44,7 @@ def case(order: int) -> Case:
     down = 5e-6
     slide = (SETTLED + WAY) / SPEED + 0.5 * RAMP
     return _case(order, "forward_lagrange", {
-        "duration": PRESS + slide, "damping": {"mass": 1e6}, "stages": [
+        "duration": PRESS + slide, "damping": {"mass": 1e6, "kelvin_voigt": {"fraction": 0.1}}, "stages": [
             {"duration": down, "boundaries": edges((0.0, -DEPTH / down), 0.0)},
             {"duration": PRESS - down, "boundaries": edges((0.0, 0.0), 1e-6)},
             {"duration": slide, "boundaries": edges((SPEED, 0.0), RAMP)},
