@@ -21,6 +21,7 @@ from ruptfx import RuptfxError, fem
 from ruptfx.case import Case
 from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
 from ruptfx.recording.bulk_fields import BulkFields
+from ruptfx.recording.crack_files import SNAPSHOTS
 from ruptfx.recording.recorder import Recorder
 from ruptfx.recording.sampling import Samples
 
@@ -34,11 +35,12 @@ LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`
 # Bytes per node of a model in its first step, by components of the motion: the least that a run takes. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0}
-# Processor time of the start of the program at most, of the analysis at its end and of a figure, all of them Python at
-# work, over that of a fixed piece of Python; bytes of a figure's file (`ruptfx bench command_cost`).
-START, ANALYSIS, DRAWING, PICTURE = 40.0, 2.5, 16.5, 0.2e6
+# Processor time of the start of the program at most, of the analysis at its end, of the start of what draws and of a
+# figure, all of them Python at work, over that of a fixed piece of Python; bytes of a figure's file
+# (`ruptfx bench command_cost`).
+START, ANALYSIS, PAINTER, DRAWING, PICTURE = 40.0, 2.5, 50.0, 12.5, 0.2e6
 PACES = 5  # parts of that piece, the middle one of which counts
-FIGURES = 150e6  # bytes of memory of what draws
+FIGURES, CRACKS = 190e6, 200e6  # bytes of memory of what draws, and more where it draws bodies that break
 BYTES = {"double": 8, "single": 4}
 
 
@@ -96,8 +98,8 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float) ->
     records, snapshots = _counts(case, steps)
     total = time.process_time() - spared - pace + max((steps or 0) - STEPS, 0) * step
     total += max(records - 3, 0) * of_record + max(snapshots - 2, 0) * of_snapshot
-    total += (ANALYSIS + figures * DRAWING) * pace
-    memory = largest_memory() + FIGURES * bool(figures)
+    total += (ANALYSIS + PAINTER * bool(figures) + figures * DRAWING) * pace
+    memory = largest_memory() + bool(figures) * (FIGURES + CRACKS * (case.fracture is not None))
     return Cost(step, total, memory, _bytes_of_files(model, steps) + figures * PICTURE)
 
 
@@ -129,6 +131,9 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     columns = {"velocity": c, "displacement": c, "stress": {1: 2, 2: 3, 3: 6}[c], "fringe": 1}
     of_snapshot = sum(columns[name] for name in case.output.bulk_fields) * BYTES[case.output.bulk_precision]
     mesh = 8 * (dim + 2**dim)  # points, and about as many cells between them
+    if model.cracks is not None:
+        # Ends, lines, normal, length and bodies of every facet once; what snapshots show of it, one byte the status.
+        numbers += int(model.cracks.owned.sum()) * (10 + snapshots * (len(SNAPSHOTS) - 1 + 1 / 8))
     return 8 * numbers + model.total_nodes * (snapshots * of_snapshot + mesh) + 20 * (len(ENERGIES) + 2) * records
 
 
@@ -151,7 +156,8 @@ def number_of_figures(case: Case) -> int:
     flat = case.plane != "solid"
     fringes = case.output.plate_thickness is not None and "fringe" in case.output.bulk_fields
     bodies = flat * (("velocity" in case.output.bulk_fields) + fringes)
-    return 5 * bool(case.faults) + bodies + bool(case.instruments)
+    sliding = 3 * any(fault.sliding is not None for fault in case.faults.values())
+    return 1 + 4 * bool(case.faults) + sliding + (case.fracture is not None) + bodies + bool(case.instruments)
 
 
 # -- memory --------------------------------------------------------------------------------------------------------

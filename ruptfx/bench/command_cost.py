@@ -1,8 +1,9 @@
 """What `ruptfx check` tells of time, memory and files, over what `ruptfx run` takes: within 30 % for every demo.
 
 Both in processes of their own, on one rank, with all outputs and pictures; processor time, so that other programs count
-little. Where step sizes follow the state `check` tells no time; such demos are compared over a part of their duration,
-by memory alone. Without `--fine`: the demos of a few seconds.
+little, and memory together with the largest of the processes that draw. Where step sizes follow the state `check` tells
+no time; such demos are compared over a part of their duration, by memory alone. Without `--fine`: the demos of a few
+seconds.
 """
 
 from __future__ import annotations
@@ -37,14 +38,17 @@ rows = {row.quantity: row.value for row in preflight(read_case(sys.argv[1], sys.
 print(json.dumps({name: rows.get(name) for name in ("expected run time", "memory", "files")}))
 """
 TAKEN = """
-import json, runpy
-from ruptfx import cost, stopwatch
+import json, resource, runpy, time
+from ruptfx import cost
 try:
     runpy.run_module("ruptfx", run_name="__main__")
 except SystemExit as ended:
     if ended.code:
         raise
-print(json.dumps([sum(stopwatch.phases().values()), cost.largest_memory() / 1e6]))
+others = resource.getrusage(resource.RUSAGE_CHILDREN)  # those that draw
+print(json.dumps([
+    time.process_time() + others.ru_utime + others.ru_stime, (cost.largest_memory() + 1024 * others.ru_maxrss) / 1e6
+]))
 """
 
 

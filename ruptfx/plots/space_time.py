@@ -15,7 +15,7 @@ from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark
 from ruptfx.plots._record import along, end_time, guides, has_slip_rates, is_uneven, rate_range, whose_speeds
 from ruptfx.record import Files
 
-APART = 0.05  # parts of the picture between labels, at least
+WIDE, HIGH = 0.09, 0.05  # parts of the picture that a label takes
 
 
 def suits(record: Files) -> bool:
@@ -83,7 +83,7 @@ def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> None:
             # c_R and c_s are close: above the picture their labels lean away from each other.
             leans_left = not at_side and (name == "$c_R$") == (sign > 0)
             place = (end[0] - left) / (right - left), end[1] / top
-            if not leans_left and any(max(abs(x - place[0]), abs(y - place[1])) < APART for x, y in labelled):
+            if not leans_left and any(abs(x - place[0]) < WIDE and abs(y - place[1]) < HIGH for x, y in labelled):
                 continue  # a run that was stopped early: there is no room for another one
             if not leans_left:
                 labelled.append(place)
