@@ -3,8 +3,9 @@
 A cylinder of 5 mm (upper, 5.3 GPa) on a plane (lower, 3.392 GPa) in plane strain, pressed by the motion of its top
 until contact is about 0.4 mm wide, then dragged at constant height with friction 0.3 over two elements of the plane.
 On an infinite plane nothing would change; here the forces drift with the distance from its ends along a smooth curve,
-which is taken off: what is left repeats with the elements. The bodies are damped, and the elements at the interface
-have a Kelvin-Voigt layer: without that they ring at order 4, by 27 % of the shear force.
+which is taken off: what is left repeats with the elements. In explicit steps the bodies are damped, and the elements
+at the interface have a Kelvin-Voigt layer: without that they ring at order 4, by 27 % of the shear force. Implicit
+steps go from equilibrium to equilibrium.
 """
 
 from __future__ import annotations
