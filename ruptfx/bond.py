@@ -58,7 +58,7 @@ class TracedBond:
         """Damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
         with np.errstate(all="ignore"):
             (found,) = self._damage(opening, slip, *self.parameters.values())
-        return np.maximum(before, found)
+        return np.asarray(np.maximum(before, found))
 
     def held(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> Held:
         """What it holds at a damage and a largest opening [m], shapes (n,)."""

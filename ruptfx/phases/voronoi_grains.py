@@ -38,4 +38,4 @@ class VoronoiGrains(Phases):
         count = round(float(np.prod(size)) / self.grain_size**2)
         points = low + size * random.random((count, 2))
         grain = KDTree(points).query(centres)[1]
-        return self.drawn(count, random)[grain]
+        return np.asarray(self.drawn(count, random)[grain])
