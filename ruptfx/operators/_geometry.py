@@ -96,6 +96,15 @@ def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, p
     return np.concatenate([2 * np.pi * np.where(axis, 0.0, radius), inverse, sizes], axis=-1)
 
 
+def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
+    """Root of |det J| of cells with parallel edges, in the shape of `cells`."""
+    found = native.aligned(cells.shape)
+    for part in _slices(len(cells)):
+        jacobian, _ = _shape(_corners(mesh, cells[part]), True)
+        found[part] = np.sqrt(np.abs(np.linalg.det(jacobian)))
+    return found
+
+
 def is_tensor(mesh: fem.dolfinx.mesh.Mesh) -> bool:
     """Quadrilaterals and hexahedra."""
     return mesh.basix_cell().name in ("quadrilateral", "hexahedron")

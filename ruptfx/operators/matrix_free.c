@@ -488,3 +488,59 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
     }
     return sum;
 }
+
+#if !SIMPLEX && !AXISYMMETRIC
+// Stresses times the weights and sizes of elements, summed at their nodes, of one batch whose geometry is the same at all
+// points; `root` is that of the determinant of its Jacobian.  Components: xx, yy, (zz,) xy, (yz, xz); antiplane: xz, yz.
+#define STRESSES (COMPONENTS == 1 ? DIM : DIM * (DIM + 1) / 2)
+INLINE void batch_stress(const int geometry, const struct plan *plan, long b, lanes root, const double *displacement,
+                         double *stress)
+{
+    const int *dof = plan->dof + b * NODES * LANES;
+    struct cell cell = open_cell(geometry, plan->number + plan->start[b]);
+    lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES];
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes x[COMPONENTS];
+        gather(displacement, dof + node * LANES, x);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
+    }
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes h[COMPONENTS][DIM], s[STRESSES];
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            UNROLL for (int a = 0; a < DIM; a++) {
+                h[c][a] = (lanes){0};
+                UNROLL for (int d = 0; d < DIM; d++) {
+                    if (geometry == BOX && d == a) h[c][a] += cell.geometry[d] * p[d][c][node];
+                    if (geometry == AFFINE) h[c][a] += cell.g[d][a] * p[d][c][node];
+                }
+            }
+#if COMPONENTS == 1
+        UNROLL for (int a = 0; a < DIM; a++) s[a] = cell.shear * h[0][a];
+#else
+        lanes pressure = h[0][0];
+        UNROLL for (int a = 1; a < DIM; a++) pressure += h[a][a];
+        UNROLL for (int a = 0; a < DIM; a++) s[a] = cell.lambda * pressure + 2 * cell.shear * h[a][a];
+        s[DIM] = cell.shear * (h[0][1] + h[1][0]);
+#if DIM == 3
+        s[4] = cell.shear * (h[1][2] + h[2][1]);
+        s[5] = cell.shear * (h[0][2] + h[2][0]);
+#endif
+#endif
+        UNROLL for (int k = 0; k < STRESSES; k++) s[k] *= -MINUS_WEIGHT[node] * root;
+        UNROLL for (int l = 0; l < LANES; l++) {
+            double *const here = stress + (long)(dof[node * LANES + l] / COMPONENTS) * STRESSES;
+            UNROLL for (int k = 0; k < STRESSES; k++) here[k] += s[k][l];
+        }
+    }
+}
+
+void add_stress(const struct plan *plan, long batches, const lanes *root, const double *displacement, double *stress)
+{
+    for (long b = 0; b < batches; b++)
+        if (plan->kind[b] == BOX) batch_stress(BOX, plan, b, root[b], displacement, stress);
+        else batch_stress(AFFINE, plan, b, root[b], displacement, stress);
+}
+#endif

@@ -13,7 +13,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, native
 from ruptfx.operators import Bulk
-from ruptfx.operators._geometry import geometry_element, is_tensor, numbers
+from ruptfx.operators._geometry import AFFINE, BOX, geometry_element, is_tensor, numbers, root_of_size
 
 # Nodes computed between updates.  Measured: with 2000 the update is slower by half (its memory comes in short pieces).
 BLOCK_NODES = 16384
@@ -61,6 +61,8 @@ class MatrixFree:
         kind, start, number = numbers(bulk, cells, padding, permutation)
         for name, array in (("kind", kind), ("start", start), ("number", number)):
             self._hold(name, array)
+        plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and kind.max(initial=BOX) <= AFFINE
+        self._root = root_of_size(space.mesh, cells) if plain else None
         self._cell_nodes = len(permutation)
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
@@ -71,6 +73,29 @@ class MatrixFree:
         self._library.add_internal_force(
             ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches), *pointers
         )
+
+    def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> bool:
+        """Add stress times weight and size of elements at their nodes, from the cells this rank owns.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nodes * components,)
+        sums : ndarray, shape (nodes, stress components)
+            xx, yy, xy; in 3D xx, yy, zz, xy, yz, xz; in antiplane xz, yz [Pa times volume].
+
+        Returns
+        -------
+        bool
+            Whether this was done: the kernel knows it in quadrilaterals and hexahedra with parallel edges.
+        """
+        if self._root is None:
+            return False
+        assert sums.flags.c_contiguous and sums.dtype == np.float64 and len(sums) == self._nodes
+        self._library.add_stress(
+            ctypes.byref(self._plan), ctypes.c_long(self._batches), ctypes.c_void_p(self._root.ctypes.data),
+            *self._pointers(displacement), ctypes.c_void_p(sums.ctypes.data),
+        )  # fmt: skip
+        return True
 
     # -- the fused step --------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ import numpy as np
 from ruptfx import fem, parallel, slabs
 from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
+from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
@@ -94,6 +95,7 @@ class BulkFields:
             self.initial_stress_from += ", but its pressure as it varies along it, everywhere across it"
         self._initial_at_nodes = self.initial_stress_at(model.coordinates)
         self._stress_forms: list[Any] | None = None
+        self._volume: np.ndarray | None = None
 
     def topology(self) -> Topology:
         """Points, cells and body of every point, in an order that does not depend on the partition; collective."""
@@ -199,6 +201,25 @@ class BulkFields:
 
     def _stress(self, displacement: np.ndarray) -> np.ndarray:
         """Total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
+        model, c = self.model, self.model.components
+        if self._volume is None:
+            test, dx = fem.ufl.TestFunction(model.space), model.measure()
+            self._volume = fem.assemble_summed(
+                model.space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
+            )[::c, None]
+        sums = np.zeros((model.nodes, len(_entries(c))))
+        if not (isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, sums)):
+            self._add_stress(displacement, sums)
+        for first in range(0, sums.shape[1], c) if model.comm.size > 1 else ():
+            some = np.zeros((model.nodes, c))
+            used = sums[:, first : first + c].shape[1]
+            some[:, :used] = sums[:, first : first + c]
+            model.layout.sum_shared(some.reshape(-1))
+            sums[:, first : first + c] = some[:, :used]
+        return sums / self._volume + self._initial_at_nodes
+
+    def _add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> None:
+        """The definition of `MatrixFree.add_stress`: of any material, in any element."""
         model, ufl = self.model, fem.ufl
         space, c = model.space, model.components
         if self._stress_forms is None:
@@ -215,17 +236,13 @@ class BulkFields:
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
                 forms.append((fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS), len(pair)))
             self._stress_forms = forms
-            self._volume = fem.assemble_summed(
-                space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
-            )
         self._displacement.x.array[:] = displacement
-        columns = []
+        first = 0
         for form, used in self._stress_forms:
             vector = np.zeros_like(displacement)
             fem.dolfinx.fem.assemble_vector(vector, form)
-            model.layout.sum_shared(vector)
-            columns.append((vector / self._volume).reshape(-1, c)[:, :used])
-        return np.concatenate(columns, axis=1) + self._initial_at_nodes
+            sums[:, first : first + used] += vector.reshape(-1, c)[:, :used]
+            first += used
 
     def initial_stress_at(self, points: np.ndarray) -> np.ndarray:
         """Initial stress of the bodies at points, shape (points, stress components) [Pa].

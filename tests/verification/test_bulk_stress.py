@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import case, tilted, two_boxes
+from small_cases import Given, case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
 from ruptfx.model import Model
+from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.record import Record
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
@@ -114,3 +115,26 @@ def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path:
     # A load cell on the top carries 6 MPa on 12 mm before anything moves, and 1 MPa of shear.
     found = Sensed(model, bulk.initial_stress_at).forces("upper.top", "edge")
     assert [offset for _, _, offset in found] == pytest.approx([12e3, -72e3], rel=1e-9)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain", "antiplane", "solid"])
+@pytest.mark.parametrize("shear", [0.0, 0.3])
+def test_stress_of_the_kernel_is_that_of_the_form(plane: str, shear: float) -> None:
+    """On elements of unequal size, and of unequal materials: the same sums at the nodes."""
+    table: dict[str, Any] = {
+        "order": 3, "plane": plane, "mesh.growth": 1.2, "faults.main.initial_stress": {"normal": 6e6, "shear": 0.0},
+        "operator": "matrix_free",
+    }  # fmt: skip
+    table["materials.upper"] = {
+        "kind": "isotropic_elastic", "young_modulus": 2e10, "poisson_ratio": 0.2, "density": 2000.0,
+    }  # fmt: skip
+    parsed = case(table)
+    raw = two_boxes().build() if plane == "solid" else parsed.mesh.build()
+    raw.points[:, 0] += shear * raw.points[:, 1]
+    model = Model(parsed.substituted({"mesh": Given(raw)}))
+    bulk = BulkFields(model)
+    displacement = np.random.default_rng(3).standard_normal(model.nodes * model.components)
+    fast, form = (np.zeros((model.nodes, {1: 2, 2: 3, 3: 6}[model.components])) for _ in range(2))
+    assert isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, fast)
+    bulk._add_stress(displacement, form)
+    np.testing.assert_allclose(fast, form, rtol=0, atol=1e-12 * np.abs(form).max())
