@@ -1,6 +1,6 @@
 """Fracture energy of a moving front, from the fields around it and from what happens at the interface.
 
-`j_integral` counts the energy that flows through a contour to the tip, `breakdown_energy` the work of the stress above
+`j_integral` counts the energy that flows through a contour to the tip, `breakdown` the work of the stress above
 its residual at a point; both are the fracture energy of a front with a process zone that is small. `process_zone` is
 how long the traction of a point falls, as a length; `slides_like` tells a crack from a pulse by how long points slide.
 """
@@ -61,6 +61,21 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
     step = np.diff(contour, axis=0)
     flow = 0.5 * (along_x[1:] + along_x[:-1]) @ step[:, 1] - 0.5 * (along_y[1:] + along_y[:-1]) @ step[:, 0]
     return float(2 * flow / speed)
+
+
+def at_tip(sizes: Array, energies: Array) -> float:
+    """Energy release at the tip from J integrals on contours of some sizes: a line through them, at size zero [J/m2].
+
+    Where a front is not steady, what flows into a contour feeds the energy inside of it, too, which changes in
+    proportion to its size over the distance in which the energy release changes. Contours must be larger than the
+    process zone.
+
+    Parameters
+    ----------
+    sizes, energies : ndarray, shape (contours,)
+        Two or more [m], and what `j_integral` finds on them [J/m2].
+    """
+    return float(np.polyfit(sizes, energies, 1)[1])
 
 
 @dataclass(frozen=True)

@@ -54,3 +54,7 @@ def test_slides_like() -> None:
     assert energy_release.slides_like(left.copy(), left) == "crack"
     assert energy_release.slides_like(np.full(4, 1.0), left) == "pulse"
     assert energy_release.slides_like(np.full(4, np.nan), left) == "none"
+
+
+def test_energy_at_the_tip_is_that_of_contours_of_size_zero() -> None:
+    assert energy_release.at_tip(np.array([4e-3, 8e-3]), np.array([2.7, 2.9])) == pytest.approx(2.5)
