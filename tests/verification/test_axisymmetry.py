@@ -20,7 +20,9 @@ from ruptfx.axisymmetry import on_axis
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.operators.assembled import stiffness_form
+from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
+from ruptfx.sensed import Sensed
 from ruptfx.spectrum import highest_frequency
 
 pytestmark = pytest.mark.fem
@@ -136,6 +138,23 @@ def test_energy_and_force_of_a_fibre_that_is_pulled(operator: str) -> None:
     assert axis.any() and not state.displacement.reshape(-1, 2)[axis, 1].any()
     fault = model.faults[0]
     assert fault.interface.weight[fault.interface.owned].sum() == pytest.approx(2 * np.pi * 2e-3 * 4e-3, rel=1e-13)
+
+
+def test_stresses_have_the_strain_around_the_axis() -> None:
+    """u_r = A r: xx = 2 lambda A, yy = 2 (lambda + G) A everywhere, on the axis too, in snapshots and at points."""
+    model, A = fibre({}, [], 3), 1e-4
+    displacement = np.zeros((model.nodes, 2))
+    displacement[:, 1] = A * model.coordinates[:, 1]
+    bulk = BulkFields(model)
+    expected = np.array([2 * LAME * A, 2 * (LAME + SHEAR) * A, 0.0])
+    found = bulk._stress(displacement.ravel())
+    np.testing.assert_allclose(found, np.tile(expected, (model.nodes, 1)), rtol=0, atol=1e-9 * expected[1])
+    plates = Sensed(model, bulk.initial_stress_at)
+    for radius, body in ((0.0, "fibre"), (1.3e-3, "fibre"), (4e-3, "matrix")):
+        point = plates.point([1.7e-3, radius], body, "test")
+        for entry, stress in (((0, 0), expected[0]), ((1, 1), expected[1])):
+            share = point.stress(entry)
+            assert displacement.ravel()[share.places] @ share.weights == pytest.approx(stress, rel=1e-9)
 
 
 def test_what_cannot_be() -> None:
