@@ -42,7 +42,7 @@ def emission(record: Files, found: Emission | None = None) -> Figure:
     pairs(axes["d"], found.of_events.D)
     rates(axes["t"], found.seismic, found.of_events.p, found.failure_time)
     _rose(axes["r"], found)
-    letter(axes[name] for name in "lmsdtr")
+    letter(axes[name] for name in "lmsdrt")
     remark(figure, *_remarks(found))
     return figure
 
