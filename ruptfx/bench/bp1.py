@@ -168,7 +168,7 @@ def _draw(found: Cycles, expected: Cycles) -> Figure:
     axes[0].semilogy(np.array(found.times) / YEAR, found.speeds, lw=0.8, color=GUIDE, label="finite elements")
     axes[0].axhline(V_P, color="0.6", lw=0.8, ls="--")
     axes[0].set(xlabel="Time (a)", ylabel="Largest slip rate (m/s)", title="Dashed: rate of the plates")
-    axes[0].legend(loc="center left")
+    axes[0].legend(loc="center left", handlelength=1.0)
     for profile in found.profiles:
         style = {"color": ACCENT, "lw": 0.3} if profile.ruptures else {"color": GUIDE, "lw": 0.6}
         axes[1].plot(profile.slip, found.position / 1e3, **style)

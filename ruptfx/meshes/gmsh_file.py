@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError
 from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
+from ruptfx.meshes._gmsh import session
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
 
@@ -278,16 +279,11 @@ def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
 
 
 def _generate(path: Path, folder: Path) -> Path:
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
-        gmsh.write(str(folder / "generated.msh"))
-    except Exception as error:
-        raise RuptfxError(f"{path}: Gmsh could not mesh it: {error}") from None
-    finally:
-        gmsh.finalize()
+    with session() as gmsh:
+        try:
+            gmsh.open(str(path))
+            gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
+            gmsh.write(str(folder / "generated.msh"))
+        except Exception as error:
+            raise RuptfxError(f"{path}: Gmsh could not mesh it: {error}") from None
     return folder / "generated.msh"

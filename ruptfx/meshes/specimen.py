@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.meshes._gmsh import session
 from ruptfx.phases import AnyPhases
 from ruptfx.schema import CaseError, Name, Part, Unit
 from ruptfx.units import Coordinate, Length
@@ -130,53 +131,49 @@ class Specimen(MeshSource):
 
     def _mesh(self) -> tuple[Floats, Ints, NDArray[np.bool_], Ints, dict[str, Ints]]:
         """Points, triangles, which of them are platens, and lines of notches and of joints by their points."""
-        import gmsh
-
-        gmsh.initialize(interruptible=False)
-        try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
-            gmsh.option.setNumber("Mesh.MeshSizeMin", self.element_size)
-            gmsh.option.setNumber("Mesh.MeshSizeMax", self.element_size)
-            occ, (x, y) = gmsh.model.occ, self.center
-            width, height = self._extent()
-            if isinstance(self.shape, Disc):
-                box = occ.addDisk(x, y, 0, self.shape.diameter / 2, self.shape.diameter / 2)
-            if isinstance(self.shape, Rectangle) or self.shape.flat:
-                whole = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
-                box = whole if isinstance(self.shape, Rectangle) else occ.intersect([(2, box)], [(2, whole)])[0][0][1]
-            tools = []
-            if self.platens is not None:
-                flat, thick = self._flat(), self.platens.thickness
-                for level in (y - height / 2 - thick, y + height / 2):
-                    tools.append((2, occ.addRectangle(x - flat / 2, level, 0, flat, thick)))
-            notches = [(1, self._line(segment)) for segment in self.notches]
-            old = [(1, self._line(segment)) for segment in self.joints.values()]
-            others = [(1, self._line(segment)) for segment in self.parts.values()]
-            joined = tools + notches + old + others
-            made = occ.fragment([(2, box)], joined)[1] if joined else [[(2, box)]]
-            occ.synchronize()
-            beyond = {entity for part in made[1 : 1 + len(tools)] for entity in part} - set(made[0])
-            first = 1 + len(tools)
-            cut = {entity for part in made[first : first + len(notches)] for entity in part}
-            first += len(notches)
-            of_joint = dict(zip(self.joints, made[first : first + len(old)], strict=True))
-            gmsh.model.mesh.generate(2)
-            tags, coordinates, _ = gmsh.model.mesh.getNodes()
-            number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-            number[tags] = np.arange(len(tags))
-            cells = {entity: self._elements(entity, 3) for entity in gmsh.model.getEntities(2)}
-            lines = [self._elements(entity, 2) for entity in sorted(cut)]
-            joints = {
-                name: np.concatenate([self._elements(entity, 2) for entity in part])
-                for name, part in of_joint.items()
-            }  # fmt: skip
-        except Exception as error:
-            raise RuptfxError(
-                f"Gmsh could not mesh the specimen: {error}; look at mesh.notches, mesh.joints and mesh.parts"
-            ) from None
-        finally:
-            gmsh.finalize()
+        with session() as gmsh:
+            try:
+                gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
+                gmsh.option.setNumber("Mesh.MeshSizeMin", self.element_size)
+                gmsh.option.setNumber("Mesh.MeshSizeMax", self.element_size)
+                occ, (x, y) = gmsh.model.occ, self.center
+                width, height = self._extent()
+                if isinstance(self.shape, Disc):
+                    box = occ.addDisk(x, y, 0, self.shape.diameter / 2, self.shape.diameter / 2)
+                if isinstance(self.shape, Rectangle) or self.shape.flat:
+                    whole = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
+                    round_ = isinstance(self.shape, Disc)
+                    box = occ.intersect([(2, box)], [(2, whole)])[0][0][1] if round_ else whole
+                tools = []
+                if self.platens is not None:
+                    flat, thick = self._flat(), self.platens.thickness
+                    for level in (y - height / 2 - thick, y + height / 2):
+                        tools.append((2, occ.addRectangle(x - flat / 2, level, 0, flat, thick)))
+                notches = [(1, self._line(segment)) for segment in self.notches]
+                old = [(1, self._line(segment)) for segment in self.joints.values()]
+                others = [(1, self._line(segment)) for segment in self.parts.values()]
+                joined = tools + notches + old + others
+                made = occ.fragment([(2, box)], joined)[1] if joined else [[(2, box)]]
+                occ.synchronize()
+                beyond = {entity for part in made[1 : 1 + len(tools)] for entity in part} - set(made[0])
+                first = 1 + len(tools)
+                cut = {entity for part in made[first : first + len(notches)] for entity in part}
+                first += len(notches)
+                of_joint = dict(zip(self.joints, made[first : first + len(old)], strict=True))
+                gmsh.model.mesh.generate(2)
+                tags, coordinates, _ = gmsh.model.mesh.getNodes()
+                number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+                number[tags] = np.arange(len(tags))
+                cells = {entity: self._elements(entity, 3) for entity in gmsh.model.getEntities(2)}
+                lines = [self._elements(entity, 2) for entity in sorted(cut)]
+                joints = {
+                    name: np.concatenate([self._elements(entity, 2) for entity in part])
+                    for name, part in of_joint.items()
+                }  # fmt: skip
+            except Exception as error:
+                raise RuptfxError(
+                    f"Gmsh could not mesh the specimen: {error}; look at mesh.notches, mesh.joints and mesh.parts"
+                ) from None
         triangles = number[np.concatenate(list(cells.values()))]
         platen = np.concatenate([np.full(len(found), entity in beyond) for entity, found in cells.items()])
         used, triangles = np.unique(triangles, return_inverse=True)

@@ -48,7 +48,10 @@ def emission(record: Files, found: Emission | None = None) -> Figure:
 
 
 def _remarks(found: Emission) -> list[str]:
-    when = "of the whole run" if found.failure_time is None else f"before {found.failure_time:.4g} s"
+    when = "of the whole run"
+    if found.failure_time is not None:
+        size, unit = scale(found.failure_time, "s")
+        when = f"before {found.failure_time / size:.4g} {unit}"
     shares = ", ".join(f"{name} {share:.0%}" for name, share in found.shares.items() if len(found.seismic))
     return [
         f"{len(found.events)} facets failed, {found.before.sum()} {when}; {len(found.seismic)} of these radiate a "
@@ -107,7 +110,7 @@ def _map(ax: Axes, record: Files, found: Emission) -> None:
         ax.scatter(found.seismic.x[here] / size, found.seismic.y[here] / size, area, facecolors="none",
                    edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({here.sum()})")  # fmt: skip
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=6, handletextpad=0.0, columnspacing=0.5,
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.04), ncols=3, fontsize=6, handletextpad=0.0, columnspacing=0.5,
               borderpad=0.0)  # fmt: skip
 
 
