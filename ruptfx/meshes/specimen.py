@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from types import ModuleType
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Segment: TypeAlias = Annotated[list[Coordinate], Field(min_length=4, max_length=4)]
 Point: TypeAlias = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Entity: TypeAlias = tuple[int, int]  # of Gmsh: dimension and tag
 
 DELAUNAY = 5  # of Gmsh
 MOST_CELLS = 5_000_000
@@ -136,38 +138,15 @@ class Specimen(MeshSource):
                 gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
                 gmsh.option.setNumber("Mesh.MeshSizeMin", self.element_size)
                 gmsh.option.setNumber("Mesh.MeshSizeMax", self.element_size)
-                occ, (x, y) = gmsh.model.occ, self.center
-                width, height = self._extent()
-                if isinstance(self.shape, Disc):
-                    box = occ.addDisk(x, y, 0, self.shape.diameter / 2, self.shape.diameter / 2)
-                if isinstance(self.shape, Rectangle) or self.shape.flat:
-                    whole = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
-                    round_ = isinstance(self.shape, Disc)
-                    box = occ.intersect([(2, box)], [(2, whole)])[0][0][1] if round_ else whole
-                tools = []
-                if self.platens is not None:
-                    flat, thick = self._flat(), self.platens.thickness
-                    for level in (y - height / 2 - thick, y + height / 2):
-                        tools.append((2, occ.addRectangle(x - flat / 2, level, 0, flat, thick)))
-                notches = [(1, self._line(segment)) for segment in self.notches]
-                old = [(1, self._line(segment)) for segment in self.joints.values()]
-                others = [(1, self._line(segment)) for segment in self.parts.values()]
-                joined = tools + notches + old + others
-                made = occ.fragment([(2, box)], joined)[1] if joined else [[(2, box)]]
-                occ.synchronize()
-                beyond = {entity for part in made[1 : 1 + len(tools)] for entity in part} - set(made[0])
-                first = 1 + len(tools)
-                cut = {entity for part in made[first : first + len(notches)] for entity in part}
-                first += len(notches)
-                of_joint = dict(zip(self.joints, made[first : first + len(old)], strict=True))
+                beyond, cut, of_joint = self._divide(gmsh.model.occ)
                 gmsh.model.mesh.generate(2)
                 tags, coordinates, _ = gmsh.model.mesh.getNodes()
                 number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
                 number[tags] = np.arange(len(tags))
-                cells = {entity: self._elements(entity, 3) for entity in gmsh.model.getEntities(2)}
-                lines = [self._elements(entity, 2) for entity in sorted(cut)]
+                cells = {entity: _elements(gmsh, entity, 3) for entity in gmsh.model.getEntities(2)}
+                lines = [_elements(gmsh, entity, 2) for entity in sorted(cut)]
                 joints = {
-                    name: np.concatenate([self._elements(entity, 2) for entity in part])
+                    name: np.concatenate([_elements(gmsh, entity, 2) for entity in part])
                     for name, part in of_joint.items()
                 }  # fmt: skip
             except Exception as error:
@@ -183,19 +162,33 @@ class Specimen(MeshSource):
         named = {name: place[number[lines]] for name, lines in joints.items()}
         return coordinates.reshape(-1, 3)[used, :2], triangles.reshape(-1, 3), platen, cut_lines, named
 
-    def _line(self, segment: Segment) -> int:
-        import gmsh
+    def _divide(self, occ: Any) -> tuple[set[Entity], set[Entity], dict[str, list[Entity]]]:
+        """What Gmsh is to mesh, cut along all lines: the entities of platens, of notches and of every joint."""
+        (x, y), (_, height) = self.center, self._extent()
+        box = self._box(occ)
+        tools = []
+        if self.platens is not None:
+            flat, thick = self._flat(), self.platens.thickness
+            for level in (y - height / 2 - thick, y + height / 2):
+                tools.append((2, occ.addRectangle(x - flat / 2, level, 0, flat, thick)))
+        segments = [*self.notches, *self.joints.values(), *self.parts.values()]
+        joined = tools + [(1, _line(occ, segment)) for segment in segments]
+        made = occ.fragment([(2, box)], joined)[1] if joined else [[(2, box)]]
+        occ.synchronize()
+        platens, lines = made[1 : 1 + len(tools)], made[1 + len(tools) :]
+        notches, joints = lines[: len(self.notches)], lines[len(self.notches) :][: len(self.joints)]
+        beyond = {entity for part in platens for entity in part} - set(made[0])
+        return beyond, {entity for part in notches for entity in part}, dict(zip(self.joints, joints, strict=True))
 
-        occ = gmsh.model.occ
-        return int(occ.addLine(occ.addPoint(segment[0], segment[1], 0), occ.addPoint(segment[2], segment[3], 0)))
-
-    @staticmethod
-    def _elements(entity: tuple[int, int], vertices: int) -> Ints:
-        """Elements of an entity by the tags of their nodes."""
-        import gmsh
-
-        nodes = gmsh.model.mesh.getElements(*entity)[2]
-        return np.concatenate(nodes).astype(np.int64).reshape(-1, vertices)
+    def _box(self, occ: Any) -> int:
+        (x, y), (width, height) = self.center, self._extent()
+        if isinstance(self.shape, Rectangle):
+            return int(occ.addRectangle(x - width / 2, y - height / 2, 0, width, height))
+        disc = occ.addDisk(x, y, 0, self.shape.diameter / 2, self.shape.diameter / 2)
+        if self.shape.flat:
+            whole = occ.addRectangle(x - width / 2, y - height / 2, 0, width, height)
+            disc = occ.intersect([(2, disc)], [(2, whole)])[0][0][1]
+        return int(disc)
 
     def _bodies(self, points: Floats, triangles: Ints, platen: NDArray[np.bool_]) -> tuple[list[str], Ints]:
         names = list(self.phases.fractions) if self.phases is not None else ["specimen"]
@@ -260,3 +253,13 @@ def _on_segment(points: Floats, segment: Segment, element_size: float) -> NDArra
     part = away @ along / length**2
     near = 1e-6 * element_size
     return np.asarray((across < near) & (part > -near / length) & (part < 1 + near / length))
+
+
+def _line(occ: Any, segment: Segment) -> int:
+    return int(occ.addLine(occ.addPoint(segment[0], segment[1], 0), occ.addPoint(segment[2], segment[3], 0)))
+
+
+def _elements(gmsh: ModuleType, entity: Entity, vertices: int) -> Ints:
+    """Elements of an entity by the tags of their nodes."""
+    nodes = gmsh.model.mesh.getElements(*entity)[2]
+    return np.concatenate(nodes).astype(np.int64).reshape(-1, vertices)
