@@ -59,6 +59,11 @@ def timed(work: Callable[[], object]) -> tuple[Any, float]:
     return work(), time.process_time() - start
 
 
+def run_time(what: str, most: float, seconds: float) -> Check:
+    """A limit of processor time."""
+    return Check(what, most, seconds, unit="s", relation="at most", timing=True)
+
+
 @cache
 def ensembles() -> tuple[xarray.Dataset, float]:
     return timed(MaxwellSlip(alphas=list(PILOT), surfaces=SURFACES).run)
@@ -107,7 +112,7 @@ def roughness_checks() -> list[Check]:
             for alpha, amplitude in PILOT.items()
         ),
         Check("alpha at the transition", 22, float(data.alpha_c), 2, "1", ROUGHNESS),
-        Check("run time, 7 alphas, 100 runs, 300 blocks, 20 periods", 20, seconds, unit="s", relation="at most"),
+        run_time("run time, 7 alphas, 100 runs, 300 blocks, 20 periods", 20, seconds),
     ]
 
 
@@ -174,7 +179,7 @@ def chain_checks() -> list[Check]:
         Check("stress kept by sliding, soft, mean", 0.75, kept, 0, "1", CHAIN, "at least"),
         Check("stress kept by sliding, stiff, mean", 0.5, released, 0, "1", CHAIN, "at most"),
         Check("correlation of length and force, precursors that drop it", 0.5, correlation, 0, "1", CHAIN, "at least"),
-        Check("run time to the fifth large event", 60, seconds, unit="s", relation="at most"),
+        run_time("run time to the fifth large event", 60, seconds),
     ]
 
 
@@ -209,7 +214,7 @@ def slider_checks() -> list[Check]:
         Check("K_c under load amplitude 0.2 over K_c", 1, lowered / K_C, 0, "1", SLOW, "at most"),
         Check("resonance of the pinned contact, lambda 0.429 um", 761, resonance, 0.001, "Hz", SLOW, relative=True),
         Check("error of the 40 x 40 diagram, cells", 0.5, cells, 0.02, "1", "linear analysis", "at most"),
-        Check("run time of the 40 x 40 diagram", 60, seconds, unit="s", relation="at most"),
+        run_time("run time of the 40 x 40 diagram", 60, seconds),
     ]
 
 
@@ -240,7 +245,7 @@ def asperity_checks() -> list[Check]:
               float(data.ageing_misfit) / span, 0, "1", emerges, "at most"),
         Check("asperities: healing per e-fold over b of the ageing law", 1, float(data.healing / data.ageing_b), 0, "1",
               emerges, "at least"),
-        Check("asperities: run time", 20, seconds, unit="s", relation="at most"),
+        run_time("asperities: run time", 20, seconds),
     ]  # fmt: skip
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 RANKS = (1, 2, 4, 8)
 SLACK = 1.3
-# Of every rank: largest resident memory [MB] with all libraries and the C code loaded, and at the end.
+# Of every rank: largest resident memory [MB] with all libraries, the C code and MPI at work, and at the end.
 PROGRAM = """
 import resource, sys
 from ruptfx import fem
@@ -37,6 +37,7 @@ def one_step(nodes, comm):
     return model
 
 one_step(500, fem.MPI.COMM_SELF)
+one_step(1000 * fem.MPI.COMM_WORLD.size, fem.MPI.COMM_WORLD)  # and what MPI takes for its first messages
 memory = [resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]
 model = one_step(int(sys.argv[1]), fem.MPI.COMM_WORLD)
 model.layout.numbering

@@ -1,0 +1,61 @@
+"""What a run of all benchmarks ends with: which checks failed, and that times do not decide there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import ruptfx.bench
+from ruptfx.bench import Check, run_benchmark, verdict
+
+BENCHMARKS = {
+    "slow_one": 'return [Check("speed", 3.0, 3.0), Check("step", 0.5, 0.8, 0, "s", "aim", "at most", timing=True)]',
+    "wrong_one": 'return [Check("angle", 70.0, 81.5, 0.1, "deg", "a paper", relative=True)]',
+    "broken_one": 'raise ValueError("no such mesh")',
+    "fine_one": 'return [Check("slip", 1.0, 1.0)]',
+}
+
+
+@pytest.fixture
+def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Only these benchmarks, in files of their own."""
+    folder = tmp_path / "benchmarks"
+    folder.mkdir()
+    for name, result in BENCHMARKS.items():
+        (folder / f"{name}.py").write_text(
+            f'"""An example."""\nfrom ruptfx.bench import Check\n\n\ndef run(fine, comm):\n    {result}\n'
+        )
+    monkeypatch.setattr(ruptfx.bench, "__path__", [str(folder)])
+    monkeypatch.setattr(ruptfx.bench, "kinds", lambda package: list(BENCHMARKS))
+    return tmp_path
+
+
+def test_all_ends_with_the_checks_that_failed(known: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not run_benchmark("all", out=known / "out")
+    assert capsys.readouterr().out.splitlines()[-5:] == [
+        "times that were missed and do not decide here: 1",
+        "slow_one: step: found 0.8, expected 0.5 s, tolerance at most (aim)",
+        "checks that failed: 2 of 5",
+        "wrong_one: angle: found 81.5, expected 70 deg, tolerance 10 % (a paper)",
+        "broken_one: ran to its end: found nan, expected 1, tolerance 0 (ValueError: no such mesh)",
+    ]
+    assert {path.stem for path in (known / "out").glob("*.json")} == set(BENCHMARKS)  # those after it ran, too
+
+
+def test_times_decide_where_a_benchmark_is_run_by_its_name(known: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not run_benchmark("slow_one", out=known / "out")
+    assert capsys.readouterr().out.splitlines()[-2:] == [
+        "checks that failed: 1 of 2", "slow_one: step: found 0.8, expected 0.5 s, tolerance at most (aim)",
+    ]  # fmt: skip
+    assert run_benchmark("fine_one", out=known / "out")
+    assert capsys.readouterr().out.splitlines()[-1] == "checks that failed: 0 of 1"
+    with pytest.raises(ValueError, match="no such mesh"):
+        run_benchmark("broken_one", out=known / "out")
+
+
+def test_what_decides() -> None:
+    late = Check("step", 0.5, 0.8, 0, "s", "aim", "at most", timing=True)
+    assert verdict({"one": [late]}, alone=False)[0] is False
+    assert verdict({"one": [late]}, alone=True)[0] is True
+    assert verdict({"one": [Check("speed", 3.0, 3.0)]}, alone=True) == (False, ["checks that failed: 0 of 1"])
