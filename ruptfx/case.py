@@ -75,6 +75,9 @@ class FaultCase(Part):
         return [value] if isinstance(value, dict) else value
 
 
+Velocity = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m/s")]
+
+
 class Output(Part):
     """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots."""
 
@@ -162,6 +165,9 @@ class Case(CaseFile):
     """How the stiffness is applied: `matrix_free` is fastest and takes isotropic bodies, `ufl_form` takes all."""
     duration: Duration
     """Simulated time."""
+    large_rotations: bool = False
+    """Whether bodies may turn by any angle: strains are then those of Biot, U - 1 of 1 + grad u = R U, which a rotation
+    leaves alone, and small ones obey Hooke's law as before. In the plane, in explicit steps, without faults."""
     positions: Literal["x"] | None = None
     """Positions along interfaces on x are x. Required where positions are given and such an interface does not begin
     at x = 0: until version 0.1 they were lengths from its left end."""
@@ -173,6 +179,8 @@ class Case(CaseFile):
     """Interfaces by name; the meshes made here call theirs `main`."""
     fracture: AnyFracture | None = None
     """How the bodies break, along the facets of a mesh of triangles; without it, they do not."""
+    initial_velocity: dict[Name, Velocity] = {}
+    """Of bodies that fly when the run begins, by body, where bodies may break; the others are at rest."""
     boundaries: list[AnyBoundary] = []
     """What acts on edges and inside of the bodies, an entry each; edges that are not named are free."""
     damping: Damping = Damping()
@@ -212,6 +220,7 @@ class Case(CaseFile):
                 f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
                 "slides; add the table [faults.NAME.sliding], or remove this key"
             )
+        self._check_rotations()
         self._check_fracture()
         self._check_axisymmetric()
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
@@ -260,8 +269,30 @@ class Case(CaseFile):
                     "the same in [[boundaries]] and in every stage"
                 )
 
+    def _check_rotations(self) -> None:
+        if not self.large_rotations:
+            return
+        if self.plane not in ("stress", "strain"):
+            raise ValueError(f"large_rotations: plane = '{self.plane}': in plane stress and plane strain only")
+        if self.stepper.kind() != "leapfrog":
+            kind = self.stepper.kind()
+            raise ValueError(f"large_rotations: stepper.kind = '{kind}' is for small ones; use 'leapfrog'")
+        if self.faults:
+            raise ValueError(
+                f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
+                "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
+            )
+        stages = [stage.damping for stage in self.stages if stage.damping is not None]
+        if any(damping.kelvin_voigt is not None for damping in (self.damping, *stages)):
+            raise ValueError("large_rotations: damping.kelvin_voigt would resist rotation; use damping.mass, or none")
+
     def _check_fracture(self) -> None:
         if self.fracture is None:
+            if self.initial_velocity:
+                raise ValueError(
+                    f"initial_velocity.{next(iter(self.initial_velocity))}: bodies fly where they may break; add the "
+                    "table [fracture]"
+                )
             return
         if self.plane not in ("stress", "strain"):
             raise ValueError(f"plane = '{self.plane}': bodies break in plane stress and plane strain only")

@@ -135,7 +135,7 @@ ENERGIES = {
     "frictional_dissipation": "frictional dissipation", "fracture": "taken by cracks until they have failed",
     "damping": "taken by damping",
     "impact": "taken by plastic impacts, and by what an interface faces anew where it slides",
-    "boundary_work": "work of boundaries, initial stress and nucleation",
+    "boundary_work": "work of boundaries, initial stress and nucleation, and what bodies that fly begin with",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
 ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "boundary_work")

@@ -99,10 +99,12 @@ class Model:
         self.coordinates = self.layout.coordinates
         self.materials = self._materials()
         self.cracks = None if case.fracture is None else CrackStep(
-            self.space, self.bodies, case.fracture, self.materials, case.plane
+            self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations
         )  # fmt: skip
         of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
-        self.bulk = operators.Bulk(self.space, case.plane, of_cells, self.bodies.cell_body)
+        self.bulk = operators.Bulk(
+            self.space, case.plane, of_cells, self.bodies.cell_body, large_rotations=case.large_rotations
+        )
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self.force = fem.SharedVector(self.space)
         self.mass = self._mass()
@@ -327,20 +329,41 @@ class Model:
         return function
 
     def initial_state(self) -> State:
-        """At rest in the initial stress."""
+        """At rest in the initial stress, or flying as the case says."""
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
         faults = {fault.name: fault.initial_state() for fault in self.faults}
         cracks = {} if self.cracks is None else self.cracks.initial_state()
-        return State(zero, zero.copy(), self.force.array, faults, cracks=cracks)
+        state = State(zero, self._initial_velocity(), self.force.array, faults, cracks=cracks)
+        # What is there at the start counts as given.
+        state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
+        return state
 
-    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
-        """-K u of bodies and elastic supports, summed over ranks [N]."""
+    def _initial_velocity(self) -> np.ndarray:
+        """Of all local degrees of freedom [m/s]; edges that are driven begin at rest."""
+        velocity = np.zeros((self.nodes, self.components))
+        for name, given in self.case.initial_velocity.items():
+            if name not in self.bodies.names:
+                raise CaseError(f"initial_velocity.{name}: no such body, {nearest(name, self.bodies.names)}")
+            chosen = self.bodies.cell_body == self.bodies.names.index(name)
+            velocity[self.space.dofmap.list[: len(chosen)][chosen]] = given
+        velocity = velocity.ravel()
+        velocity[self.loads.prescribed] = 0
+        return velocity
+
+    def internal_force(self, displacement: np.ndarray, at_rest: bool = False) -> np.ndarray:
+        """-K u of bodies and elastic supports, summed over ranks [N]; with the K of small motion, if `at_rest`."""
         force = np.zeros_like(displacement)
-        self.operator.add_internal_force(displacement, force)
+        (self._operator_at_rest if at_rest else self.operator).add_internal_force(displacement, force)
         self.layout.sum_shared(force)
         self.loads.add_support_force(displacement, force)
         return force
+
+    @cached_property
+    def _operator_at_rest(self) -> operators.Operator:
+        if not self.bulk.large_rotations:
+            return self.operator
+        return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
 
     @property
     def copies(self) -> int:
@@ -368,7 +391,7 @@ class Model:
             held, taken = held + found[0], taken + found[1]
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         if self.cracks is not None:
-            held += self.cracks.stored(state.cracks, half * state.velocity)
+            held += self.cracks.stored(state.cracks, half * state.velocity, state.at_faults()[1])
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {
             "kinetic": kinetic,
@@ -385,9 +408,20 @@ class Model:
 
     def bulk_energies(self, state: State) -> tuple[float, float]:
         """Kinetic and strain energy of this rank [J]; collective."""
-        force = self.internal_force(state.displacement)
         kinetic = 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
-        return kinetic, 0.0 - 0.5 * self.layout.owned_dot(state.at_faults()[1], force)
+        then = state.at_faults()[1]
+        if self.bulk.large_rotations:
+            force = self.internal_force(then)
+            return kinetic, self.strain_energy(then) - 0.5 * state.lag * self.layout.owned_dot(state.velocity, force)
+        force = self.internal_force(state.displacement)
+        return kinetic, 0.0 - 0.5 * self.layout.owned_dot(then, force)
+
+    def strain_energy(self, displacement: np.ndarray) -> float:
+        """Of the cells of this rank where rotations are large, and of elastic supports [J]; no quadratic form."""
+        assert isinstance(self.operator, operators.EnergyOperator)
+        support = np.zeros_like(displacement)
+        self.loads.add_support_force(displacement, support)
+        return self.operator.energy(displacement) - 0.5 * self.layout.owned_dot(displacement, support)
 
     def wave_speeds(self) -> WaveSpeeds:
         """Of the slowest body, the scale of the pictures."""

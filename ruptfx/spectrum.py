@@ -70,7 +70,7 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
 
     def apply(vector: np.ndarray) -> np.ndarray:
         u = root * vector
-        force = model.internal_force(u)
+        force = model.internal_force(u, at_rest=True)
         for fault, (normal, shear) in stiffness:
             if normal or shear:
                 face = fault.interface

@@ -80,6 +80,8 @@ class CrackStep:
     materials : sequence of Material
         Of the bodies, as the case has them.
     plane : str
+    large_rotations : bool
+        Whether facets turn with the cells on both sides.
 
     Attributes
     ----------
@@ -103,9 +105,9 @@ class CrackStep:
 
     def __init__(
         self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, fracture: Fracture, materials: Sequence[Material],
-        plane: Plane,
+        plane: Plane, large_rotations: bool = False,
     ) -> None:  # fmt: skip
-        self.fracture = fracture
+        self.fracture, self.large_rotations = fracture, large_rotations
         for key, laws in fracture.all_laws():
             _check(key, laws)
         self.network = net = CrackNetwork(space, bodies)
@@ -139,6 +141,8 @@ class CrackStep:
         self.owned = owned[self.order]
         self.weight = 0.5 * net.length[self.order]
         self.normal = net.normal[self.order]
+        along = (net.ends[:, 1] - net.ends[:, 0])[self.order]
+        self.along = np.sum(along * self.tangent, axis=1)  # length, with the sign of its sense along the tangent
         self._owned_nodes = space.dofmap.index_map.size_local
         self._nodes = self._owned_nodes + space.dofmap.index_map.num_ghosts
         self.cell_materials = [
@@ -185,9 +189,21 @@ class CrackStep:
         for name, taken in zip(("frictional_dissipation", "fracture", "impact"), energy.tolist(), strict=True):
             state.energy[name] += taken
 
-    def add_force(self, state: FaultState, force: np.ndarray) -> None:
-        """Add what the tractions exert on the nodes this rank owns [N]."""
-        self._assemble(self.weight[:, None, None] * self.tractions(state), force)
+    def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:
+        """Add what the tractions exert on the nodes this rank owns [N].
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (nodes * components,), optional
+            Of that time [m]; where facets turn it says where they are.
+        """
+        normal, tangent = self._frame(displacement)
+        forces = self.weight[:, None, None] * self.tractions(state, normal, tangent)
+        self._assemble(forces, -forces, force)
+        if displacement is not None and self.large_rotations:
+            pull = (0.5 * self._moment(state, displacement) / self._turned(displacement)[1])[:, None] * normal
+            both = np.stack([pull, -pull], axis=1)
+            self._assemble(both, both, force)
 
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Add the forces of all springs, none of which has yielded, at the nodes this rank owns [N]."""
@@ -206,37 +222,71 @@ class CrackStep:
         here = rows < self._owned_nodes
         return sparse.csr_matrix((values[here], (rows[here], columns[here])), shape=(self._nodes,) * 2)
 
-    def tractions(self, state: FaultState) -> np.ndarray:
-        """On the minus sides, shape (facets, 2 ends, 2 components) [Pa]."""
-        normal, tangent = self.normal[:, None], self.tangent[:, None]
-        return state["normal_traction"][..., None] * normal + state["shear_traction"][..., None] * tangent
+    def tractions(
+        self, state: FaultState, normal: np.ndarray | None = None, tangent: np.ndarray | None = None
+    ) -> np.ndarray:
+        """On the minus sides, shape (facets, 2 ends, 2 components) [Pa]; in the frame of the mesh, or in that given."""
+        n, t = self.normal if normal is None else normal, self.tangent if tangent is None else tangent
+        return state["normal_traction"][..., None] * n[:, None] + state["shear_traction"][..., None] * t[:, None]
+
+    def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tangents of the facets where they are now, the mean of both sides, and their lengths with the sense of it."""
+        mean = displacement.reshape(-1, 2)[self.corners].mean(axis=1)
+        sense = np.sign(self.along)
+        along = self.along[:, None] * self.tangent + mean[:, 1] - mean[:, 0]
+        length = np.hypot(along[:, 0], along[:, 1])
+        return (sense / length)[:, None] * along, sense * length
+
+    def _frame(self, displacement: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        if displacement is None or not self.large_rotations:
+            return self.normal, self.tangent
+        tangent = self._turned(displacement)[0]
+        return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1), tangent
+
+    def _moment(self, state: FaultState, displacement: np.ndarray) -> np.ndarray:
+        """What the tractions do when the frame turns, in which jumps are measured, shape (facets,) [N]."""
+        normal, tangent = self._frame(displacement)
+        rows = displacement.reshape(-1, 2)
+        jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
+        opened, slipped = (np.einsum("fec,fc->fe", jump, axis) for axis in (normal, tangent))
+        turning = state["shear_traction"] * opened - state["normal_traction"] * slipped
+        return np.asarray(self.weight * turning.sum(axis=1))
 
     @property
     def tangent(self) -> np.ndarray:
         return np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
 
-    def _assemble(self, forces: np.ndarray, total: np.ndarray) -> None:
+    def _assemble(self, minus: np.ndarray, plus: np.ndarray, total: np.ndarray) -> None:
+        """Add forces at the ends of both sides, shape (facets, 2 ends, 2), at the nodes this rank owns."""
         rows = total.reshape(-1, 2)
         added = np.zeros_like(rows)
-        np.add.at(added, self.corners[:, 0], forces)
-        np.add.at(added, self.corners[:, 1], -forces)
+        np.add.at(added, self.corners[:, 0], minus)
+        np.add.at(added, self.corners[:, 1], plus)
         rows[: self._owned_nodes] += added[: self._owned_nodes]
 
-    def stored(self, state: FaultState, added: np.ndarray) -> float:
+    def stored(self, state: FaultState, added: np.ndarray, displacement: np.ndarray | None = None) -> float:
         """Energy in springs and open secants, and what tractions do over a displacement since; facets of this rank [J].
 
         Parameters
         ----------
         added : ndarray, shape (nodes * components,)
             That displacement [m].
+        displacement : ndarray, shape (nodes * components,), optional
+            Before it [m]; where facets turn it says where they are.
         """
         normal, shear, opened = (state[name] for name in ("normal_traction", "shear_traction", "inelastic_opening"))
         stiff = self.stiffness[:, None]
         density = 0.5 * (normal**2 + shear**2) / stiff + 0.5 * np.maximum(normal, 0.0) * opened
         rows = added.reshape(-1, 2)
         jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
-        density += np.sum(self.tractions(state) * jump, axis=2)
-        return float((self.owned * self.weight) @ density.sum(axis=1))
+        frame = self._frame(displacement)
+        density += np.sum(self.tractions(state, *frame) * jump, axis=2)
+        held = float((self.owned * self.weight) @ density.sum(axis=1))
+        if displacement is not None and self.large_rotations:
+            mean = rows[self.corners].mean(axis=1)
+            turned = np.sum(frame[0] * (mean[:, 1] - mean[:, 0]), axis=1) / self._turned(displacement)[1]
+            held += float((self.owned * self._moment(state, displacement)) @ turned)
+        return held
 
     def gather(self, state: FaultState) -> FaultState:
         """Fields of all facets in the order that no partition changes on rank 0, no rows elsewhere; collective.
@@ -284,6 +334,7 @@ class _Kernel:
         macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
         macros |= {
             "LANES": LANES, "BONDED": int(group.laws.cohesion is not None),
+            "LARGE_ROTATIONS": int(cracks.large_rotations),
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
@@ -292,12 +343,14 @@ class _Kernel:
         fill = np.minimum(np.arange(-(-ends // LANES) * LANES), max(ends - 1, 0))
         corners = cracks.corners[facets].transpose(1, 0, 2).reshape(2, -1)  # [side, end]
         weight = np.repeat(cracks.weight[facets], 2)
-        columns = np.stack([*np.repeat(cracks.normal[facets], 2, axis=0).T, weight, np.repeat(
-            cracks.stiffness[facets], 2)])  # fmt: skip
+        columns = np.stack([
+            *np.repeat(cracks.normal[facets], 2, axis=0).T, weight,
+            *np.repeat([cracks.stiffness[facets], cracks.along[facets]], 2, axis=1),
+        ])  # fmt: skip
         columns, nodes = columns[:, fill], 2 * corners[:, fill]
         columns[2, ends:] = 0  # what fills up the last block exerts no force
         self._node = np.ascontiguousarray(nodes.reshape(2, -1, LANES).transpose(1, 0, 2), np.int32)
-        self._fixed = np.ascontiguousarray(columns.reshape(4, -1, LANES).transpose(1, 0, 2))
+        self._fixed = np.ascontiguousarray(columns.reshape(5, -1, LANES).transpose(1, 0, 2))
         self._owned = cracks.owned[facets].astype(float)
 
     def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:

@@ -10,7 +10,7 @@ typedef double lanes[LANES];
 
 enum { STATES };  // STATE_normal_traction = 0, ...
 enum { FACETS };  // FACET_time_of_yield = 0, ...
-enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, COLUMNS };
+enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, ALONG, COLUMNS };  // along the tangent, length with the sign of its sense
 
 // An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits.
 struct end { double open, jump, stiffness, damage, inelastic, largest, slip, cohesive, friction; };
@@ -88,7 +88,8 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
                                                 const double *number, double *const *state, int l, double *taken)
 {
     (void)since;
-#define OLD(name) state[STATE_##name][l]
+#define OLD_AT(name, lane) state[STATE_##name][lane]
+#define OLD(name) OLD_AT(name, l)
     struct end end = {open, jump, stiffness, OLD(damage), OLD(inelastic_opening), OLD(largest_opening), OLD(slip),
                       OLD(cohesive_slip), 0};
     const double normal_stress = open < 0 ? -stiffness * open : 0;
@@ -148,6 +149,31 @@ INLINE void listen(double time, const int *node, const double *velocity, const d
     }
 }
 
+#if LARGE_ROTATIONS
+// Normals of facets as they are now, the mean of both sides, and their lengths.  Ends are pairs of lanes.
+INLINE void turn_frames(const int *minus, const int *plus, const double *fixed, const double *displacement, double *nx,
+                        double *ny, double *along)
+{
+    for (int l = 0; l < LANES; l += 2) {
+        double way[2];
+        for (int c = 0; c < 2; c++) {
+            const double first = displacement[minus[l] + c] + displacement[plus[l] + c];
+            const double second = displacement[minus[l + 1] + c] + displacement[plus[l + 1] + c];
+            way[c] = 0.5 * (second - first);
+        }
+        const double before = fixed[ALONG * LANES + l], sense = copysign(1, before);
+        way[0] += before * fixed[NORMAL_Y * LANES + l];
+        way[1] -= before * fixed[NORMAL_X * LANES + l];
+        const double length = sqrt(way[0] * way[0] + way[1] * way[1]), scale = sense / length;
+        for (int e = l; e < l + 2; e++) {
+            nx[e] = -way[1] * scale;
+            ny[e] = way[0] * scale;
+            along[e] = sense * length;
+        }
+    }
+}
+#endif
+
 // Tractions at the displacement, and their forces added to `force`; energies of owned facets are added to `energy`.
 void update(long facets, double since, double time, const int *node, const double *fixed, const double *number,
             const double *owned, const double *displacement, const double *velocity, const double *mass, double *force,
@@ -168,10 +194,16 @@ void update(long facets, double since, double time, const int *node, const doubl
         }
         const int *minus = node, *plus = node + LANES;
         lanes open, jump;
+#if LARGE_ROTATIONS
+        lanes normal_x, normal_y, along;
+        turn_frames(minus, plus, fixed, displacement, normal_x, normal_y, along);
+#else
+        const double *const normal_x = fixed + NORMAL_X * LANES, *const normal_y = fixed + NORMAL_Y * LANES;
+#endif
         int busy = 0;
         _Pragma("omp simd reduction(|:busy)")
         for (int l = 0; l < LANES; l++) {
-            const double nx = fixed[NORMAL_X * LANES + l], ny = fixed[NORMAL_Y * LANES + l];
+            const double nx = normal_x[l], ny = normal_y[l];
             const double k = fixed[STIFFNESS * LANES + l];
             const double x = displacement[plus[l]] - displacement[minus[l]];
             const double y = displacement[plus[l] + 1] - displacement[minus[l] + 1];
@@ -196,7 +228,7 @@ void update(long facets, double since, double time, const int *node, const doubl
             }
         lanes x, y;
         EACH_LANE {
-            const double nx = fixed[NORMAL_X * LANES + l], ny = fixed[NORMAL_Y * LANES + l];
+            const double nx = normal_x[l], ny = normal_y[l];
             x[l] = fixed[WEIGHT * LANES + l] * (OLD(normal_traction) * nx + OLD(shear_traction) * ny);
             y[l] = fixed[WEIGHT * LANES + l] * (OLD(normal_traction) * ny - OLD(shear_traction) * nx);
         }
@@ -206,6 +238,23 @@ void update(long facets, double since, double time, const int *node, const doubl
             force[plus[l]] -= x[l];
             force[plus[l] + 1] -= y[l];
         }
+#if LARGE_ROTATIONS
+        // Jumps are measured in a frame that turns with the ends of both sides, so tractions have a moment on it.
+        for (int l = 0; l < LANES; l += 2) {
+            double moment = 0;
+            for (int e = l; e < l + 2; e++)
+                moment += fixed[WEIGHT * LANES + e] * (OLD_AT(shear_traction, e) * open[e]
+                                                       - OLD_AT(normal_traction, e) * jump[e]);
+            const double pull = 0.5 * moment / along[l], px = pull * normal_x[l], py = pull * normal_y[l];
+            for (int side = 0; side < 2; side++) {
+                const int *const at = node + side * LANES + l;
+                force[at[0]] += px;
+                force[at[0] + 1] += py;
+                force[at[1]] -= px;
+                force[at[1] + 1] -= py;
+            }
+        }
+#endif
         if (count < LANES)
             for (int s = 0; s < STATE_COUNT; s++)
                 memcpy(states[s] + first, room[s], (size_t)count * sizeof(double));

@@ -35,6 +35,8 @@ class Bulk:
         Index into `materials` of every local cell (ghosts included).
     only : ndarray of bool or None, shape (cells,)
         Local cells that count; None for all.
+    large_rotations : bool
+        Whether strains are those of Biot, U - 1, and not the symmetric gradient.
     """
 
     space: fem.dolfinx.fem.FunctionSpace
@@ -42,6 +44,7 @@ class Bulk:
     materials: list[Material]
     cell_material: np.ndarray
     only: np.ndarray | None = None
+    large_rotations: bool = False
 
 
 class Operator(Protocol):
@@ -54,6 +57,15 @@ class Operator(Protocol):
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """force -= K displacement."""
+
+
+@runtime_checkable
+@runtime_checkable
+class EnergyOperator(Operator, Protocol):
+    """An operator that knows the strain energy itself: where that is no quadratic form, forces do not tell it."""
+
+    def energy(self, displacement: np.ndarray) -> float:
+        """Strain energy of the cells this rank owns [J, per metre of thickness in 2D]."""
 
 
 @runtime_checkable

@@ -18,7 +18,8 @@ def numbers(
     """Kind of every batch, where its numbers begin (in vectors), and the numbers.
 
     A batch takes the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for cells that
-    only fill up a batch) and the geometry; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
+    only fill up a batch) and the geometry; with large rotations 1 / sqrt(det J)
+    follows; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
     is one number in an affine cell, one for each node in a curved one, and left to the kernel in others.
 
     Parameters
@@ -40,6 +41,8 @@ def numbers(
     if axisymmetric:
         kind[kind == BOX] = AFFINE
         width += 2 * nodes + np.array([1, 1, 0, nodes])
+    if bulk.large_rotations:
+        width += 1
     width = width[kind]
     start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
     number = native.aligned((int(start[-1]), lanes))
@@ -54,6 +57,8 @@ def numbers(
             found = np.concatenate([modulus, geometry], axis=-1)
             if axisymmetric:
                 found = np.concatenate([found, _rings(bulk.space, chosen, int(value), permutation)], axis=-1)
+            if bulk.large_rotations:
+                found = np.concatenate([found, 1 / root_of_size(mesh, chosen)[..., None]], axis=-1)
             number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)
     return kind, start[:-1], number
 
@@ -100,7 +105,7 @@ def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
     """Root of |det J| of cells with parallel edges, in the shape of `cells`."""
     found = native.aligned(cells.shape)
     for part in _slices(len(cells)):
-        jacobian, _ = _shape(_corners(mesh, cells[part]), True)
+        jacobian, _ = _shape(_corners(mesh, cells[part]), is_tensor(mesh))
         found[part] = np.sqrt(np.abs(np.linalg.det(jacobian)))
     return found
 

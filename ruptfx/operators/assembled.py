@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import RuptfxError, fem
 from ruptfx.operators import Bulk
 from ruptfx.operators.ufl_form import energy, measure
 
@@ -33,6 +33,9 @@ class Assembled:
     """
 
     def __init__(self, bulk: Bulk) -> None:
+        if bulk.large_rotations:
+            raise RuptfxError("assembled: with large rotations there is no one stiffness; operator = 'matrix_free', or "
+                              "'ufl_form'")
         self._stiffness = fem.local_matrix(stiffness_form(bulk))
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:

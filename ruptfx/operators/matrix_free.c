@@ -2,6 +2,7 @@
 // the nodes that need nothing else.  matrix_free.py writes in front of this file what is known at compile time: DIM,
 // COMPONENTS, ORDER, SIMPLEX, and as TABLES those of the Gauss-Lobatto-Legendre points on [0, 1].
 //
+// LARGE_ROTATIONS: strains U - 1 of 1 + grad u = R U, in triangles; another number, 1 / sqrt(det J), follows the geometry.
 // AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
 //
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
@@ -163,6 +164,44 @@ INLINE void flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes *hoop, lane
         }
 }
 
+#if LARGE_ROTATIONS
+// What a cell feels of its gradient F = 1 + h = R U: R = [turn[0], turn[1]; -turn[1], turn[0]], tr U - 2 and F - R = R (U - 1).
+struct strained { lanes turn[2], trace, rest[2][2]; };
+
+INLINE struct strained strain_of(lanes g[DIM][DIM], lanes inverse_root, lanes p[DIM][COMPONENTS])
+{
+    struct strained found;
+    lanes h[2][2], s, turned;
+    UNROLL for (int c = 0; c < 2; c++)
+        UNROLL for (int a = 0; a < 2; a++) h[c][a] = (g[0][a] * p[0][c] + g[1][a] * p[1][c]) * inverse_root;
+    const lanes sum = h[0][0] + h[1][1], along = 2 + sum, across = h[0][1] - h[1][0], square = across * across;
+    const lanes length = along * along + square;
+    UNROLL for (int l = 0; l < LANES; l++) s[l] = __builtin_sqrt(length[l]);
+    // cos - 1 without a difference of numbers that are nearly the same, unless it has turned by more than a right angle.
+    const lanes near = -square / (along + s), far = along - s;
+    UNROLL for (int l = 0; l < LANES; l++) turned[l] = along[l] > 0 ? near[l] : far[l];
+    const lanes inverse = 1.0 / s, less = turned * inverse;
+    found.turn[0] = along * inverse;
+    found.turn[1] = across * inverse;
+    found.trace = (sum * (along + 2) + square) / (s + 2);
+    found.rest[0][0] = h[0][0] - less, found.rest[0][1] = h[0][1] - found.turn[1];
+    found.rest[1][0] = h[1][0] + found.turn[1], found.rest[1][1] = h[1][1] - less;
+    return found;
+}
+
+// The first Piola-Kirchhoff stress R (lambda tr(U - 1) + 2 G (U - 1)).
+INLINE void turned_flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes inverse_root, lanes p[DIM][COMPONENTS])
+{
+    const struct strained at = strain_of(g, inverse_root, p);
+    const lanes root = 1.0 / inverse_root, pressure = root * lambda * at.trace, twice = root * (shear + shear);
+    lanes s[2][2];
+    s[0][0] = pressure * at.turn[0] + twice * at.rest[0][0], s[0][1] = pressure * at.turn[1] + twice * at.rest[0][1];
+    s[1][0] = twice * at.rest[1][0] - pressure * at.turn[1], s[1][1] = pressure * at.turn[0] + twice * at.rest[1][1];
+    UNROLL for (int c = 0; c < 2; c++)
+        UNROLL for (int d = 0; d < 2; d++) p[d][c] = g[d][0] * s[c][0] + g[d][1] * s[c][1];
+}
+#endif
+
 // Axisymmetric, `hoop` is the radial displacement and becomes the force that the stress around the axis gives it.
 INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes *hoop,
                     lanes p[DIM][COMPONENTS])
@@ -195,6 +234,8 @@ INLINE void flux_at(const int geometry, struct cell *cell, int node, const doubl
     *hoop *= size * ring[NODES + node] * ring[node];
     UNROLL for (int d = 0; d < DIM; d++)
         UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c] *= ring[node];
+#elif LARGE_ROTATIONS
+    turned_flux(cell->g, lambda, shear, cell->geometry[4], p);
 #else
     flux(cell->g, lambda, shear, hoop, p);
 #endif
@@ -409,6 +450,31 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
             CASE(POINTWISE)
 #endif
         }
+}
+
+double strain_energy(const struct plan *plan, long batches, const double *displacement)
+{
+    lanes sum = {0};
+#if LARGE_ROTATIONS
+    for (long b = 0; b < batches; b++) {
+        const int *dof = plan->dof + b * NODES * LANES;
+        struct cell cell = open_cell(AFFINE, plan->number + plan->start[b]);
+        lanes u[NODES][2], p[2][2];
+        UNROLL for (int node = 0; node < NODES; node++) gather(displacement, dof + node * LANES, u[node]);
+        UNROLL for (int d = 0; d < 2; d++)
+            UNROLL for (int c = 0; c < 2; c++) p[d][c] = u[d + 1][c] - u[0][c];
+        const struct strained at = strain_of(cell.g, cell.geometry[4], p);
+        lanes square = at.rest[0][0] * at.rest[0][0] + at.rest[0][1] * at.rest[0][1];
+        square += at.rest[1][0] * at.rest[1][0] + at.rest[1][1] * at.rest[1][1];
+        const lanes area = -MINUS_WEIGHT[0] / (cell.geometry[4] * cell.geometry[4]);
+        sum += area * (0.5 * cell.lambda * at.trace * at.trace + cell.shear * square);
+    }
+#else
+    (void)plan, (void)batches, (void)displacement;
+#endif
+    double total = 0;
+    UNROLL for (int l = 0; l < LANES; l++) total += sum[l];
+    return total;
 }
 
 // v = decay v + dt f / m, u += dt v, f = 0; with damping also the sum of m |mean v|^2, which says what was lost, and when

@@ -47,9 +47,9 @@ class MatrixFree:
         self._components = space.dofmap.index_map_bs
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map)
-        permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric")
+        permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric", bulk.large_rotations)
         self._library = native.load("matrix_free", constants + files(__package__).joinpath("matrix_free.c").read_text())
-        self._library.step.restype = ctypes.c_double
+        self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
         lanes = self._library.lanes_per_batch()
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
@@ -72,6 +72,12 @@ class MatrixFree:
         pointers = self._pointers(displacement, force)
         self._library.add_internal_force(
             ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches), *pointers
+        )
+
+    def energy(self, displacement: np.ndarray) -> float:
+        """Strain energy of the cells this rank owns [J, per metre of thickness]; with large rotations only."""
+        return self._library.strain_energy(
+            ctypes.byref(self._plan), ctypes.c_long(self._batches), *self._pointers(displacement)
         )
 
     def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> bool:
@@ -253,6 +259,8 @@ def _refuse_unknown(bulk: Bulk) -> None:
         raise RuptfxError(f"matrix_free goes up to order {limit} on a {cell}, not {order}; {remedy}")
     if limit == 1 and bulk.plane == "axisymmetric":
         raise RuptfxError(f"matrix_free goes round an axis with quadrilaterals only, not with a {cell}; {remedy}")
+    if bulk.large_rotations and cell != "triangle":
+        raise RuptfxError(f"matrix_free knows large rotations of triangles only, not of a {cell}; {remedy}")
     if limit == 1 and geometry_element(bulk.space.mesh).degree > 1:
         raise RuptfxError(f"matrix_free wants a {cell} with straight edges; {remedy}")
 
@@ -284,13 +292,16 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
 
 
-def _reference_cell(space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool) -> tuple[np.ndarray, str]:
+def _reference_cell(
+    space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool, large: bool
+) -> tuple[np.ndarray, str]:
     """Tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim
     sizes = {
         "DIM": dim, "COMPONENTS": space.dofmap.index_map_bs, "ORDER": order, "FETCH": _fetch(space),
         "SIMPLEX": int(not is_tensor(space.mesh)), "AXISYMMETRIC": int(axisymmetric),
+        "LARGE_ROTATIONS": int(large),
     }  # fmt: skip
     text = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
     if not is_tensor(space.mesh):

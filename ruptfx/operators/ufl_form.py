@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from ruptfx import Table, axisymmetry, fem
@@ -9,12 +11,40 @@ from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
 
 
-def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane) -> fem.Expr:
-    """Symmetric gradient; of a scalar (antiplane) displacement its gradient, around an axis with the third strain."""
+def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane, large: bool = False) -> fem.Expr:
+    """Symmetric gradient; of a scalar (antiplane) displacement its gradient, around an axis with the third strain.
+
+    Where rotations are large, Biot's strain U - 1 in the plane, with F = 1 + grad u = R U.
+    """
+    if large:
+        return _biot(displacement)
     if plane == "axisymmetric":
         return axisymmetry.strain(displacement, mesh)
     gradient = fem.ufl.grad(displacement)
     return gradient if len(displacement.ufl_shape) == 0 else fem.ufl.sym(gradient)
+
+
+def _biot(displacement: fem.Expr) -> fem.Expr:
+    """U - 1 in closed form: U^2 - tr(U) U + det(U) 1 = 0 (Cayley and Hamilton), tr(U)^2 = tr(U^2) + 2 det(U).
+
+    With F = 1 + H, b = F_xy - F_yx and s = tr(U) = sqrt((2 + tr H)^2 + b^2); written so that small strains keep their
+    digits: U - 1 = (U^2 - 1 + (det(F) - 1 - (s - 2)) 1) / s.
+    """
+    H = fem.ufl.grad(displacement)
+    one, skew = fem.ufl.Identity(2), H[0, 1] - H[1, 0]
+    C = 2 * fem.ufl.sym(H) + H.T * H  # U^2 - 1
+    det = fem.ufl.tr(H) + H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]  # det(F) - 1
+    s = fem.ufl.sqrt((2 + fem.ufl.tr(H)) ** 2 + skew**2)
+    beyond = (fem.ufl.tr(C) + 2 * det) / (s + 2)  # s - 2
+    return (C + (det - beyond) * one) / s
+
+
+def rotation(displacement: fem.Expr) -> fem.Expr:
+    """R of the polar decomposition 1 + grad u = R U in the plane."""
+    H = fem.ufl.grad(displacement)
+    along, across = 2 + fem.ufl.tr(H), H[0, 1] - H[1, 0]
+    s = fem.ufl.sqrt(along**2 + across**2)
+    return fem.ufl.as_matrix([[along / s, across / s], [-across / s, along / s]])
 
 
 def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
@@ -44,7 +74,7 @@ def energy_density(bulk: Bulk, index: int, strain: fem.Expr) -> fem.Expr:
 def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:
     """Strain energy of the bodies [J, per metre of thickness in plane stress, plane strain and antiplane]."""
     mesh = bulk.space.mesh
-    e = strain(displacement, mesh, bulk.plane)
+    e = strain(displacement, mesh, bulk.plane, bulk.large_rotations)
     return sum(
         axisymmetry.around(energy_density(bulk, index, e), mesh, bulk.plane) * dx(index)
         for index in range(len(bulk.materials))
@@ -63,6 +93,7 @@ class UflForm:
 
     def __init__(self, bulk: Bulk, jit_options: Table = fem.JIT_OPTIONS) -> None:
         space = bulk.space
+        self._bulk, self._jit_options = bulk, jit_options
         self._displacement = fem.dolfinx.fem.Function(space)
         test = fem.ufl.TestFunction(space)
         dx, u = measure(bulk), self._displacement
@@ -74,3 +105,13 @@ class UflForm:
         assembled = np.zeros_like(force)
         fem.dolfinx.fem.assemble_vector(assembled, self._force)
         force -= assembled
+
+    def energy(self, displacement: np.ndarray) -> float:
+        """Strain energy of the cells this rank owns [J, per metre of thickness in 2D]."""
+        self._displacement.x.array[:] = displacement
+        return float(np.real(fem.dolfinx.fem.assemble_scalar(self._energy)))
+
+    @cached_property
+    def _energy(self) -> fem.dolfinx.fem.Form:
+        stored = energy(self._bulk, self._displacement, measure(self._bulk))
+        return fem.dolfinx.fem.form(stored, jit_options=self._jit_options)

@@ -225,13 +225,17 @@ class BulkFields:
         if self._stress_forms is None:
             self._displacement = fem.dolfinx.fem.Function(space)
             test, dx = ufl.TestFunction(space), model.measure()
-            variable = ufl.variable(ufl_form.strain(self._displacement, model.mesh, model.case.plane))
+            large = model.bulk.large_rotations
+            variable = ufl.variable(ufl_form.strain(self._displacement, model.mesh, model.case.plane, large))
             forms = []
             entries = _entries(c)
             for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
                 form: Any = 0
                 for index in range(len(model.bulk.materials)):
                     stress = ufl.diff(ufl_form.energy_density(model.bulk, index, variable), variable)
+                    if large:  # as it is turned with the body; volumes hardly change
+                        turn = ufl_form.rotation(self._displacement)
+                        stress = turn * stress * turn.T
                     picked = [stress[entry] for entry in pair] + [0.0] * (c - len(pair))
                     form += (picked[0] * test if c == 1 else ufl.inner(ufl.as_vector(picked), test)) * dx(index)
                 forms.append((fem.dolfinx.fem.form(form, jit_options=fem.JIT_OPTIONS), len(pair)))

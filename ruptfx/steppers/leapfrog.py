@@ -88,8 +88,9 @@ class LeapfrogMotion:
             held.reshape(-1, c)[model.viscosity.nodes] = True
         for tied in (model.layout.kept, model.layout.copies):
             held.reshape(-1, c)[tied] = True
-        if model.cracks is not None:
-            held[:] = True  # all rounded alike, wherever ranks have their borders
+        if model.cracks is not None or model.bulk.large_rotations:
+            # Of cracks all are rounded alike, wherever ranks have borders; energies of large rotations need forces.
+            held[:] = True
         held_nodes = held.reshape(-1, c).any(axis=1)
         self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
         if self._fused:
@@ -145,6 +146,7 @@ class LeapfrogMotion:
         for follower in self._followers:
             follower(state)
         plain = np.zeros(2) if state.watched else None
+        stored = self._strain_energy(state) if state.watched else None
         between = self._cracks(state, kick)
         self._bulk(state, kick, plain)
         loads = self.model.loads
@@ -183,7 +185,7 @@ class LeapfrogMotion:
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
         if plain is not None and internal is not None:
-            self._sum_energies(state, kick, plain, internal, between)
+            self._sum_energies(state, kick, plain, internal, between, stored)
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""
@@ -191,8 +193,9 @@ class LeapfrogMotion:
         return self.model.energies(state, (bulk[0], bulk[1]) if state.lag and step == state.step else None)
 
     def _sum_energies(
-        self, state: State, kick: _Kick, plain: np.ndarray, internal: np.ndarray, between: np.ndarray | None
-    ) -> None:
+        self, state: State, kick: _Kick, plain: np.ndarray, internal: np.ndarray, between: np.ndarray | None,
+        stored: float | None,
+    ) -> None:  # fmt: skip
         """v' M v / 2 and u_(n+1)' K u_n / 2 from the forces of this very step.
 
         Parameters
@@ -203,15 +206,24 @@ class LeapfrogMotion:
             Internal and viscous force and that of elastic supports and cracks, before anything else acts [N].
         between : ndarray, shape (nodes * components,), optional
             That of cracks alone, at the nodes this rank owns [N].
+        stored : float, optional
+            Strain energy at the displacement before, where it is no quadratic form [J]: half a step later it is
+            W(u_n) - f . v dt / 2, which is u_(n+1)' K u_n / 2 where it is one.
         """
-        displacement, velocity = state.displacement[self._dofs], state.velocity[self._dofs]
+        velocity = state.velocity[self._dofs]
+        # What forces do over half a step, or K over all of the displacement.
+        over = self.dt * velocity if stored is not None else state.displacement[self._dofs]
         kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
-        work = plain[1] + (self._owned * internal) @ displacement
+        work = plain[1] + (self._owned * internal) @ over
         if self.model.viscosity is not None:
             work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
         if between is not None:
-            work -= float(between @ state.displacement)
-        self._sums = (state.step + 1, 0.5 * float(kinetic), -0.5 * float(work))
+            work -= float(between[self._dofs] @ over)
+        self._sums = (state.step + 1, 0.5 * float(kinetic), (stored or 0.0) - 0.5 * float(work))
+
+    def _strain_energy(self, state: State) -> float | None:
+        """Of this rank, where it is no quadratic form [J]."""
+        return self.model.strain_energy(state.displacement) if self.model.bulk.large_rotations else None
 
     def _bulk(self, state: State, kick: _Kick, energy: np.ndarray | None) -> None:
         """Internal force at held nodes, complete over ranks; plain nodes advanced on the way.

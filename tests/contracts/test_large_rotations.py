@@ -1,0 +1,225 @@
+"""Bodies that turn by any angle: every operator that can agrees with the form; rotations cost no energy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from crack_cases import NEVER, WEAK, case
+from small_cases import plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError, fem, operators
+from ruptfx.case import parse_case
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.model import Model
+from ruptfx.operators import Bulk, EnergyOperator
+from ruptfx.schema import CaseError, kinds
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+MATERIALS = [
+    IsotropicElastic(density=1.0, young_modulus=2.0, poisson_ratio=0.3),
+    IsotropicElastic(density=1.0, young_modulus=5.0, poisson_ratio=0.2),
+]
+
+
+@cache
+def bulk(cell: str = "triangle") -> Bulk:
+    meshes = fem.dolfinx.mesh
+    mesh = meshes.create_rectangle(
+        fem.MPI.COMM_WORLD, [[0, 0], [1, 0.75]], [5, 4], getattr(meshes.CellType, cell)
+    )
+    x = mesh.geometry.x
+    x[:, 0] += 0.05 * np.sin(5 * x[:, 1])
+    middle = x[fem.geometry_dofmap(mesh)].mean(axis=1)
+    material = (np.sin(40 * middle.sum(axis=1)) > 0).astype(np.int32)
+    return Bulk(fem.lagrange(mesh, 1, 2), "strain", MATERIALS, material, large_rotations=True)
+
+
+@cache
+def operator(kind: str, cell: str = "triangle") -> Any:
+    try:
+        return operators.create(kind, bulk(cell))
+    except RuptfxError as refusal:
+        assert "large rotations" in str(refusal) and "operator = " in str(refusal)
+        pytest.skip(str(refusal))
+
+
+def force(operator: Any, displacement: np.ndarray) -> np.ndarray:
+    found = np.zeros_like(displacement)
+    operator.add_internal_force(displacement, found)
+    return found
+
+
+def turned(given: Bulk, angle: float, strain: float) -> np.ndarray:
+    """Displacement of a rotation after a random motion of that size."""
+    x = given.space.tabulate_dof_coordinates()[:, :2]
+    moved = x + strain * np.sin(7 * x[:, ::-1] + 3 * x)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.ascontiguousarray(moved @ np.array([[c, s], [-s, c]]) - x).ravel()
+
+
+every = pytest.mark.parametrize("kind", kinds("ruptfx.operators"))
+ANGLES = [0.0, 0.4, -1.5, 1.6, 3.0, -3.1]
+
+
+@every
+@pytest.mark.parametrize("angle", ANGLES)
+def test_force_and_energy_are_those_of_the_form(kind: str, angle: float) -> None:
+    given, reference = operator(kind), operator("ufl_form")
+    displacement = turned(bulk(), angle, 0.02)
+    expected = force(reference, displacement)
+    assert np.abs(force(given, displacement) - expected).max(initial=0) <= 2e-12 * np.abs(expected).max(initial=0)
+    assert isinstance(given, EnergyOperator)
+    assert given.energy(displacement) == pytest.approx(reference.energy(displacement), rel=1e-12)
+
+
+def test_energy_is_that_of_the_singular_values() -> None:
+    """W = lambda/2 (s_1 + s_2 - 2)^2 + G ((s_1 - 1)^2 + (s_2 - 1)^2), with the stretches s of F = 1 + grad u."""
+    given = bulk()
+    gradient = np.array([[-1.6, -0.9], [0.7, -1.5]])
+    x = given.space.tabulate_dof_coordinates()[:, :2]
+    found = operator("ufl_form").energy(np.ascontiguousarray(x @ gradient.T).ravel())
+    stretch = np.linalg.svd(np.eye(2) + gradient)[1] - 1
+    assert np.linalg.det(np.eye(2) + gradient) > 0
+    expected = 0.0
+    for index, material in enumerate(MATERIALS):
+        first, shear = material.lame("strain")
+        one = fem.dolfinx.fem.Constant(given.space.mesh, 1.0)
+        area = fem.dolfinx.fem.assemble_scalar(
+            fem.dolfinx.fem.form(one * operators.ufl_form.measure(given)(index))
+        )
+        expected += area * (0.5 * first * stretch.sum() ** 2 + shear * np.sum(stretch**2))
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@every
+@pytest.mark.parametrize("angle", ANGLES)
+def test_a_rotation_gives_no_force(kind: str, angle: float) -> None:
+    given = operator(kind)
+    scale = np.abs(force(given, turned(bulk(), 0.0, 0.02))).max(initial=0)
+    assert np.abs(force(given, turned(bulk(), angle, 0.0))).max(initial=0) <= 1e-12 * scale
+    assert given.energy(turned(bulk(), angle, 0.0)) <= 1e-24
+
+
+@every
+def test_force_is_the_derivative_of_the_energy(kind: str) -> None:
+    given, displacement = operator(kind), turned(bulk(), 2.0, 0.02)
+    way = np.random.default_rng(fem.MPI.COMM_WORLD.rank).normal(size=len(displacement))
+    rise = [given.energy(displacement + step * way) for step in (2e-4, 1e-4, -1e-4, -2e-4)]
+    slope = (8 * (rise[1] - rise[2]) - (rise[0] - rise[3])) / 12e-4
+    assert slope == pytest.approx(-force(given, displacement) @ way, rel=1e-8)
+
+
+@every
+def test_small_motion_obeys_hooke(kind: str) -> None:
+    """The difference falls with the square of the motion."""
+    given, linear = operator(kind), operators.create(kind, replace(bulk(), large_rotations=False))
+    for size in (1e-3, 1e-6):
+        displacement = turned(bulk(), size, size)
+        expected = force(linear, displacement)
+        away = np.abs(force(given, displacement) - expected).max(initial=0)
+        assert away <= 30 * size * np.abs(expected).max(initial=0)
+
+
+def test_quadrilaterals_take_the_form() -> None:
+    with pytest.raises(RuptfxError, match="large rotations of triangles only, not of a quadrilateral"):
+        operators.create("matrix_free", bulk("quadrilateral"))
+    assert force(operator("ufl_form", "quadrilateral"), turned(bulk("quadrilateral"), 2.0, 0.0)).max() < 1e-12
+
+
+# -- facets that may break -------------------------------------------------------------------------------------------
+
+
+class Pieces:
+    """A block whose cells have moved apart at random and broken, then turned by an angle as a whole."""
+
+    def __init__(self, angle: float) -> None:
+        self.model = Model(case({"large_rotations": True, "fracture.default.cohesion": WEAK, "boundaries": []}))
+        self.state, self.cracks = self.model.initial_state(), self.model.cracks
+        x, c, s = self.model.coordinates[:, :2], np.cos(angle), np.sin(angle)
+        self.turn = np.array([[c, -s], [s, c]])
+        assert self.cracks is not None
+        size = WEAK["G_Ic"] / WEAK["f_t"]
+        # The same for a corner on any rank, and by the same steps at any angle.
+        apart = size * np.sin(1e6 * x @ [[1.0, 3.0], [2.0, -1.0]] + self._of_cells() @ [[7.0, 5.0]])
+        for part in (0.3, -0.2, 1.0):
+            self.state.displacement[:] = ((x + part * apart) @ self.turn.T - x).ravel()
+            self.state.force[:] = 0
+            self.cracks(self.state, self.model.mass, 1e-6)
+        self.x = x + self.state.displacement.reshape(-1, 2)
+
+    def _of_cells(self) -> np.ndarray:
+        number = np.asarray(self.model.mesh.topology.original_cell_index)
+        cells = self.model.space.dofmap.list
+        of_node = np.zeros((self.model.nodes, 1))
+        of_node[cells] = number[: len(cells), None, None]
+        return of_node
+
+    @property
+    def force(self) -> np.ndarray:
+        return self.state.force.reshape(-1, 2)
+
+
+def test_facets_turn_with_their_cells() -> None:
+    """Tractions and states are those of the block that was not turned, forces are turned, their moment is nothing."""
+    still, turned = Pieces(0.0), Pieces(2.2)
+    assert (still.state.cracks["damage"] > 0).sum() > 20 and (still.state.cracks["damage"] >= 1).any()
+    for name, values in still.state.cracks.items():
+        scale = np.abs(values[np.isfinite(values)]).max(initial=0)
+        np.testing.assert_allclose(turned.state.cracks[name], values, rtol=1e-6, atol=1e-7 * scale, err_msg=name)
+    scale = np.abs(still.force).max(initial=0)
+    np.testing.assert_allclose(turned.force, still.force @ turned.turn.T, atol=1e-7 * scale)
+    comm = still.model.comm
+    for each in (still, turned):
+        total = comm.allreduce(each.force.sum(axis=0))
+        moment = comm.allreduce(np.sum(each.x[:, 0] * each.force[:, 1] - each.x[:, 1] * each.force[:, 0]))
+        assert np.abs(total).max() <= 1e-12 * scale and abs(moment) <= 1e-12 * scale * 0.01 * each.model.nodes
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.2])
+def test_forces_of_facets_are_those_of_arrays(angle: float) -> None:
+    """And what tractions do over a small motion is what these forces do."""
+    pieces = Pieces(angle)
+    again, cracks, state = np.zeros_like(pieces.state.force), pieces.cracks, pieces.state
+    cracks.add_force(state.cracks, again, state.displacement)
+    scale = np.abs(again).max(initial=0)
+    np.testing.assert_allclose(state.force, again, atol=1e-12 * scale)
+    way = 1e-9 * np.sin(1e7 * pieces.x).ravel()
+    work, none = (cracks.stored(state.cracks, part * way, state.displacement) for part in (1, 0))
+    found = pieces.model.comm.allreduce(np.array([work - none, -again @ way]))
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_flying_bodies_begin_with_their_energy() -> None:
+    given = case({"boundaries": [], "mesh.divide": 5e-3, "initial_velocity": {"upper": [3.0, -4.0]},
+                  "fracture.default.cohesion": NEVER, "duration": 1e-6, "large_rotations": True})  # fmt: skip
+    model = Model(given)
+    state = model.initial_state()
+    energy = model.energies(state)
+    assert energy["kinetic"] == pytest.approx(0.5 * 2600 * 8e-3 * 5e-3 * 25, rel=1e-12)
+    assert energy["boundary_work"] == energy["kinetic"]
+    with pytest.raises(CaseError, match=r"initial_velocity\.uper: no such body"):
+        Model(case({"mesh.divide": 5e-3, "boundaries": [], "initial_velocity": {"uper": [3.0, -4.0]}})).initial_state()
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"plane": "antiplane", "boundaries": []}, "large_rotations: plane = 'antiplane'"),
+        ({"damping.kelvin_voigt": {}}, "large_rotations: damping.kelvin_voigt would resist rotation"),
+        ({"stepper": {"kind": "generalized_alpha", "time_step": 1e-8}}, "large_rotations: stepper.kind"),
+    ],
+)
+def test_what_cannot_turn_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        case({"large_rotations": True, **changes})
+    with pytest.raises(CaseError, match=r"large_rotations: faults\.main keeps the direction"):
+        parse_case(plates({"large_rotations": True}))
+    with pytest.raises(CaseError, match=r"initial_velocity.upper: bodies fly where they may break; add .*\[fracture\]"):
+        parse_case(plates({"initial_velocity": {"upper": [1.0, 0.0]}}))
