@@ -1,7 +1,8 @@
 """What a whole run takes in processor time, memory and disk, measured in a rehearsal; and whether there is the memory.
 
-The rehearsal makes a few real steps and records, so that it knows this machine, this mesh and this friction law. It
-counts what a run has besides: start, model, compiling, analysis and figures.
+The rehearsal is the beginning of the run: real steps for half a second, records and snapshots, so that it knows this
+machine, this mesh and this friction law. A process that draws is started as in a run, and its start is what figures are
+counted by. What is not of the run, such as the other rows of `ruptfx check`, is left out.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem
+from ruptfx import RuptfxError, fem, painter
 from ruptfx.case import Case
 from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
 from ruptfx.recording.bulk_fields import BulkFields
@@ -30,15 +31,15 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.steppers import Motion
 
-STEPS = 6  # of the rehearsal, after the first
+SECONDS, FEWEST = 0.5, 6  # steps of the rehearsal: processor time that is enough, and how many there are at least
 LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`)
 # Bytes per node of a model in its first step, by components of the motion: the least that a run takes. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0}
-# Processor time of the start of the program at most, of the analysis at its end, of the start of what draws and of a
-# figure, all of them Python at work, over that of a fixed piece of Python; bytes of a figure's file
+# Processor time of the start of the program at most, and of the analysis at its end, over that of a fixed piece of
+# Python; of a plain panel of a figure over that of the start of what draws; bytes of a figure's file
 # (`ruptfx bench command_cost`).
-START, ANALYSIS, PAINTER, DRAWING, PICTURE = 40.0, 2.5, 50.0, 12.5, 0.2e6
+START, ANALYSIS, PANEL, PICTURE = 40.0, 1.0, 0.072, 0.2e6
 PACES = 5  # parts of that piece, the middle one of which counts
 FIGURES, CRACKS = 190e6, 200e6  # bytes of memory of what draws, and more where it draws bodies that break
 BYTES = {"double": 8, "single": 4}
@@ -62,7 +63,7 @@ class Cost:
     disk: float
 
 
-def rehearse(model: Model, motion: Motion, steps: int | None, started: float) -> Cost:
+def rehearse(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Cost:
     """The cost of a run.
 
     Parameters
@@ -71,49 +72,89 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float) ->
     motion : Motion
     steps : int or None
         None where their number is not known; only the first are counted then.
-    started : float
-        Processor time of this program when it began with the model [s]: what starting takes, in a program that did
-        nothing else.
+    started, built : float
+        Processor time of this program when it began with the model, and when it had it [s]. Before is what starting
+        takes, in a program that did nothing else.
     """
     case, pace = model.case, _pace()
-    spared = max(started - START * pace, 0.0)  # a program that did something else before
-    with tempfile.TemporaryDirectory() as folder, Recorder(model, motion, Path(folder)) as recorder:
-        state = model.initial_state()
-        state.unseen = True
-
-        def record(what: str) -> None:
-            """Make the recorder believe that this is due."""
-            recorder.next = {"interface": 10**9, "bulk": 10**9, what: 0}
-            recorder.last = -1.0
-            recorder.record(state)
-            recorder.meet()
-
-        record("interface")
-        motion.step(state)
-        record("bulk")  # compiles
-        step = _each(lambda: motion.step(state), STEPS)
-        of_record = _each(lambda: record("interface"), 2)
-        of_snapshot = _each(lambda: record("bulk"), 1)
-    figures = number_of_figures(case) if case.output.figures else 0
+    figures = work_of_figures(case) if case.output.figures else {}
+    draws = painter.start_up() if figures else None
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.process_time()
+        with Recorder(model, motion, Path(folder)) as recorder:
+            run = _Beginning(model, motion, recorder)
+            opening = time.process_time() - began
+            left = max(steps - 1, 1) if steps else np.inf
+            step = _each(run.step, SECONDS, FEWEST, left)
+            of_record = _each(run.step_and_record, 0.2 * SECONDS, 2) - step
+            of_snapshot = _each(run.snapshot, 0.1 * SECONDS, 1)
     records, snapshots = _counts(case, steps)
-    total = time.process_time() - spared - pace + max((steps or 0) - STEPS, 0) * step
-    total += max(records - 3, 0) * of_record + max(snapshots - 2, 0) * of_snapshot
-    total += (ANALYSIS + PAINTER * bool(figures) + figures * DRAWING) * pace
+    total = min(started, START * pace) + built - started + opening + max((steps or 0) - 1, 0) * step
+    total += max(records - 2, 0) * max(of_record, 0.0) + max(snapshots - 1, 0) * of_snapshot + ANALYSIS * pace
+    if draws is not None:
+        total += (1 + PANEL * sum(figures.values())) * draws()
     memory = largest_memory() + bool(figures) * (FIGURES + CRACKS * (case.fracture is not None))
-    return Cost(step, total, memory, _bytes_of_files(model, steps) + figures * PICTURE)
+    return Cost(step, total, memory, _bytes_of_files(model, steps) + len(figures) * PICTURE)
+
+
+class _Beginning:
+    """The first steps of a run, with what the loop does around them and records when they are asked for.
+
+    Made, it has the first state, a step, a record of the end of that, and a snapshot, in which what needs it is
+    compiled.
+    """
+
+    def __init__(self, model: Model, motion: Motion, recorder: Recorder) -> None:
+        self.motion, self.recorder, self.state = motion, recorder, model.initial_state()
+        self.state.unseen = True
+        recorder.observe(self.state)
+        self._record("interface")
+        self.step_and_record()
+        self.snapshot()
+
+    def step(self) -> None:
+        self._step(watched=False)
+
+    def step_and_record(self) -> None:
+        """Energies of a record come from its step."""
+        self._step(watched=True)
+        self._record("interface")
+
+    def snapshot(self) -> None:
+        self._record("bulk")
+
+    def _step(self, watched: bool) -> None:
+        self.recorder.next = {"interface": 10**9, "bulk": 10**9}
+        self.recorder.expects(self.state)
+        self.state.watched = watched
+        self.motion.step(self.state)
+        self.recorder.observe(self.state)
+        self.recorder.due(self.state)
+
+    def _record(self, what: str) -> None:
+        """Make the recorder believe that this is due."""
+        self.recorder.next = {"interface": 10**9, "bulk": 10**9, what: 0}
+        self.recorder.last = -1.0
+        self.recorder.record(self.state)
+        self.recorder.meet()
 
 
 def _pace() -> float:
     """Processor time of a fixed piece of Python [s], about 0.04."""
-    return PACES * median(_each(lambda: sum(len(f"{number:.3g}") for number in range(20_000)), 1) for _ in range(PACES))
+    return PACES * median(_once(lambda: sum(len(f"{number:.3g}") for number in range(20_000))) for _ in range(PACES))
 
 
-def _each(action: Callable[[], object], times: int) -> float:
-    """Processor time of an action [s]."""
-    begin = time.process_time()
-    for _ in range(times):
+def _each(action: Callable[[], object], seconds: float, fewest: int, most: float = np.inf) -> float:
+    """Processor time of an action [s], the mean of as many as take so long."""
+    begin, times = time.process_time(), 0
+    while times < most and (times < fewest or time.process_time() - begin < seconds):
         action()
+        times += 1
     return (time.process_time() - begin) / times
+
+
+def _once(action: Callable[[], object]) -> float:
+    return _each(action, 0.0, 1)
 
 
 def _bytes_of_files(model: Model, steps: int | None) -> float:
@@ -151,13 +192,22 @@ def _counts(case: Case, steps: int | None) -> tuple[float, float]:
     return min(records, most), min(case.duration / (output.bulk_interval or case.duration / 6), most)
 
 
-def number_of_figures(case: Case) -> int:
-    """How many pictures such a run ends with, at most."""
-    flat = case.plane != "solid"
-    fringes = case.output.plate_thickness is not None and "fringe" in case.output.bulk_fields
-    bodies = flat * (("velocity" in case.output.bulk_fields) + fringes)
-    sliding = 3 * any(fault.sliding is not None for fault in case.faults.values())
-    return 1 + 4 * bool(case.faults) + sliding + (case.fracture is not None) + bodies + bool(case.instruments)
+def work_of_figures(case: Case) -> dict[str, int]:
+    """The figures that such a run ends with, at most, each with how many plain panels take as long."""
+    work = {"energy_budget": 4}
+    if case.faults:
+        work |= {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
+    if any(fault.sliding is not None for fault in case.faults.values()):
+        work |= {"contact": 1, "forces": 3, "surfaces": 5}
+    if case.fracture is not None:
+        work |= {"cracks": 6, "emission": 12}
+    if case.plane != "solid" and "velocity" in case.output.bulk_fields:
+        work["wavefield"] = 7
+    if case.plane != "solid" and "fringe" in case.output.bulk_fields and case.output.plate_thickness is not None:
+        work["fringes"] = 5
+    if case.instruments:
+        work["instruments"] = 1 + len(case.instruments)
+    return work
 
 
 # -- memory --------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 MOST = 4  # processes that draw: there are hardly more figures that take long
 LATER = "RUPTFX_FIGURES"  # set by a launcher that draws when the ranks have ended
+
+COMMAND = [sys.executable, "-m", __name__]
 
 _waiting: subprocess.Popen[str] | None = None
 
@@ -36,9 +39,20 @@ def prepare() -> None:
     if _waiting is None and "ruptfx.plots" not in sys.modules and cores() > 1:
         # A session of its own: Ctrl-C is for the run. It ends with its input, however this process ends.
         _waiting = subprocess.Popen(
-            [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            start_new_session=True,
-        )  # fmt: skip
+            COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
+
+
+def start_up() -> Callable[[], float]:
+    """Start such a process for nothing; what is returned waits for its end and tells its processor time [s]."""
+    process = subprocess.Popen(COMMAND, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+
+    def took() -> float:
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        return usage.ru_utime + usage.ru_stime
+
+    return took
 
 
 def dismiss() -> None:
@@ -97,15 +111,14 @@ def main() -> None:
 
     warm_up()
     asked = sys.stdin.read()
-    if not asked:
-        return
-    out, error = Path(json.loads(asked)), None
-    try:
-        _together(out, list(plots.FIGURES)[::-1])
-    except RuptfxError as caught:
-        error = str(caught)
-    json.dump(error, answers)
-    answers.flush()
+    if asked:
+        out, error = Path(json.loads(asked)), None
+        try:
+            _together(out, list(plots.FIGURES)[::-1])
+        except RuptfxError as caught:
+            error = str(caught)
+        json.dump(error, answers)
+        answers.flush()
     os._exit(0)  # somebody waits, and taking all imports apart takes long
 
 

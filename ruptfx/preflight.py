@@ -72,6 +72,7 @@ def preflight(case: Case) -> Iterator[Row]:
     model = Model(case, fem.MPI.COMM_WORLD)
     motion = stages.bind(model)
     StopRules(model)
+    built = time.process_time()
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         speeds = material.wave_speeds(case.plane)
@@ -102,7 +103,7 @@ def preflight(case: Case) -> Iterator[Row]:
     if model.cracks is not None:
         yield from _crack_rows(model, model.cracks)
     yield from (_doubtful(doubt) for doubt in doubts(model))
-    yield from _cost(model, motion, steps, started)
+    yield from _cost(model, motion, steps, started, built)
 
 
 def _crack_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
@@ -573,9 +574,9 @@ def _points_row(quantity: str, zone: float, spacing: float, enough: int) -> Row:
     return Row(quantity, points, "", f"too few: {enough} or more resolve a front", "warning")
 
 
-def _cost(model: Model, motion: Motion, steps: int | None, started: float) -> Iterator[Row]:
+def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
     """Memory, files and time of the whole command, from a rehearsal."""
-    found, there = rehearse(model, motion, steps, started), available()
+    found, there = rehearse(model, motion, steps, started, built), available()
     if there is None or found.memory < there:
         yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
     else:

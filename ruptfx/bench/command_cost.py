@@ -1,9 +1,9 @@
 """What `ruptfx check` tells of time, memory and files, over what `ruptfx run` takes: within 30 % for every demo.
 
 Both in processes of their own, on one rank, with all outputs and pictures; processor time, so that other programs count
-little, and memory together with the largest of the processes that draw. Where step sizes follow the state `check` tells
-no time; such demos are compared over a part of their duration, by memory alone. Without `--fine`: the demos of a few
-seconds.
+little, and memory together with the largest of the processes that draw. Demos of which more than some seconds are told
+are compared over the part of their duration that should take these. Where step sizes follow the state `check` tells
+no time; such demos are compared over a small part, by memory alone. Without `--fine`: the demos of a few seconds.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 QUICK = ("antiplane", "gmsh", "impact", "rate_state", "pressed_block")
 ALIKE = 0.3
+LONGEST = 12.0  # s of processor time that are told of a run
 ADAPTIVE = 0.02  # of the duration, where only memory is compared
 UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
 # What check tells, as JSON; and what a run takes, in its last line.
@@ -59,12 +60,13 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         if not (fine or path.stem in QUICK) or not _is_run(path):
             continue
         with parts.one(path.stem):
-            told, taken = compared(path)
+            part, told, taken = compared(path)
+            over = f", over {part:.2g} of its duration" * (part < 1)
             for what, unit in UNITS.items():
                 value = told[what]
                 if value is not None:
                     name, numbers = f"{path.stem}: {what}, told / taken", f"{value:.4g} over {taken[what]:.4g} {unit}"
-                    parts.checks.append(Check(name, 1.0, value / taken[what], ALIKE, "1", numbers))
+                    parts.checks.append(Check(name, 1.0, value / taken[what], ALIKE, "1", numbers + over))
     return Outcome(parts.checks, rows=parts.rows)
 
 
@@ -75,25 +77,34 @@ def _is_run(path: Path) -> bool:
         return False
 
 
-def compared(path: Path, overrides: list[str] | None = None) -> tuple[dict[str, float | None], dict[str, float]]:
+def compared(path: Path) -> tuple[float, dict[str, float | None], dict[str, float]]:
     """Processor time [s], memory and files [MB] of a case, as check tells them, and as a run takes them.
+
+    First comes the part of its duration for which this is.
 
     Raises
     ------
     RuptfxError
         One of both failed, with what it said.
     """
-    given = list(overrides or [])
-    case = read_case(path, given)
+    case = read_case(path)
     assert isinstance(case, Case)
-    if case.stepper.adaptive:
-        given.append(f"duration={ADAPTIVE * case.duration!r}")
     with tempfile.TemporaryDirectory() as folder:
-        told: dict[str, float | None] = json.loads(_last_line([TOLD, str(path), *given], folder))
-        options = [item for value in given for item in ("--set", value)]
+
+        def told_of(part: float) -> tuple[list[str], dict[str, float | None]]:
+            changes = [f"duration={part * case.duration!r}"] * (part < 1)
+            return changes, json.loads(_last_line([TOLD, str(path), *changes], folder))
+
+        part = ADAPTIVE if case.stepper.adaptive else 1.0
+        changes, told = told_of(part)
+        expected = told["expected run time"] or 0.0
+        if expected > LONGEST:
+            part = LONGEST / expected
+            changes, told = told_of(part)
+        options = [item for change in changes for item in ("--set", change)]
         taken = json.loads(_last_line([TAKEN, "run", str(path), "--out", "run", "--quiet", *options], folder))
         size = sum(file.stat().st_size for file in Path(folder, "run").rglob("*") if file.is_file())
-    return told, dict(zip(UNITS, [*taken, size / 1e6], strict=True))
+    return part, told, dict(zip(UNITS, [*taken, size / 1e6], strict=True))
 
 
 def _last_line(arguments: list[str], folder: str) -> str:

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from labels import label_faults
 from pydantic import TypeAdapter
 from scipy.integrate import simpson
 from small_cases import case, two_boxes
 
 from ruptfx import RuptfxError
+from ruptfx.check_law import figure
 from ruptfx.check_law.checks import CHECKS, missing, toml
 from ruptfx.check_law.examples import friction, friction_laws, holds
 from ruptfx.friction import COMMON, RESERVED, AnyFriction
@@ -28,6 +30,11 @@ every_example = pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", list(alternatives("ruptfx.friction")))
 def test_a_law_says_what_it_is(kind: str) -> None:
     assert missing(alternatives("ruptfx.friction")[kind]) == []
+
+
+@every_law
+def test_labels_of_its_figure_keep_apart(kind: str, held: str | None) -> None:
+    assert label_faults(figure.draw(friction(kind, held))) == []
 
 
 @pytest.mark.parametrize("name", sorted(RESERVED))

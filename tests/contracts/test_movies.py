@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from labels import label_faults
 from PIL import Image
 
 from ruptfx import RuptfxError, movies
@@ -38,6 +39,21 @@ def test_every_film(what, record, tmp_path):
     # The wave and the tip move: pictures differ by more than the digits of the time.
     changed = [np.mean(np.abs(a - b).max(axis=2) > 20) for a, b in pairwise(pictures)]
     assert min(changed) > 0.01
+
+
+@pytest.mark.parametrize("slides", [False, True])
+@pytest.mark.parametrize("what", own_kinds("ruptfx.movies"))
+def test_labels_of_a_frame_keep_apart(what, slides, record, tmp_path, monkeypatch):
+    made, new = [], movies.new_figure
+    monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])
+    if slides:
+        record = Record(synthetic.write_run(
+            tmp_path / "slides", synthetic.crack(TIME, POSITION), TIME, POSITION, snapshots=3, slides=True
+        ))  # fmt: skip
+    frames = movies.frames(record, what, most=3)
+    for _ in frames:
+        assert label_faults(made[0][0]) == []
+    assert len(made) == 1
 
 
 def test_pictures_show_the_values_of_the_run(record):

@@ -311,7 +311,7 @@ def test_size_of_files(changes: dict[str, Any], tmp_path: Path) -> None:
 
 
 def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
-    """Within 30 % of what `ruptfx run` takes, with pictures; where other programs disturb, in one of three attempts."""
+    """Within 30 % of what `ruptfx run` takes, with pictures."""
     import tomli_w
 
     from ruptfx.bench.command_cost import ALIKE, compared
@@ -320,13 +320,9 @@ def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
         {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0}
     ]})  # fmt: skip
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
-    for _ in range(3):
-        told, taken = compared(tmp_path / "case.toml")
-        assert told["memory"] == pytest.approx(taken["memory"], rel=ALIKE)
-        assert told["files"] == pytest.approx(taken["files"], rel=ALIKE)
-        if told["expected run time"] == pytest.approx(taken["expected run time"], rel=ALIKE):
-            return
-    raise AssertionError(f"three times not within 30 %, at last: {told}, {taken}")
+    _, told, taken = compared(tmp_path / "case.toml")
+    for what, value in taken.items():
+        assert told[what] == pytest.approx(value, rel=ALIKE), what
 
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,86 @@
+"""Processor time of every demo with all its pictures, as the gallery gives it: cases and scripts, each run as a whole.
+
+Each in a process of its own, on one rank; the load of the machine is kept with the time. Left out are studies, which
+`ruptfx study` times itself, and searches that take hours. Without `--fine`: lumped models and demos of some seconds.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import ruptfx
+from ruptfx import RuptfxError
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._parts import Parts
+from ruptfx.bench.command_cost import QUICK
+from ruptfx.case import Case, read_case
+from ruptfx.lumped import LumpedModel
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
+
+DEMOS = Path(ruptfx.__file__).with_name("demos")
+NO_SINGLE_RUNS = ("calibration.py", "impact_figures.py", "lecture_cases.py")  # hours, pictures of studies, a module
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    del comm
+    parts, rows = Parts(), []
+    for path in sorted([*DEMOS.glob("*.toml"), *DEMOS.glob("*.py")]):
+        if not _wanted(path, fine):
+            continue
+        with parts.one(path.name):
+            load = os.getloadavg()[0]
+            seconds, wall = processor_time(path)
+            rows.append({"demo": path.name, "seconds": seconds, "wall": wall, "load": load, "cores": os.cpu_count()})
+            text = f"{seconds:.3g} s of processor time, {wall:.3g} s by the clock, load of {load:.2g} before"
+            parts.checks.append(Check(f"{path.name}: ran to its end", 1.0, 1.0, source=text))
+    return Outcome(parts.checks, rows=rows)
+
+
+def _wanted(path: Path, fine: bool) -> bool:
+    if path.suffix == ".py":
+        return fine and path.name not in NO_SINGLE_RUNS
+    try:
+        case = read_case(path)
+    except RuptfxError:  # a study
+        return False
+    return isinstance(case, LumpedModel) or (isinstance(case, Case) and (fine or path.stem in QUICK))
+
+
+def processor_time(path: Path) -> tuple[float, float]:
+    """Of a case or a script with all the processes it starts, and its time by the clock [s].
+
+    Raises
+    ------
+    RuptfxError
+        It failed, with what it said.
+    """
+    command = [str(path)] if path.suffix == ".py" else ["-m", "ruptfx", "run", str(path), "--quiet"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as said:
+        began = time.perf_counter()
+        process = subprocess.Popen([sys.executable, *command], cwd=folder, stdout=said, stderr=said)
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - began
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            said.seek(0)
+            raise RuptfxError(f"bench demo_times, {path.name}: {said.read().strip()[-2000:]}")
+    return usage.ru_utime + usage.ru_stime, wall
+
+
+def rounded(seconds: float) -> str:
+    """As it is told: neighbours of a machine and its load change more than is left out."""
+    if seconds < 1.5:
+        return "1 s"
+    if seconds < 10:
+        return f"{seconds:.0f} s"
+    if seconds < 90:
+        return f"{5 * round(seconds / 5)} s"
+    return f"{round(seconds / 30) / 2:g} min"
