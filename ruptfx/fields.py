@@ -134,11 +134,12 @@ ENERGIES = {
     "kinetic": "kinetic energy", "strain": "strain energy", "interface_elastic": "energy held in compliant interfaces",
     "frictional_dissipation": "frictional dissipation", "fracture": "taken by cracks until they have failed",
     "damping": "taken by damping",
-    "impact": "taken by plastic impacts, and by what an interface faces anew where it slides",
+    "impact": "taken by plastic impacts, and by the work of the normal stress where what is faced is frozen",
+    "facing": "taken from springs in contact when what they face is found again",
     "boundary_work": "work of boundaries, initial stress and nucleation, and what bodies that fly begin with",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
-ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "boundary_work")
+ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "facing", "boundary_work")
 """Energies that steps add up."""
 
 

@@ -401,6 +401,7 @@ class Model:
             "fracture": state.energy["fracture"],
             "damping": state.energy["damping"],
             "impact": state.energy["impact"],
+            "facing": state.energy["facing"],
             "boundary_work": state.energy["boundary_work"] + preload,
         }
         summed = self.copies * parallel.total(self.comm, list(here.values()))

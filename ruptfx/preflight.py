@@ -39,6 +39,7 @@ from ruptfx.stopping import StopRules
 NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
 STEEP = 0.2
+STIFF = 1.5  # of the stable step without the springs of an interface over that with them
 FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
 RESOLVED, LOST = 2.0, 0.2  # facets that a process zone of a crack should have, and must
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
@@ -94,6 +95,7 @@ def preflight(case: Case) -> Iterator[Row]:
             if isinstance(fault.interface, SlidingInterface):
                 ends = motion.ends if isinstance(motion, stages.Staged) else [(case.duration, model.loads)]
                 yield from _sliding_rows(model, fault.name, fault.interface, ends)
+                yield from _spring_rows(model, fault, stable)
                 yield from _rough_rows(f"faults.{fault.name}", roughness(model, fault, ends))
             yield from _without_effect(model, fault)
             if steps is not None:
@@ -429,6 +431,25 @@ def _sliding_rows(
             f"{label}: updates of what points face", model.case.impact_speed * model.case.duration / face.limit, "",
             f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",
         )  # fmt: skip
+
+
+def _spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
+    """Whether springs of an interface that slides are so stiff that bodies chatter on them."""
+    ways, damping = model.case.stepper.ways, [stage.damping for stage in model.case.stages] + [model.case.damping]
+    if "explicit" not in ways or not any(fault.contact.stiffness()):
+        return
+    without = stable_time_step(model, [other for other in model.faults if other is not fault])
+    damped = any(each is not None and each.kelvin_voigt is not None for each in damping)
+    chatters = without > STIFF * stable and not damped
+    note = (
+        "bodies that meet chatter on springs as stiff as these, which gain energy or lose it where they close or open "
+        "within a step (impact in energy.csv): add damping.kelvin_voigt, reduce stepper.safety or the stiffness, or "
+        "use contact.kind = 'forward_lagrange'"
+    )
+    yield Row(
+        f"faults.{fault.name}: stable step without springs / with them", without / stable, "", note * chatters,
+        "warning" if chatters else "ok",
+    )  # fmt: skip
 
 
 def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:

@@ -27,7 +27,8 @@ class State:
     cracks : dict of ndarray
         Fields of the facets that may break, at the same time as those of the faults; empty where none may.
     energy : dict of str to float
-        Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, boundary_work.
+        Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, facing,
+        boundary_work.
     fields : dict of str to ndarray, shape (nodes * components,)
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float

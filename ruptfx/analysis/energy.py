@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-PARTS = ("kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact")
+PARTS = (
+    "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact", "facing",
+)  # fmt: skip
 
 
 def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:

@@ -36,6 +36,8 @@ class Blocks:
     ends : (float, float)
         x of the ends of the lower one [m].
     contact : dict
+    follow : float
+        Slip over the distance of nodes after which it is found again what points face.
     """
 
     size: float
@@ -49,6 +51,7 @@ class Blocks:
     damping: tuple[Table, Table] = ({"mass": 2e5}, {})
     ends: tuple[float, float] = (-0.3e-3, 3.3e-3)
     contact: Table = field(default_factory=lambda: {"kind": "forward_lagrange"})
+    follow: float = 0.05
 
     def case(self) -> Case:
         shear = self.way / SPEED + 0.5 * self.ramp
@@ -65,8 +68,8 @@ class Blocks:
             },
             "materials": dict(zip(("upper", "lower"), map(_body, self.moduli), strict=True)),
             "faults": {"main": {
-                "sliding": {}, "contact": self.contact, "friction": {"kind": "coulomb", "mu_d": self.friction},
-                "initial_stress": {"normal": 0.0},
+                "sliding": {"follow": self.follow}, "contact": self.contact,
+                "friction": {"kind": "coulomb", "mu_d": self.friction}, "initial_stress": {"normal": 0.0},
             }},
             "stages": [
                 {"duration": self.press, "damping": self.damping[0], "boundaries": _edges(0.0, (0.0, 6e-6))},
@@ -105,11 +108,14 @@ class Rubbing:
     ----------
     impact : float
         Work of the normal stress over that of friction since the bodies slide.
+    facing : float
+        What updates took from springs in contact since the bodies slide over the work of the edges.
     missing : float
         What the budget of all energies misses over the work of the edges.
     """
 
     impact: float
+    facing: float
     missing: float
 
 
@@ -128,5 +134,5 @@ def rub(blocks: Blocks, comm: fem.MPI.Comm, look: Callable[[State, SlidingInterf
             look(state, face)
     after = motion.energies(state)
     gained = {name: after[name] - before[name] for name in after}
-    missing = after.pop("boundary_work") - sum(after.values())
-    return Rubbing(gained["impact"] / gained["frictional_dissipation"], abs(missing) / gained["boundary_work"])
+    missing, work = after.pop("boundary_work") - sum(after.values()), gained["boundary_work"]
+    return Rubbing(gained["impact"] / gained["frictional_dissipation"], gained["facing"] / work, abs(missing) / work)

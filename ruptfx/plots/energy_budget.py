@@ -11,7 +11,7 @@ from ruptfx.record import Files
 
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
-    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9",
+    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "facing": "#7f7f7f",
 }  # safe for colour-blind readers
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
 
@@ -27,8 +27,9 @@ def energy_budget(record: Files) -> Figure:
     energy = record.energy
     time = energy["time"].values
     parts = {name: energy[name].values for name in PARTS if name in energy}
-    if "fracture" in parts and not parts["fracture"].any():  # most runs have no cracks
-        del parts["fracture"]
+    for name in ("fracture", "facing"):  # most runs have no cracks, and no springs that slide
+        if name in parts and not parts[name].any():
+            del parts[name]
     work = energy["boundary_work"].values
     (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
     whole = record.case.get("plane") in ("solid", "axisymmetric")

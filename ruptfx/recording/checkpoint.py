@@ -209,9 +209,9 @@ class Checkpoint:
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:
             if len(saved) == model.comm.size:
-                state.energy[name] = saved[rank][name]
+                state.energy[name] = saved[rank].get(name, 0.0)
             else:
-                state.energy[name] = sum(part[name] for part in saved) if rank == 0 else 0.0
+                state.energy[name] = sum(part.get(name, 0.0) for part in saved) if rank == 0 else 0.0
         state.step, state.time = self.manifest["step"], self.manifest["time"]
         state.numbers = dict(self.manifest["numbers"])
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.fault import Fault
+from ruptfx.points import Clock, closed_and_stuck
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState, State
@@ -57,7 +58,28 @@ class Follower:
         slid = farthest > face.limit
         moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
         if slid or moved:
+            held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)
+            self._stretch(state)
+            state.energy["facing"] += held - self._held_in_springs(state)
+
+    def _held_in_springs(self, state: State) -> float:
+        """Energy of compliant contact at the time of the velocity, points of this rank [J]."""
+        if not any(self._fault.contact.stiffness()):
+            return 0.0
+        half = 0.5 * state.lag
+        added = half * self.face.rate(state.velocity)
+        return sum(self._fault.elastic_energy(state.faults[self._fault.name], added, half, state.fault_time))
+
+    def _stretch(self, state: State) -> None:
+        """Let springs carry, at the time of the tractions, what lies across what they face now."""
+        if not any(self._fault.contact.stiffness()):
+            return
+        fault, fields, time = self._fault, state.faults[self._fault.name], state.fault_time
+        jump = self.face.jump(state.displacement) - state.lag * self.face.rate(state.velocity)
+        trial = closed_and_stuck(fault, jump, fault.components(fields, "slip"), Clock.of_step(state.lag), time)
+        fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
+        fields["shear_traction"][:] = trial.shear_traction[0]
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:
         """Displacement and slip that the geometry was last made from, which it is now."""

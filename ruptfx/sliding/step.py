@@ -128,7 +128,7 @@ class SlidingStep:
             most, tolerance, *(array.ctypes.data for array in arrays), parts, self._reach.ctypes.data,
             stirred.ctypes.data,
         )  # fmt: skip
-        self._rate_before = np.zeros((n, 2))
+        self._rate_before, self._stress_before = np.zeros((n, 2)), np.zeros(n)
 
     def _nodal(self, values: Floats) -> Floats:
         """Values at all degrees of freedom of the two sides as step.c wants them."""
@@ -141,12 +141,19 @@ class SlidingStep:
         """Nothing: the step looks at the velocities before it by itself."""
 
     def impact_loss(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Work of the normal stress over a step, points of this rank [J]; none where contact is compliant.
+        """Work of the normal stress over a step that is not stored, points of this rank [J].
 
-        It is that of plastic impacts, and what follows from frozen operators.
+        Of rigid contact it is that of plastic impacts, and what follows from frozen operators; of springs what a step
+        makes of a contact that closes or opens within it.
         """
         if not self._rigid:
-            return 0.0
+            before, now = self._stress_before, state["normal_stress"]
+            none = [0.0 * now]
+            held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
+            work = -0.5 * (before + now) * self._rate_before[:, 0] * self.clock.since
+            if not self.clock.since:  # of what overlaps at the start, as the first half of a step counts it
+                work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
+            return self._sum(work - (holds - held))
         power = self.fault.contact.lost_in_impact(state["normal_stress"], self._rate_before[:, 0], self._rate[0])
         return self._sum(power) * self.clock.kick
 
@@ -168,13 +175,14 @@ class SlidingStep:
         if fault.is_loaded:
             self._load[:n] = fault.load(time)
         if not self._rigid:
+            self._stress_before[:] = state["normal_stress"]
             self._given[0, :n], self._given[1, :n] = fault.normal_stress_0, fault.driving_shear(time)[:, 0]
+        velocities, places = self._before
+        self._rate_before = face.geometry.rate_at_nodes(velocities[places])
         settled, dissipated = self._points.slide(face, self._sweeps, state, velocity, force, time)
         if self._rigid:
             if not settled:
                 self._report(time)
-            velocities, places = self._before
-            self._rate_before = face.geometry.rate_at_nodes(velocities[places])
             dissipated = self._taken(state["shear_traction"], state["shear_traction"], state)
             face.geometry.slides = SLACK * self.clock.dt * float(np.abs(self._rate[1]).max())
         if fault.is_loaded:

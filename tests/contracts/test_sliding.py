@@ -203,6 +203,34 @@ def test_rubbing_closes_the_budget(order: int) -> None:
     assert 0 < energy["impact"] < 0.05 * energy["frictional_dissipation"]
 
 
+def test_springs_that_rub_close_the_budget() -> None:
+    """What springs hold changes when it is found again what they face; that is counted, and less the more often."""
+    springs = {"faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}}
+    taken = []
+    for follow in (0.1, 0.02):
+        table = rough({**springs, "faults.main.sliding.follow": follow, "duration": 8e-6, "damping.mass": 1e5})
+        _, motion, state = march(parse_case(table))
+        energy = motion.energies(state)
+        work = energy.pop("boundary_work")
+        assert abs(work - sum(energy.values())) < 1e-11 * work
+        assert energy["frictional_dissipation"] > 0.02 * work and abs(energy["impact"]) < 1e-3 * work
+        taken.append(energy["facing"] / work)
+    assert 1e-5 < abs(taken[1]) < 0.5 * abs(taken[0])  # a fifth to first order
+
+
+def test_springs_carry_the_same_where_they_face_the_same() -> None:
+    """What an update takes for the traction across what is faced now is that of the last step where nothing is new."""
+    table = rough({"faults.main.contact": {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}, "duration": 3e-6})
+    model, motion, state = march(parse_case(table))
+    names, fields = ("normal_stress", "shear_traction"), state.faults["main"]
+    before = {name: fields[name].copy() for name in names}
+    assert 0.1 < np.mean(before["normal_stress"] > 0) < 0.9
+    model.faults[0].interface.geometry.slides = np.inf
+    motion._followers[0]._stretch(state)
+    for name in names:
+        np.testing.assert_allclose(fields[name], before[name], atol=1e-9 * np.abs(before[name]).max())
+
+
 def test_sweeps_that_do_not_settle_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     """The run goes on, with a budget that closes as well."""
     contact = {"kind": "forward_lagrange", "sweeps": 1}

@@ -36,6 +36,20 @@ def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> No
     assert found.note.startswith(f"{says} (limit 1.81")
 
 
+def test_springs_on_which_bodies_chatter() -> None:
+    """Springs of 1e15 Pa/m make the step of elements of 0.05 mm several times shorter."""
+    def warned(stiffness: float, **changes: Any) -> tuple[float, str]:
+        springs = {"kind": "compliant", "C_n": stiffness, "C_s": stiffness}
+        row = rows(rough({"faults.main.contact": springs, **changes}))[": stable step without springs / with them"]
+        return float(row.value), row.verdict
+
+    assert warned(1e13)[1] == "ok" and warned(1e15, damping={"kelvin_voigt": {"fraction": 0.1}})[1] == "ok"
+    ratio, verdict = warned(1e15)
+    assert verdict == "warning" and ratio > 2
+    # The frequency grows with the root of the stiffness.
+    assert warned(4e15)[0] == pytest.approx(2 * ratio, rel=0.05)
+
+
 def test_surfaces_that_slide() -> None:
     """Waves of 10 um and 0.6 mm have slopes up to 2 pi A / wavelength = 0.1047, a little less between nodes."""
     found = rows(rough())
