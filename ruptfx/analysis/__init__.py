@@ -111,6 +111,8 @@ def _of_sliding(record: Files) -> Table:
         "trailing_fronts": len(trailing),
         "fastest_trailing_speed": trailing.max(initial=-np.inf),
         "trailing_fronts_faster_than_c_l": int((trailing > speeds["c_p"]).sum()),
+        **{f"{name}_degree": degree for name, degree in modes.degrees.items()},
+        "noise": modes.doubts.noise,
     }
 
 

@@ -25,6 +25,16 @@ the loading and do not count.
 A run is *arrested* if the tip stopped before the far end and did not move during the last fifth of the time
 since sliding began; `pattern` then still tells how it ran. Fewer than five points that slid are *none*.
 
+*Degrees* say without steps how near a run comes to a mode, so that a search can climb: at each of these times
+
+    crack   min(1, f / 0.9) min(1, 2 / r)
+    train   min(1, (r - 1) / 3), 0 without sliding
+    pulse   min(1, (1 - f) / 0.6) min(1, 3 / r), 0 without sliding
+
+which are 1 where the pattern is met; the degree of the run is their mean over the second half of the way and over both
+thresholds. That of pulses that become a crack is the geometric mean of train or pulse, whichever is more, in the first
+half, where a single zone counts half, and of crack in the second. A tip that stopped early lowers all of them.
+
 *Confidence* is the share of votes for the pattern: each saved time of the second half votes with its own f
 and r at the full and at half the threshold.
 
@@ -49,6 +59,7 @@ LEVEL = 0.02  # of the driven speed: what slides faster slides
 QUIET = 1e-3  # m/s; without a driven boundary nothing slower counts as sliding
 LOADING, END = 0.2, 0.98  # parts of the tip's way that are left out
 MIN_POINTS = 5
+DEGREES = ("crack", "pulse", "train", "pulses_into_crack")
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,8 @@ class Modes:
         Median duration of the first sliding of a point; NaN if most points never stopped.
     trailing_speeds : ndarray
         Speeds of the fronts behind the tip that ran through a tenth of the reach, in order.
+    degrees : dict of float
+        How near the run comes to a crack, a pulse, a train, and pulses_into_crack; from 0 to 1.
     """
 
     mode: str
@@ -110,6 +123,7 @@ class Modes:
     pulse_spacing_scatter: float = np.nan
     healing_time: float = np.nan
     trailing_speeds: Array = field(default_factory=lambda: np.array([]))
+    degrees: dict[str, float] = field(default_factory=lambda: dict.fromkeys(DEGREES, 0.0))
 
 
 @dataclass(frozen=True)
@@ -182,6 +196,7 @@ def classify(
         confidence=confidence,
         regime=regime(full.modes.tip_speed.value, c_R, c_s, c_p),
         trailing_speeds=speeds,
+        degrees={name: (full.modes.degrees[name] + half.modes.degrees[name]) / 2 for name in DEGREES},
     )
     if found.pattern == "none":
         return found
@@ -282,8 +297,11 @@ def _at_threshold(rate: Array, time: Array, distance: Array, threshold: float) -
     width, points = zones.width[born if born.any() else chosen], zones.points[chosen]
     gap = np.diff((zones.start + zones.stop)[chosen] / 2)[np.diff(zones.row[chosen]) == 0]
     single = pattern == "crack"
+    way = _share_of_time(tip, time, reach, length)
+    degrees = {name: way * degree for name, degree in _degrees(fraction, count, early, late).items()}
     modes = Modes(
-        mode="arrested" if _stopped(tip, time, reach, length) else pattern,
+        mode="arrested" if way < 1 else pattern,
+        degrees=degrees,
         pattern=pattern,
         threshold=threshold,
         reach=reach,
@@ -317,16 +335,34 @@ def _pattern(f: Array, r: Array) -> Array:
     return np.select(rules, ["crack", "train", "pulse"], "mixed")
 
 
+def _degrees(f: Array, r: Array, early: Array, late: Array) -> dict[str, float]:
+    """How near the two halves of the way come to each mode, given as rows of saved times."""
+    zones = np.maximum(r, 1)
+    crack = np.minimum(f / 0.9, 1) * np.minimum(2 / zones, 1)
+    train = np.minimum((zones - 1) / 3, 1)
+    pulse = (r > 0) * np.minimum((1 - f) / 0.6, 1) * np.minimum(3 / zones, 1)
+    several = np.maximum(train, pulse * np.where(r > 1, 1.0, 0.5))
+    at_first = float(np.mean(several[early])) if len(early) else 0.0
+    found = {"crack": crack[late].mean(), "pulse": pulse[late].mean(), "train": train[late].mean()}
+    return {name: float(value) for name, value in found.items()} | {
+        "pulses_into_crack": float(np.sqrt(at_first * found["crack"]))
+    }
+
+
 def _most(patterns: Array) -> str:
     """The most frequent pattern; mixed if there is none."""
     names, counts = np.unique(patterns, return_counts=True)
     return str(names[counts.argmax()]) if len(names) else "mixed"
 
 
-def _stopped(tip: Array, time: Array, reach: float, length: float) -> bool:
+def _share_of_time(tip: Array, time: Array, reach: float, length: float) -> float:
+    """Part of the time since sliding began in which the tip ran, over the four fifths that it needs."""
+    if reach >= END * length:
+        return 1.0
     started, reached = np.flatnonzero(tip >= 0)[0], np.flatnonzero(tip >= reach)
-    rest = time[-1] - time[reached[0]] if len(reached) else 0.0
-    return bool(reach < END * length and rest > 0.2 * (time[-1] - time[started]))
+    ran = (time[reached[0]] if len(reached) else time[-1]) - time[started]
+    whole = time[-1] - time[started]
+    return float(min(1.0, ran / (0.8 * whole))) if whole > 0 else 1.0
 
 
 def _healing_time(rate: Array, time: Array, threshold: float) -> float:

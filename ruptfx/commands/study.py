@@ -35,7 +35,8 @@ def study(
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])
-        products = "table.csv, table.nc, mode_map.png, mode_map.pdf, mode_map.html"
+        drawn = "mode_map.png, mode_map.pdf, mode_map.html"
+        products = f"table.csv, table.nc, {'scores.csv, best.toml, search.png' if parsed.search else drawn}"
         screen.print(f"Study directory: {out} ({products})", soft_wrap=True)
         if found.failed == len(found.points):
             raise typer.Exit(EXIT_ERROR)

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from ruptfx import Table
 from ruptfx.case import Case, override, parse_case, read_toml
 from ruptfx.schema import CaseError, CasePath, Name, Part, nearest, set_key, unit_of
+from ruptfx.study.goals import Search
 from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
@@ -100,6 +101,11 @@ class Axis(Part):
         value = low * (high / low) ** part if self.spacing == "log" else low + (high - low) * part
         return {0.0: low, 1.0: high}.get(float(part), float(f"{value:.6g}"))
 
+    def part(self, value: float) -> float:
+        """Where a value lies in the range, from 0 to 1: the inverse of `value`."""
+        low, high = self.range or (0.0, 1.0)
+        return math.log(value / low) / math.log(high / low) if self.spacing == "log" else (value - low) / (high - low)
+
     def middle(self, low: float, high: float) -> float:
         """Value half-way between two others, in the spacing of the axis."""
         value = np.sqrt(low * high) if self.spacing == "log" else 0.5 * (low + high)
@@ -167,7 +173,7 @@ class Study(Part):
     """A case and how it varies.
 
     On a grid all values of all axes are combined. In a Latin hypercube the axes given by a range are sampled
-    together and each sample is combined with all values of the other axes.
+    together and each sample is combined with all values of the other axes; so is each set of a search (`cma_es`).
 
     Raises
     ------
@@ -185,12 +191,14 @@ class Study(Part):
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
     """What varies, one table each."""
-    sampling: Literal["grid", "latin_hypercube"] = "grid"
-    """All combinations, or a Latin hypercube over the axes that have a range."""
+    sampling: Literal["grid", "latin_hypercube", "cma_es"] = "grid"
+    """All combinations, or over the axes that have a range a Latin hypercube, or a search for the best."""
     samples: Annotated[int, Field(ge=1)] | None = None
-    """How many points of the hypercube."""
+    """How many points of the hypercube, or sets of the search."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of the hypercube."""
+    """Of the hypercube or the search."""
+    search: Search | None = None
+    """What a search is after."""
     ranks: Annotated[int, Field(ge=1)] = 1
     """MPI ranks of every run."""
     time_limit: Duration | None = None
@@ -210,17 +218,39 @@ class Study(Part):
         twice = next((c for c in columns if columns.count(c) > 1), None)
         if twice:
             raise ValueError(f"two axes are called '{twice}'; give them different names")
-        if self.sampling == "latin_hypercube" and (self.samples is None or not self.sampled):
-            raise ValueError("a latin_hypercube needs samples and at least one axis with a range")
+        if self.sampling != "grid" and (self.samples is None or not self.sampled):
+            raise ValueError(f"a {self.sampling} needs samples and at least one axis with a range")
+        if (self.sampling == "cma_es") != (self.search is not None):
+            raise ValueError('sampling = "cma_es" and the table [search] belong together')
+        if self.search is not None:
+            self._check_search(self.search)
         crossed = [len(axis.values or []) or axis.points or 1 for axis in self.axes if axis not in self.sampled]
         count = math.prod(crossed) * (self.samples or 1 if self.sampled else 1)
         if count > MOST_POINTS:
             raise ValueError(f"{count} points, the most are {MOST_POINTS}: take fewer values, points or samples")
         return self
 
+    def _check_search(self, search: Search) -> None:
+        sampled = {axis.column: axis for axis in self.sampled}
+        crossed = {axis.column: axis for axis in self.axes if axis.column not in sampled}
+        for name, value in search.start.items():
+            if name not in sampled:
+                raise ValueError(f"search.start.{name}: no axis with a range, {nearest(name, list(sampled))}")
+            low, high = sampled[name].range or (-math.inf, math.inf)
+            if not low <= value <= high:
+                raise ValueError(f"search.start.{name} = {value:g}: outside of its range, {low:g} to {high:g}")
+        for number, goal in enumerate(search.goals):
+            for name, value in goal.where.items():
+                where = f"search.goals.{number}.where.{name}"
+                if name not in crossed:
+                    raise ValueError(f"{where}: no axis without a range, {nearest(name, list(crossed))}")
+                known = [crossed[name].coordinate(one) for one in crossed[name].sequence()]
+                if value not in known:
+                    raise ValueError(f"{where} = {value}: known are {', '.join(map(str, known))}")
+
     @property
     def sampled(self) -> list[Axis]:
-        """The axes that a Latin hypercube samples; none on a grid."""
+        """The axes that a Latin hypercube or a search samples; none on a grid."""
         return [axis for axis in self.axes if axis.range is not None] if self.sampling != "grid" else []
 
     def axis(self, column: str) -> Axis:
@@ -252,14 +282,21 @@ class Study(Part):
         return {"axes": keys, "case": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
     def combinations(self) -> Iterator[Table]:
-        """Value of every axis, point by point."""
-        crossed = [axis for axis in self.axes if axis not in self.sampled]
-        grid = [dict(zip((a.column for a in crossed), row, strict=True))
-                for row in itertools.product(*(axis.sequence() for axis in crossed))]  # fmt: skip
-        for sample in self._hypercube():
-            for row in grid:
-                values = {**sample, **row}
-                yield {axis.column: values[axis.column] for axis in self.axes}
+        """Value of every axis, point by point; of a search those of the set that it begins with."""
+        samples = self._hypercube() if self.search is None else [self.start(self.search)]
+        for sample in samples:
+            yield from self.crossed(sample)
+
+    def crossed(self, sample: Mapping[str, float]) -> Iterator[Table]:
+        """A sample of the axes that have a range, with all values of the others."""
+        axes = [axis for axis in self.axes if axis not in self.sampled]
+        for row in itertools.product(*(axis.sequence() for axis in axes)):
+            values = {**sample, **dict(zip((axis.column for axis in axes), row, strict=True))}
+            yield {axis.column: values[axis.column] for axis in self.axes}
+
+    def start(self, search: Search) -> dict[str, float]:
+        """The set that a search begins with."""
+        return {axis.column: search.start.get(axis.column, axis.value(0.5)) for axis in self.sampled}
 
     def _hypercube(self) -> Iterator[dict[str, float]]:
         if not self.sampled:

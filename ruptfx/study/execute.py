@@ -13,7 +13,7 @@ from typing import Any
 from ruptfx import RuptfxError, Table, __version__, launch
 from ruptfx.directories import write_json
 from ruptfx.progress import Progress
-from ruptfx.study import refine, table, workers
+from ruptfx.study import refine, search, table, workers
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result, Store, commit, workspace
 
@@ -26,9 +26,10 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @dataclass
 class Outcome:
-    """What a study found: every point with its result, and the boundary points on the finer mesh."""
+    """What a study found: every point with its result, the boundary points on the finer mesh, and sets with scores."""
 
     points: list[tuple[Point, Result]] = field(default_factory=list)
+    sets: list[search.ScoredSet] = field(default_factory=list)
     fine: dict[str, Result] = field(default_factory=dict)
     known_before: int = 0
 
@@ -76,6 +77,8 @@ def run_study(
         launch.need_fem()
     if refined and study.refine.fine:
         study.point(points[0].values, "fine", study.refine.fine)
+    if refined and study.search is not None:
+        raise RuptfxError("--refine locates boundaries on a grid; a search has none")
     outcome = Outcome()
     with Store(out, study) as store, _stoppable():
         if retry:
@@ -84,15 +87,18 @@ def run_study(
             try:
                 with Progress(show) as progress:
                     run = Runner(study, store, client, Count(progress, study.title or str(out)))
-                    outcome.points = run(points, outcome)
+                    if study.search is None:
+                        outcome.points = run(points, outcome)
+                    else:
+                        outcome.sets = search.find_best(study, lambda points: run(points, outcome), run.count)
+                        outcome.points = [known for one in outcome.sets for known in one.runs]
                     if refined:
                         _refine(study, run, outcome)
             except KeyboardInterrupt:
                 workers.close_children()
                 done = sum(store.result(point.hash) is not None for point in points)
-                raise Interrupted(
-                    f"stopped; {done} of {len(points)} points are kept, the same command continues"
-                ) from None
+                kept = f"{done} of {len(points)} points" if study.search is None else f"{store.finished} points"
+                raise Interrupted(f"stopped; {kept} are kept, the same command continues") from None
         _write(study, store, outcome, refined)
     return outcome
 
@@ -113,7 +119,9 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
     table.write_dataset(store.path / "table.nc", table.dataset(study, rows))
     if refined:
         write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
-    if any(axis.numeric for axis in study.axes):
+    if study.search is not None:
+        search.save(study, outcome.sets, store.path)
+    elif any(axis.numeric for axis in study.axes):
         from ruptfx.study import curves, mode_map
 
         mode_map.save(store.path)
@@ -249,15 +257,29 @@ class Count:
     ----------
     progress : Progress
     title : str
+
+    Attributes
+    ----------
+    note : str
+        What is shown after the numbers.
     """
 
     def __init__(self, progress: Progress, title: str) -> None:
         self._progress, self._title = progress, title
-        self._total = self._done = self._failed = 0
+        self._added = self._expected = self._done = self._failed = 0
+        self.note = ""
+
+    @property
+    def _total(self) -> int:
+        return max(self._added, self._expected)
+
+    def expect(self, count: int) -> None:
+        """How many points there will be in all, where they come in portions."""
+        self._expected = count
 
     def add(self, count: int, known: Sequence[Result]) -> None:
         """More points to come, some of them known from before."""
-        self._total += count
+        self._added += count
         for result in known:
             self._count(result)
 
@@ -266,7 +288,7 @@ class Count:
         self._count(result)
         self._progress.update(
             (self._done + self._failed) / self._total,
-            f"{self._title}: {self._total} points, {self._done} done, {self._failed} failed",
+            f"{self._title}: {self._total} points, {self._done} done, {self._failed} failed{self.note}",
         )
 
     def _count(self, result: Result) -> None:

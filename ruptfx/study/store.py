@@ -77,6 +77,11 @@ class Store:
         """What a finished point left, None if it is not finished."""
         return read_result(self.path, point)
 
+    @property
+    def finished(self) -> int:
+        """How many points are."""
+        return sum(not path.name.startswith(".") for path in self.points.iterdir())
+
     def forget_failures(self) -> int:
         """Remove failed points, so that they run again; returns how many."""
         results = self.points.glob("*/result.json")

@@ -73,6 +73,31 @@ def test_limits_between_the_modes(zones, mode):
     assert found.sliding_fraction == pytest.approx(sum(b - a for a, b in zones), abs=len(zones) * SPACING / 0.059)
 
 
+def test_degrees_are_one_where_the_mode_is_there():
+    for name in ("crack", "pulse", "train"):
+        assert classify(np.maximum(FIELDS[name](TIME, POSITION), 0)).degrees[name] == pytest.approx(1, abs=2e-3)
+    # Two pulses of 5.94 mm until the tip is at 55 mm, then a crack. The first half of the way is from 20 to 59 mm; to
+    # 29.7 mm f = 11.9 mm / tip is above 0.4. The mean of min(1, (1 - f) / 0.6), 0 after 55 mm, is 0.862.
+    expected = np.sqrt(0.862)
+    assert classify(synthetic.mixed(TIME, POSITION)).degrees["pulses_into_crack"] == pytest.approx(expected, abs=0.005)
+    assert classify(np.zeros((len(TIME), len(POSITION)))).degrees == dict.fromkeys(modes.DEGREES, 0.0)
+
+
+def test_degrees_of_zones_that_are_no_mode():
+    """f = 0.6 and r = 3 all the time: 0.6/0.9 x 2/3 of a crack, 0.4/0.6 of a pulse, 2/3 of a train."""
+    part = POSITION / np.maximum(2100.0 * (TIME[:, None] - 5e-6), 1e-9)
+    zones = [(0.1, 0.3), (0.4, 0.6), (0.8, 1.0)]
+    degrees = classify(2.0 * np.any([(part > start) & (part < stop) for start, stop in zones], axis=0)).degrees
+    expected = {"crack": 4 / 9, "pulse": 2 / 3, "train": 2 / 3, "pulses_into_crack": np.sqrt(2 / 3 * 4 / 9)}
+    assert degrees == pytest.approx(expected, abs=0.02)
+
+
+def test_a_tip_that_stopped_early_lowers_all_degrees():
+    # It stops at 5 us + 40 mm / (2100 m/s) = 24 us: a third of the 55 us since sliding began, of four fifths.
+    degree = classify(np.maximum(synthetic.arrested(TIME, POSITION, stop=0.04), 0)).degrees["pulse"]
+    assert degree == pytest.approx(0.04 / 2100 / (0.8 * 55e-6), rel=0.03)
+
+
 def test_tip_speed_leaves_out_the_start_and_the_end():
     # Fitted from 20 to 98 % of the way of 100 mm.
     speed = classify(synthetic.crack(TIME, POSITION)).tip_speed

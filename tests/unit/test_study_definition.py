@@ -9,10 +9,16 @@ import pytest
 
 from ruptfx.schema import CaseError
 from ruptfx.study import Axis, read_study
+from ruptfx.study.goals import Search
 from ruptfx.study.refine import bisections
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 SIGMA = 'key = "faults.main.initial_stress.normal"'
+SEARCH = (
+    f'sampling = "cma_es"\nsamples = 9\n[[axes]]\n{SIGMA}\nvalues = [1e6, 2e6]\n'
+    '[[axes]]\nkey = "faults.main.friction.L_p"\nrange = [1e-6, 1e-4]\nspacing = "log"\n'
+    '[[search.goals]]\nquantity = "product"\nat_least = 1.0\n'
+)
 
 
 def study(tmp_path, text, overrides=()):
@@ -90,6 +96,13 @@ def test_identity_is_the_case_without_its_axes(tmp_path):
         (f"[[axis]]\n{SIGMA}\nvalues = [1e6]", "unknown key 'axis', did you mean 'axes'"),
         (f"[[axes]]\n{SIGMA}\nvalues = [1e6]\n[[axes]]\n{SIGMA}\nvalues = [1e6]", "two axes are called 'normal'"),
         (f'sampling = "latin_hypercube"\n[[axes]]\n{SIGMA}\nvalues = [1e6]', "needs samples"),
+        ('sampling = "cma_es"\nsamples = 3\n[[axes]]\nkey = "duration"\nrange = [1e-6, 2e-6]', "belong together"),
+        (f"{SEARCH}[search.start]\nL_pp = 2e-6", "search.start.L_pp: no axis with a range, did you mean 'L_p'"),
+        (f"{SEARCH}[search.start]\nL_p = 1.0", "search.start.L_p = 1: outside of its range, 1e-06 to 0.0001"),
+        (SEARCH.replace("at_least = 1.0", ""), "give one of target, at_least and at_most"),
+        (SEARCH.replace("at_least", "target"), "target and scale belong together"),
+        (f"{SEARCH}where = {{ normal = 3e6 }}", "where.normal = 3000000.0: known are 1000000.0, 2000000.0"),
+        (f"{SEARCH}where = {{ L_p = 3e6 }}", "search.goals.0.where.L_p: no axis without a range, known: normal"),
         ("axes = []", "axes"),
         ("[[axes]]\nkey = 'faults.man.contact.C_n'\nvalues = [1e11]", "no 'faults.man', did you mean 'main'"),
         ("[[axes]]\nkey = 'mesh.length'\nvalues = [0.1, -0.1]", "point length = -0.1: mesh.length = -0.1: "),
@@ -120,3 +133,27 @@ def test_refinement_asks_half_way_in_the_spacing_of_the_axis(tmp_path, spacing, 
     (point,) = bisections(asked, list(zip(asked.points(), modes, strict=True)))
     assert point.coordinates == {"normal": middle}
     assert point.case.faults["main"].initial_stress.normal == middle
+
+
+def test_a_search_begins_with_its_start_under_all_values_of_the_other_axes(tmp_path):
+    plan = study(tmp_path, f"{SEARCH}[search.start]\nL_p = 2e-6")
+    assert [point.coordinates for point in plan.points()] == [{"normal": s, "L_p": 2e-6} for s in (1e6, 2e6)]
+    axis = plan.axis("L_p")
+    assert axis.part(1e-6) == 0 and axis.part(1e-5) == pytest.approx(0.5) and axis.part(1e-4) == pytest.approx(1)
+
+
+def test_degrees_of_goals_and_score():
+    goals = [
+        {"quantity": "a", "target": 3.0, "scale": 2.0}, {"quantity": "b", "at_least": 4.0},
+        {"quantity": "c", "at_most": 2.0, "where": {"loading": "I"}},
+    ]  # fmt: skip
+    search = Search(goals=goals)
+    degrees = [[goal.degree({goal.quantity: value}) for value in (1.0, 8.0)] for goal in search.goals]
+    assert degrees == [[0.5, pytest.approx(4 / 29)], [0.25, 1.0], [1.0, 0.25]]
+    assert search.goals[1].degree({"b": -1.0}) == 0 and search.goals[2].degree({"c": 0.0}) == 1
+    assert all(goal.degree({goal.quantity: None}) == goal.degree({}) == 0 for goal in search.goals)
+    values = {"a": 1.0, "b": 1.0, "c": 8.0}
+    # The geometric mean of 1/2, 1/4 and, where it is asked for, 1/4.
+    first, second = (search.degree({"loading": loading}, values) for loading in ("I", "II"))
+    assert first == pytest.approx((1 / 32) ** (1 / 3)) and second == pytest.approx((1 / 8) ** (1 / 2))
+    assert search.score([first, second]) == pytest.approx((first + second) / 2)

@@ -166,6 +166,48 @@ def test_hypercube_table_and_data_set(tmp_path):
         np.testing.assert_allclose(data["product"], 6e6 * data["V_imp"])
 
 
+def search(tmp_path, samples):
+    """For speed x 6 MPa = 30 MPa m/s, where L_p does not matter; where the stress is 10 MPa nothing is asked for."""
+    path = tmp_path / "search.toml"
+    path.write_text(
+        f'case = "{IMPACT}"\nsampling = "cma_es"\nsamples = {samples}\nseed = 3\n'
+        '[[axes]]\nname = "Sigma_0"\nkey = "faults.main.initial_stress.normal"\nvalues = [6e6, 10e6]\n'
+        '[[axes]]\nname = "V_imp"\nkey = "boundaries.0.velocity"\nrange = [1.0, 12.0]\n'
+        '[[axes]]\nkey = "faults.main.friction.L_p"\nrange = [1e-6, 1e-4]\nspacing = "log"\n'
+        "[search]\nstart = { V_imp = 11.0 }\n"
+        '[[search.goals]]\nquantity = "product"\ntarget = 30e6\nscale = 3e6\nwhere = { Sigma_0 = 6e6 }\n'
+    )
+    return read_study(path)
+
+
+def test_a_search_finds_the_best_and_goes_on_where_it_was(tmp_path):
+    pytest.importorskip("cma")
+    short = run_study(search(tmp_path, 8), tmp_path / "out", show=False)
+    assert len(finished(tmp_path / "out")) == 16 and short.sets[0].sample["V_imp"] == 11.0
+    outcome = run_study(search(tmp_path, 60), tmp_path / "out", show=False)
+    assert outcome.known_before == 16 and len(finished(tmp_path / "out")) == 120
+    scores = read_csv(tmp_path / "out" / "scores.csv")
+    assert [row["score"] for row in scores[:8]] == [one.score for one in short.sets]
+    assert [row["degree_10000000.0"] for row in scores] == [1.0] * 60
+    first, best = scores[0], max(scores, key=lambda row: row["score"])
+    # 66 is 12 scales away from 30: 1 / 145; the best is found within a tenth of a scale, 0.05 m/s.
+    assert first["degree_6000000.0"] == pytest.approx(1 / 145) and first["score"] == pytest.approx((1 + 1 / 145) / 2)
+    assert best["V_imp"] == pytest.approx(5.0, abs=0.05)
+    assert (tmp_path / "out" / "search.png").stat().st_size > 1000
+    # The best sets are a study of their own, with the same numbers.
+    again = run_study(read_study(tmp_path / "out" / "best.toml"), tmp_path / "again", show=False)
+    point, result = again.points[0]
+    assert point.coordinates["set"] == "B1" and result["values"]["product"] == pytest.approx(6e6 * best["V_imp"])
+
+
+def test_a_search_is_not_refined_and_says_what_it_lacks(tmp_path, monkeypatch):
+    with pytest.raises(RuptfxError, match="a search has none"):
+        run_study(search(tmp_path, 8), tmp_path / "out", show=False, refined=True)
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[study\]'"):
+        run_study(search(tmp_path, 8), tmp_path / "out", show=False)
+
+
 def test_a_scheduler_elsewhere(tmp_path):
     from distributed import LocalCluster
 

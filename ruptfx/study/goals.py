@@ -1,0 +1,88 @@
+"""What a search is after: goals for quantities of runs, and the score of a set of constants from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from ruptfx import Table
+from ruptfx.schema import Part
+from ruptfx.units import Fraction
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Goal(Part):
+    """A quantity of the summary and what it should be; a run reaches it to a degree from 0 to 1, without steps.
+
+    With `target` the degree is 1 / (1 + ((q - target) / scale)^2), with `at_least` q over it and with `at_most` it
+    over q, where that is below 1. Runs that failed or lack the quantity have the degree 0.
+    """
+
+    quantity: str
+    """A number of the summary of a run."""
+    where: Table = {}
+    """Axes without a range and the values (or labels) for which this is asked; all runs by default."""
+    target: float | None = None
+    """What it should be."""
+    scale: Positive | None = None
+    """The distance from the target at which half is lost."""
+    at_least: Positive | None = None
+    """Smallest value that is good."""
+    at_most: Positive | None = None
+    """Largest value that is good."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Goal:
+        if sum(given is not None for given in (self.target, self.at_least, self.at_most)) != 1:
+            raise ValueError("give one of target, at_least and at_most")
+        if (self.target is None) != (self.scale is None):
+            raise ValueError("target and scale belong together")
+        return self
+
+    def concerns(self, coordinates: Mapping[str, Any]) -> bool:
+        """Whether it is asked of the run at these coordinates."""
+        return all(coordinates.get(name) == value for name, value in self.where.items())
+
+    def degree(self, values: Mapping[str, Any]) -> float:
+        """How far a run with these quantities reaches it."""
+        value = values.get(self.quantity)
+        if not isinstance(value, int | float):
+            return 0.0
+        if self.target is not None and self.scale is not None:
+            return 1 / (1 + ((value - self.target) / self.scale) ** 2)
+        if self.at_least is not None:
+            return min(1.0, max(value, 0.0) / self.at_least)
+        assert self.at_most is not None
+        return min(1.0, self.at_most / value) if value > 0 else 1.0
+
+
+class Search(Part):
+    """How the axes that have a range are searched, by evolution with an adapting covariance (CMA-ES).
+
+    The degree of a run is the geometric mean of how far it reaches the goals that concern it, and the score
+    of a set of constants the mean over its runs. A search that stops improving begins again elsewhere, with twice the
+    population (Auger and Hansen, CEC 2005).
+    """
+
+    goals: Annotated[list[Goal], Field(min_length=1)]
+    """What is asked for."""
+    start: dict[str, float] = {}
+    """Where it begins, by axis; the middle of the ranges not named."""
+    step: Fraction = 0.2
+    """Standard deviation of the first population, as a part of the ranges."""
+    population: Annotated[int, Field(ge=4)] | None = None
+    """Sets of one generation; default is 4 + 3 ln of the number of axes."""
+
+    def degree(self, coordinates: Mapping[str, Any], values: Mapping[str, Any]) -> float:
+        """Geometric mean of the goals that concern one run; 1 without any."""
+        degrees = [goal.degree(values) for goal in self.goals if goal.concerns(coordinates)]
+        return math.prod(degrees) ** (1 / max(len(degrees), 1))
+
+    def score(self, degrees: Iterable[float]) -> float:
+        """Of a set, from those of its runs."""
+        found = list(degrees)
+        return sum(found) / len(found)
