@@ -260,7 +260,7 @@ class Case(CaseFile):
             raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
         if not self.stepper.staged:
             kind = self.stepper.kind()
-            raise ValueError(f"stepper.kind = '{kind}': stages are for explicit steps; use {able('staged')}")
+            raise ValueError(f"stepper.kind = '{kind}': its steps take no stages; use {able('staged')}")
         ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
         for number, stage in enumerate(self.stages):
             if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:

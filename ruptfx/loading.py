@@ -35,12 +35,16 @@ class Loads:
     dashpot : ndarray, shape (nodes * components,)
         Damping force per velocity [N s/m].
     supports : list of Support
+    start, end : float
+        From when to when they act [s].
 
     Raises
     ------
     RuptfxError
         On all ranks: a boundary that does not fit the bodies.
     """
+
+    start, end = 0.0, np.inf
 
     def __init__(self, model: Model, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
         self.model = model
@@ -118,6 +122,11 @@ class Loads:
         """Give driven edges the acceleration they have at a time [s], in place."""
         for motion in self.motions:
             acceleration[motion.dofs] = motion.acceleration(time)
+
+    def shortened(self, time: float, dt: float) -> float:
+        """A step from a time on [s], or what is left until these loads end; as it is where only rounding tells."""
+        left = self.end - time
+        return dt if dt <= (1 + 1e-9) * left else left
 
     def moved(self, displacement: np.ndarray, start: float, end: float) -> np.ndarray:
         """A displacement at one time [s] with driven edges where they are at another [m]."""

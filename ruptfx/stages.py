@@ -2,7 +2,7 @@
 
 Time, state, records and checkpoints run through. The boundaries of a stage see the time since it began. One that was
 there in the stage before, with another amount, goes on from where that had come: over its ramp it goes from the old
-velocity or traction to the new one.
+velocity or traction to the new one. Implicit steps end where a stage does, explicit ones with the first behind its end.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from ruptfx.loading import Loads
 from ruptfx.model import Model
 from ruptfx.spectrum import stable_time_step
 from ruptfx.state import State
-from ruptfx.steppers import Motion
+from ruptfx.steppers import Motion, StagedMotion
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def bind(model: Model) -> Motion:
 
 
 class Staged:
-    """The stepper of a case through its stages, all with the step that the strictest of them allows.
+    """The stepper of a case through its stages; fixed steps are those that the strictest of them allows.
 
     Parameters
     ----------
@@ -50,19 +51,16 @@ class Staged:
         When the stages begin [s].
     """
 
-    collective = False
-
     def __init__(self, model: Model) -> None:
         self.starts = np.cumsum([0.0] + [stage.duration for stage in model.case.stages[:-1]]).tolist()
         self._models: list[Model] = []
         for number, start in enumerate(self.starts):
             self._models.append(_in_stage(model, number, start, self._models[-1].loads if number else None))
-        stepper = model.case.stepper
-        strictest = min(self._models, key=stable_time_step)
-        self.dt = stepper.bind(strictest).dt
-        self._stepper = stepper.model_copy(update={"time_step": self.dt})
-        self._motion: Motion | None = None
-        self._number = -1
+        for view, end in zip(self._models, self.starts[1:], strict=False):  # the last one acts for ever
+            view.loads.end = end
+        self._stepper = model.case.stepper.fixed(min(self._models, key=stable_time_step))
+        self._motion, self._number = self._bind(0), 0
+        self.dt, self.collective = self._motion.dt, self._motion.collective
 
     @property
     def ends(self) -> list[tuple[float, Loads]]:
@@ -71,17 +69,31 @@ class Staged:
         return [(start + view.case.stages[number].duration, view.loads) for number, (start, view) in enumerate(given)]
 
     def step(self, state: State) -> None:
-        self._of(state).step(state)
+        motion = self._of(state)
+        try:
+            motion.step(state)
+        finally:  # a rank with an error takes part
+            if self._stage_of(state) > self._number:
+                motion.leave(state)
+                self._of(state).enter(state)
+            self.collective = self._motion.collective
 
     def energies(self, state: State) -> dict[str, float]:
         return self._of(state).energies(state)
 
-    def _of(self, state: State) -> Motion:
-        """The stage of the next step. Its arrays are made when it begins: the bulk kernel holds those of one."""
-        number = int(np.searchsorted(self.starts, state.time + 1e-6 * self.dt, side="right")) - 1
-        if self._motion is None or number > self._number:
-            self._motion, self._number = self._stepper.bind(self._models[number]), number
+    def _stage_of(self, state: State) -> int:
+        """That of the next step."""
+        return int(np.searchsorted(self.starts, state.time + 1e-6 * self.dt, side="right")) - 1
+
+    def _of(self, state: State) -> StagedMotion:
+        """The motion of the next step. Its arrays are made when it begins: the bulk kernel holds those of one."""
+        number = self._stage_of(state)
+        if number > self._number:
+            self._motion, self._number = self._bind(number), number
         return self._motion
+
+    def _bind(self, number: int) -> StagedMotion:
+        return cast(StagedMotion, self._stepper.bind(self._models[number]))
 
 
 def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> Model:
@@ -113,12 +125,12 @@ class StageLoads(Loads):
     def __init__(
         self, model: Model, boundaries: Sequence[Boundary], key: str, start: float, before: Loads | None
     ) -> None:
-        self._start, self._before = start, before
+        self.start, self._before = start, before
         super().__init__(model, boundaries, key)
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
         """What a boundary does, later, and what is left of the one in its place before."""
-        found, start = boundary.act(self, key), self._start
+        found, start = boundary.act(self, key), self.start
         before = [] if self._before is None else self._before.actions_of(boundary)
         speed = sum(old.motion.velocity(start) for old in before if old.motion is not None)
         rise = getattr(boundary, "ramp", 0.0)
@@ -132,11 +144,11 @@ class StageLoads(Loads):
 
 
 def _shifted(course: Callable[[float], float | Floats], start: float) -> Callable[[float], float | Floats]:
-    return lambda time: course(time - start)
+    return lambda time: course(_since(start, time))
 
 
 def _falling(start: float, rise: float) -> Callable[[float], float]:
-    return lambda time: 1 - ramp(time - start, rise)
+    return lambda time: 1 - ramp(_since(start, time), rise)
 
 
 def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float) -> Prescribed:
@@ -148,7 +160,12 @@ def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float)
 
     return Prescribed(
         motion.dofs,
-        lambda time: motion.displacement(time - start) + rest(time - start),
-        lambda time: motion.velocity(time - start) + speed * (1 - ramp(time - start, rise)),
-        lambda time: motion.acceleration(time - start) - (speed / rise if 0 <= time - start < rise else 0.0),
+        lambda time: motion.displacement(_since(start, time)) + rest(_since(start, time)),
+        lambda time: motion.velocity(_since(start, time)) + speed * (1 - ramp(time - start, rise)),
+        lambda time: motion.acceleration(_since(start, time)) - (speed / rise if _since(start, time) < rise else 0.0),
     )
+
+
+def _since(start: float, time: float) -> float:
+    """Time since a stage began, which rounding does not put before it."""
+    return max(time - start, 0.0)

@@ -48,8 +48,8 @@ def fits(model: Model) -> bool:
     if any(fault.slides for fault in model.faults):
         return False
     loads = model.loads
-    amounts = [motion.displacement(0.0) for motion in loads.motions] + [force.factor(0.0) for force in loads.forces]
-    return not any(np.ndim(amount) for amount in amounts)
+    amounts = [motion.displacement for motion in loads.motions] + [force.factor for force in loads.forces]
+    return not any(np.ndim(amount(loads.start)) for amount in amounts)
 
 
 @dataclass

@@ -6,7 +6,7 @@ another.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from ruptfx.contact import Way
 from ruptfx.schema import Alternative, alternative, alternatives
@@ -53,6 +53,19 @@ class Motion(Protocol):
         """
 
 
+class StagedMotion(Motion, Protocol):
+    """A motion that takes turns with others, which have other loads and damping.
+
+    Its steps end at `Loads.end` where they may be of any length, else with the first one behind it.
+    """
+
+    def leave(self, state: State) -> None:
+        """Leave a state with which another motion can go on; collective."""
+
+    def enter(self, state: State) -> None:
+        """Go on from what another motion has left; collective."""
+
+
 class Stepper(Alternative):
     """The contract of a time stepper."""
 
@@ -70,7 +83,11 @@ class Stepper(Alternative):
     adaptive: ClassVar[bool] = False
     """Whether its steps vary."""
     staged: ClassVar[bool] = False
-    """Whether loading may come in stages: it has a `time_step`, and goes on when it is bound anew in between."""
+    """Whether loading may come in stages: it is bound anew for each of them, to a `StagedMotion`."""
+
+    def fixed(self, model: Model) -> Self:
+        """Itself with the step that it takes for a model, in place of one that it would choose for another."""
+        return self
 
     def bind(self, model: Model) -> Motion:
         """Choose the step and prepare the arrays.

@@ -42,6 +42,7 @@ class GeneralizedAlpha(Stepper):
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
+    staged: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
     """Which member of the family."""
@@ -85,9 +86,13 @@ class GeneralizedAlpha(Stepper):
         return alpha_m, alpha_f, gamma, beta if self.beta is None else self.beta
 
     def bind(self, model: Model) -> GeneralizedAlphaMotion:
-        return GeneralizedAlphaMotion(
-            model, self, self.time_step or parallel.three_digits(self.courant * stable_time_step(model))
-        )
+        return GeneralizedAlphaMotion(model, self, self._step_of(model))
+
+    def fixed(self, model: Model) -> GeneralizedAlpha:
+        return self.model_copy(update={"time_step": self._step_of(model)})
+
+    def _step_of(self, model: Model) -> float:
+        return self.time_step or parallel.three_digits(self.courant * stable_time_step(model))
 
 
 class GeneralizedAlphaMotion:
@@ -116,7 +121,8 @@ class GeneralizedAlphaMotion:
         carried = self._equilibrium.forces.carried(state)
         if "acceleration" not in state.fields:
             state.fields["acceleration"] = np.where(self._driven, 0.0, -carried / self.model.mass)
-        dt = state.numbers.get("dt", self.dt)
+        planned = state.numbers.get("dt", self.dt)
+        dt = shortened = self.model.loads.shortened(state.time, planned)
         smallest = self.dt * 0.5**self._halvings
         while True:
             try:
@@ -129,8 +135,22 @@ class GeneralizedAlphaMotion:
                     ) from None
                 dt *= 0.5
             else:
-                state.numbers["dt"] = min(2 * dt, self.dt)
+                state.numbers["dt"] = planned if dt == shortened < planned else min(2 * dt, self.dt)
                 return
+
+    def leave(self, state: State) -> None:
+        """Keep, as an acceleration, by how much the loads of now and the acceleration of the scheme differ."""
+        self._exchange(state, 1.0)
+
+    def enter(self, state: State) -> None:
+        """Other loads accelerate otherwise at once; where they are the same, so is the acceleration of the scheme."""
+        self._exchange(state, -1.0)
+
+    def _exchange(self, state: State, sign: float) -> None:
+        self._equilibrium.begin(state)
+        by_forces = self._equilibrium.forces.carried(state) / self.model.mass
+        acceleration = state.fields["acceleration"]
+        acceleration[:] = np.where(self._driven, 0.0, acceleration + sign * by_forces)
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the last step."""

@@ -16,6 +16,7 @@ from ruptfx.implicit.response import FaultResponse
 from ruptfx.projection import ProjectionError
 from ruptfx.sliding.follower import FIELDS as FOLLOWED
 from ruptfx.steppers import AnyStepper, Stepper
+from ruptfx.steppers.leapfrog import LeapfrogMotion
 from ruptfx.steppers.quasi_static import QuasiStaticMotion
 from ruptfx.units import Duration, Speed
 
@@ -40,6 +41,7 @@ class Hybrid(Stepper):
 
     ways: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
     adaptive: ClassVar[bool] = True
+    staged: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Its steps must accept the contact method, which explicit ones must, too: `compliant`."""
@@ -65,6 +67,9 @@ class Hybrid(Stepper):
     def bind(self, model: Model) -> HybridMotion:
         return HybridMotion(model, self)
 
+    def fixed(self, model: Model) -> Hybrid:
+        return self.model_copy(update={"fast": self.fast.fixed(model)})
+
 
 class HybridMotion:
     """Steps of two kinds bound to a model.
@@ -74,8 +79,9 @@ class HybridMotion:
 
     def __init__(self, model: Model, stepper: Hybrid) -> None:
         self.model, self._stepper = model, stepper
-        self._slow = stepper.slow.bind(model)
-        self._fast = stepper.fast.bind(model)
+        slow, fast = stepper.slow.bind(model), stepper.fast.bind(model)
+        assert isinstance(slow, QuasiStaticMotion) and isinstance(fast, LeapfrogMotion)
+        self._slow, self._fast = slow, fast
         self.dt = self._slow.dt
         self.collective = True
         self._calm_for = stepper.calm_for or 10 * self._crossing_time()
@@ -108,7 +114,16 @@ class HybridMotion:
 
     def energies(self, state: State) -> dict[str, float]:
         """As the scheme under way has it."""
-        return (self._fast if state.numbers.get("fast", SLOW) == FAST else self._slow).energies(state)
+        return self._under_way(state).energies(state)
+
+    def leave(self, state: State) -> None:
+        self._under_way(state).leave(state)
+
+    def enter(self, state: State) -> None:
+        self._under_way(state).enter(state)
+
+    def _under_way(self, state: State) -> QuasiStaticMotion | LeapfrogMotion:
+        return self._fast if state.numbers.get("fast", SLOW) == FAST else self._slow
 
     def _step_slow(self, state: State) -> None:
         state.numbers["fast"] = SLOW
@@ -148,7 +163,7 @@ class HybridMotion:
 
     def _switch(self, state: State, to: float, why: str) -> None:
         """Hand the state over; collective."""
-        if to == FAST and isinstance(self._slow, QuasiStaticMotion):
+        if to == FAST:
             self._slow.leave(state)
         before = _missing(self.energies(state))
         (self._bring_faults_up if to == SLOW else self._start)(state)

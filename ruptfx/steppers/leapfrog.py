@@ -45,15 +45,21 @@ class Leapfrog(Stepper):
 
     def bind(self, model: Model) -> LeapfrogMotion:
         require(model.faults, "explicit")
+        return LeapfrogMotion(model, self._step_of(model))
+
+    def fixed(self, model: Model) -> Leapfrog:
+        return self.model_copy(update={"time_step": self._step_of(model)})
+
+    def _step_of(self, model: Model) -> float:
         stable = stable_time_step(model)
         if self.time_step is None:
-            return LeapfrogMotion(model, parallel.three_digits(self.safety * stable))
+            return parallel.three_digits(self.safety * stable)
         if self.time_step > stable:
             raise CaseError(
                 f"stepper.time_step = {self.time_step:.4g} s: unstable, the limit is {stable:.4g} s, "
                 f"{what_limits(model, stable)}; reduce it, or leave it out"
             )
-        return LeapfrogMotion(model, self.time_step)
+        return self.time_step
 
 
 def what_limits(model: Model, stable: float) -> str:
@@ -186,6 +192,12 @@ class LeapfrogMotion:
         self._work[:] = 0
         if plain is not None and internal is not None:
             self._sum_energies(state, kick, plain, internal, between, stored)
+
+    def leave(self, state: State) -> None:
+        """Nothing waits."""
+
+    def enter(self, state: State) -> None:
+        """Forces are found anew in every step."""
 
     def energies(self, state: State) -> dict[str, float]:
         """In the middle of the last step."""

@@ -44,6 +44,7 @@ class QuasiStatic(Stepper):
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
+    staged: ClassVar[bool] = True
 
     first_step: Duration | None = None
     """Default: the step in which the fastest motion of edges and interfaces covers the slip tolerance."""
@@ -100,7 +101,8 @@ class QuasiStaticMotion(SlowMotion):
         ConvergenceError
             On all ranks, the state as before: halving the step did not help.
         """
-        dt, halvings = state.numbers.get("dt", self.dt), 0
+        planned, halvings = state.numbers.get("dt", self.dt), 0
+        dt = shortened = self.model.loads.shortened(state.time, planned)
         while True:
             solution = self._solve(state, dt, halvings)
             if solution is None:
@@ -114,7 +116,8 @@ class QuasiStaticMotion(SlowMotion):
                 break
             dt = parallel.three_digits(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
         self._commit(state, solution)
-        state.numbers["dt"] = self._next(dt, error, solution)
+        following = self._next(dt, error, solution)
+        state.numbers["dt"] = max(following, planned) if dt == shortened < planned else following
 
     def energies(self, state: State) -> dict[str, float]:
         """At the end of the step."""
@@ -122,9 +125,13 @@ class QuasiStaticMotion(SlowMotion):
         return self.model.energies(state) if deferred is None else deferred.energies(state)
 
     def leave(self, state: State) -> None:
-        """Put off no more what these steps leave for later: another stepper goes on; collective."""
+        """Put off no more what these steps leave for later."""
         if self.equilibrium.deferred is not None:
             self.equilibrium.deferred.end(state)
+
+    def enter(self, state: State) -> None:
+        """Other loads may be faster: no step is longer than the first of a run would be."""
+        state.numbers["dt"] = min(state.numbers["dt"], self.dt)
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """The equilibrium, or None where there is none and a smaller step may help."""

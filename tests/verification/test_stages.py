@@ -126,7 +126,8 @@ def test_goes_on_within_a_stage_with_the_same_bits(tmp_path: Path) -> None:
     "changes, message",
     [
         ({"duration": 7e-6}, r"duration = 7e-06 s: the stages last 5e-06 s together; give that"),
-        ({"stepper": {"kind": "quasi_static"}}, r"stepper.kind = 'quasi_static': stages are for explicit steps"),
+        ({"stepper": {"kind": "quasi_dynamic"}},
+         r"stepper.kind = 'quasi_dynamic': its steps take no stages; use .*'hybrid'"),
         ({"stages": [{"duration": 5e-6, "boundaries": [{"kind": "periodic", "first": "upper.left",
                                                         "second": "upper.right"}]}]},
          r"stages.0.boundaries: what ties edges"),
