@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -53,7 +55,7 @@ TABLES: dict[str, dict[str, type[Part]]] = {
     "study": {"study": Study, "axes": Axis, "refine": Refine, "marks": Mark},
 }
 """Tables of a case or a study that have no kind, by what asks for them and by their own keys."""
-TOPICS = (*FOLDERS, "histories", *TABLES, "summary")
+TOPICS = (*TABLES, *FOLDERS, "histories", "summary")
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Key:
     unit: str
     """Empty for what is no number."""
     bounds: str
+    """Of a number; where something else is to be chosen, the topic that tells of it."""
     default: str
     """`required` where there is none."""
     description: str
@@ -154,13 +157,45 @@ def describe_topic(topic: str) -> Iterator[RenderableType]:
         yield Panel(grid, title=Text(entry.name), title_align="left")
 
 
+def about(topic: str) -> str:
+    """What a topic is, in some words."""
+    if topic in FOLDERS:
+        # Read, not imported: some need DOLFINx to run, none needs it to be told of.
+        text = ast.get_docstring(ast.parse((Path(__file__).parent / topic / "__init__.py").read_text())) or ""
+        return re.split(r", one|:", text)[0]
+    if topic in TABLES:
+        return first_line(next(iter(TABLES[topic].values()))).rstrip(".")
+    return {"histories": "What sources and moved edges follow in time", "summary": "What a run found"}[topic]
+
+
 def keys_of(cls: type[Part]) -> list[Key]:
     """Every key of a table but its `kind`."""
+    schema = cls.model_json_schema()["properties"]
     return [
-        Key(name, _unit(cls, name), _bounds(field), _default(field), " ".join(_marked(field.description or "").split()))
+        Key(name, _unit(cls, name), ", ".join(filter(None, (_bounds(field), _elsewhere(cls, schema.get(name, {}))))),
+            _default(field), " ".join(_marked(field.description or "").split()))
         for name, field in cls.model_fields.items()
         if name != "kind"
-    ]
+    ]  # fmt: skip
+
+
+def _elsewhere(cls: type[Part], schema: object) -> str:
+    """The topics that tell what a key may be, from the JSON schema of its values."""
+    topics = {held.__name__: topic for topic, tables in TABLES.items() for held in tables.values() if held is not cls}
+    found = [
+        name if key == "x-folder" else topics.get(name.rpartition("/")[2], "")
+        for key, name in _references(schema)
+    ]  # fmt: skip
+    others = [f"see {topic}" for topic in dict.fromkeys(found) if topic not in ("", "profiles")]
+    return ", ".join(others + ["may be a profile"] * ("profiles" in found))
+
+
+def _references(schema: object) -> Iterator[tuple[str, str]]:
+    """Folders of kinds and named tables, wherever they stand in a JSON schema."""
+    if isinstance(schema, dict):
+        yield from ((key, str(schema[key])) for key in ("x-folder", "$ref") if key in schema)
+    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from _references(inner)
 
 
 def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:

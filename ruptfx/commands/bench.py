@@ -28,7 +28,7 @@ def bench(
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
     out: Annotated[Path, typer.Option(help="Where figures and numbers go.")] = Path("bench"),
 ) -> None:
-    """Run verification and speed benchmarks; exits non-zero when a check fails.
+    """Run verification and speed benchmarks; exits non-zero when a check fails, and ends with those that did.
 
     Example: ruptfx bench waves --fine
     """

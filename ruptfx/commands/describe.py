@@ -6,6 +6,7 @@ import json
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from ruptfx import __version__
 from ruptfx.commands._shared import completed_from, reported, screen
@@ -22,7 +23,7 @@ def describe(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="friction, contact, ..., case, output, study, summary ...; nothing lists them.",
+            help="A topic: case, faults, friction, output, study, summary, ...; without one, all are listed.",
             autocompletion=completed_from(topics),
         ),
     ] = None,
@@ -38,10 +39,14 @@ def describe(
 
             print(json.dumps(file_schema(), indent=2))
             return
-        from ruptfx.describe import describe_topic
+        from ruptfx.describe import about, describe_topic
 
         if what is None:
-            screen.print(f"ruptfx {__version__}. Choose one of: {', '.join(topics())}; or --schema.")
+            screen.print(f"ruptfx {__version__}: `ruptfx describe TOPIC` tells of one of these.\n")
+            listed = Table(box=None, pad_edge=False, show_header=False)
+            for topic in topics():
+                listed.add_row(topic, about(topic))
+            screen.print(listed)
             return
         for block in describe_topic(what):
             screen.print(block)

@@ -25,13 +25,13 @@ def events(
     completeness: Annotated[float | None, typer.Option(
         help="Magnitude from which on all events were recorded; default: where most are.")] = None,
     distances: Annotated[tuple[float, float] | None, typer.Option(
-        help="Smallest and largest distance of the fractal dimension [m]; default: of a catalogue a thirtieth and a "
+        help="Smallest and largest distance of the fractal dimension in m; default: of a catalogue a thirtieth and a "
              "third of the narrower extent, of a run two cells and a third of the narrower side.")] = None,
     failure_time: Annotated[float | None, typer.Option(
-        help="Of the failure that events precede [s]; default: of a run that of its first stress peak.")] = None,
+        help="Time in s of the failure that events precede; default: of a run that of its first stress peak.")] = None,
     link: Annotated[tuple[float, float] | None, typer.Option(
-        help="Distance [m] and speed [m/s]: closer events within the time that the speed needs are one; default: of a "
-             "run three cells and half the slowest shear wave speed.")] = None,
+        help="Distance in m and speed in m/s: closer events within the time that the speed needs are one; default: of "
+             "a run three cells and half the slowest shear wave speed.")] = None,
     table: Annotated[bool, typer.Option(
         "--csv", help="Also write all events of a run as events.csv beside its files.")] = False,
     out: Annotated[Path | None, typer.Option(

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
 from crack_cases import block
-
-pytest.importorskip("dolfinx")
+from whole_runs import run_of, run_on, starts_jobs, stopped
 
 from ruptfx import fem
 from ruptfx.case import read_case
 from ruptfx.record import Record
 from ruptfx.recording.checkpoint import Checkpoint
 
-sys.path.insert(0, str(Path(__file__).parent))
-from test_same_files import finish, start
-
-pytestmark = [
-    pytest.mark.fem, pytest.mark.mpi,
-    pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself"),
-]  # fmt: skip
+pytestmark = starts_jobs
 
 
 def same(first: Path, second: Path) -> None:
@@ -39,28 +29,14 @@ def same(first: Path, second: Path) -> None:
             assert abs(record.energy.closure).max() < 1e-12
 
 
-@pytest.fixture(scope="module")
-def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("case") / "block.toml"
-    path.write_text(tomli_w.dumps(block({
-        "damping": {"mass": 1e3, "kelvin_voigt": {"fraction": 0.1}}, "output.checkpoint_steps": 200,
-    })))  # fmt: skip
-    return path
-
-
-@pytest.fixture(scope="module")
-def alone(case_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("alone") / "run"
-    code, text = finish(start(case_file, out, 1, "--quiet"))
-    assert code == 0, text
-    return out
+case_file, alone = run_of(block({
+    "damping": {"mass": 1e3, "kelvin_voigt": {"fraction": 0.1}}, "output.checkpoint_steps": 200,
+}))  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_ranks_do_not_change_a_bit(ranks: int, case_file: Path, alone: Path, tmp_path: Path) -> None:
-    code, text = finish(start(case_file, tmp_path / "run", ranks, "--quiet"))
-    assert code == 0, text
-    same(alone, tmp_path / "run")
+    same(alone, run_on(ranks, case_file, tmp_path / "run"))
 
 
 @pytest.mark.faults
@@ -69,11 +45,7 @@ def test_a_run_goes_on_from_its_checkpoint_to_the_same_bits(
     ranks: int, case_file: Path, alone: Path, tmp_path: Path
 ) -> None:
     """The run as it was when its last checkpoint had been written, and on one rank or two from there."""
-    out = tmp_path / "run"
-    shutil.copytree(alone, out)
-    (out / "summary.json").unlink()
+    out = stopped(alone, tmp_path / "run")
     found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file).hash)
     assert found is not None and 0 < found.manifest["time"] < 9e-6
-    code, text = finish(start(case_file, out, ranks, "--quiet", "--resume"))
-    assert code == 0, text
-    same(alone, out)
+    same(alone, run_on(ranks, case_file, out, "--resume"))

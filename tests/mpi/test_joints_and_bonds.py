@@ -2,37 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-import tomli_w
 from crack_cases import RUBS, WEAK, block
 from small_cases import HOMALITE, SPLIT, plates
+from whole_runs import run_on, starts_jobs, write
 
-pytest.importorskip("dolfinx")
-
-from ruptfx import fem
 from ruptfx.record import Record
 
-sys.path.insert(0, str(Path(__file__).parent))
-from test_same_files import finish, start
-
-pytestmark = [
-    pytest.mark.fem, pytest.mark.mpi,
-    pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself"),
-]  # fmt: skip
+pytestmark = starts_jobs
 
 
 def runs(table: dict[str, Any], folder: Path) -> tuple[Path, Path]:
     """The same case on one rank and on two."""
-    (folder / "case.toml").write_text(tomli_w.dumps(table))
-    for ranks in (1, 2):
-        code, text = finish(start(folder / "case.toml", folder / f"on{ranks}", ranks, "--quiet"))
-        assert code == 0, text
-    return folder / "on1", folder / "on2"
+    case = write(folder, table)
+    return run_on(1, case, folder / "on1"), run_on(2, case, folder / "on2")
 
 
 def test_a_joint_breaks_to_the_same_bits(tmp_path: Path) -> None:

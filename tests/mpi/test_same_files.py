@@ -14,20 +14,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tomli_w
 from compare import largest_difference
 from small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, plates, slip_weakening
+from whole_runs import finish, start, starts_jobs, write
 
-pytest.importorskip("dolfinx")
-
-from ruptfx import fem
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
 
-pytestmark = [
-    pytest.mark.fem, pytest.mark.mpi,
-    pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself"),
-]  # fmt: skip
+pytestmark = starts_jobs
 
 OUTPUT = {"interface_interval": 4e-7, "bulk_interval": 1e-6, "figures": False}
 CASES = {
@@ -66,33 +60,6 @@ def welded(folder: Path) -> dict[str, Any]:
         "mesh": blocks(folder, {"a": "1", "b": "2", "c": "3", "d": "4"}, {"main": "11, 21"}, sides),
         "positions": "x", "faults.main.initial_stress.shear.center": 0.0,
     })  # fmt: skip
-
-
-def write(folder: Path, table: dict[str, Any]) -> Path:
-    path = folder / "case.toml"
-    path.write_text(tomli_w.dumps(table))
-    return path
-
-
-def start(case: Path, out: Path, ranks: int, *options: str, launcher: bool = True) -> subprocess.Popen[str]:
-    """`ruptfx run`, which starts mpiexec itself, or mpiexec by hand."""
-    command = [sys.executable, "-m", "ruptfx", "run", str(case), "--out", str(out), *options]
-    command = [*command, "--ranks", str(ranks)] if launcher else [find_mpiexec(), "-n", str(ranks), *command]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
-
-
-def finish(process: subprocess.Popen[str], limit: float = 120.0) -> tuple[int, str]:
-    """Exit code and output; a hang is an error."""
-    try:
-        text, _ = process.communicate(timeout=limit)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        text, _ = process.communicate()
-        pytest.fail(f"hangs: {text[-2000:]}")
-    return process.returncode, text
 
 
 def flat(text: str) -> str:

@@ -18,7 +18,10 @@ from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
 from ruptfx import __version__, launch, summary_fields
+from ruptfx.case import Case, FaultCase
 from ruptfx.cli import app
+from ruptfx.describe import TOPICS, about, keys_of
+from ruptfx.friction.coulomb import Coulomb
 from ruptfx.schema import kinds
 
 GROUP: Any = typer.main.get_command(app)
@@ -329,7 +332,10 @@ def test_help_of_a_command(name: str) -> None:
     assert (program, called) == ("ruptfx", name)
     command.make_context(name, arguments)  # no such option, or a value that it does not take: an error
     assert all(parameter.help for parameter in command.params if parameter.name != "help")
-    assert f"Example: ruptfx {name}" in said(ruptfx(name, "--help"))
+    shown = said(ruptfx(name, "--help"))
+    assert f"Example: ruptfx {name}" in shown
+    # What is in brackets would be taken for markup and left out.
+    assert [help for parameter in command.params if (help := parameter.help or "") and "[" in help] == []
 
 
 def test_the_tab_key_offers_names() -> None:
@@ -367,7 +373,17 @@ def test_describe_profiles_and_unknown() -> None:
     assert "boxcar" in ruptfx("describe", "profiles").output
     result = ruptfx("describe", "frictoin")
     assert result.exit_code == 1 and "did you mean 'friction'?" in said(result)
-    assert "friction" in ruptfx("describe").output
+    listed = said(ruptfx("describe"))
+    for topic in TOPICS:
+        assert f"{topic} {about(topic)}" in listed and len(about(topic)) > 10
+
+
+def test_describe_says_where_to_read_on() -> None:
+    keys = {key.name: key.bounds for key in keys_of(FaultCase)}
+    assert keys["friction"] == "see friction" and keys["nucleation"] == "see nucleation"
+    assert keys["gap"] == "may be a profile" and keys["sliding"] == ""
+    assert {key.name: key.bounds for key in keys_of(Case)}["output"] == "see output"
+    assert {key.name: key.bounds for key in keys_of(Coulomb)}["mu_d"] == ">= 0, may be a profile"
 
 
 @pytest.mark.parametrize(

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import tomli_w
 from compare import largest_difference
 from sliding_cases import STIFF, rough
 from small_cases import HOMALITE, merged, plates
+from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on
 
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError
 from ruptfx.bench import westergaard
-from ruptfx.case import parse_case, read_case
+from ruptfx.case import parse_case
 from ruptfx.implicit import ConvergenceError, condensed
 from ruptfx.implicit.equilibrium import Equilibrium
-from ruptfx.launch import find_mpiexec
 from ruptfx.model import Model
 from ruptfx.record import Record
-from ruptfx.simulation import simulate
 from ruptfx.state import State
 
 pytestmark = pytest.mark.fem
@@ -439,19 +434,9 @@ def rubbed(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     } | (changes or {}))  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("case") / "rubbing.toml"
-    changes = {"output.checkpoint_steps": 4, "output.interface_interval": 0.1, "output.rupture_threshold": 1e-6}
-    path.write_text(tomli_w.dumps(rubbed(changes)))
-    return path
-
-
-@pytest.fixture(scope="module")
-def alone(case_file: Path) -> Path:
-    out = case_file.parent / "alone"
-    simulate(read_case(case_file), out, progress=False)
-    return out
+case_file, alone = run_of(rubbed({
+    "output.checkpoint_steps": 4, "output.interface_interval": 0.1, "output.rupture_threshold": 1e-6,
+}))  # fmt: skip
 
 
 def test_pressed_held_sheared(alone: Path) -> None:
@@ -492,23 +477,13 @@ def test_one_asperity_down_and_up() -> None:
 
 
 def test_same_on_two_ranks(case_file: Path, alone: Path) -> None:
-    out = case_file.parent / "on_2"
-    done = subprocess.run(
-        [find_mpiexec(), "-n", "2", sys.executable, "-m", "ruptfx", "run", str(case_file), "--out", str(out),
-         "--quiet"], capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    out = run_on(2, case_file, case_file.parent / "on_2", limit=240)
     assert max(largest_difference(alone, out).values()) < 1e-9
 
 
 def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
-    """From the last checkpoint, in a new model, while it slides."""
-    out = case_file.parent / "resumed"
-    shutil.copytree(alone, out)
-    (out / "summary.json").unlink()
-    simulate(read_case(case_file), out, progress=False, resume=True)
-    assert max(largest_difference(alone, out).values()) == 0
-    assert (out / "forces.csv").read_bytes() == (alone / "forces.csv").read_bytes()
+    """While it slides."""
+    assert_goes_on_with_the_same_bits(case_file, alone, checkpoints=2)
 
 
 # -- what is refused -----------------------------------------------------------------------------------------------

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
 from compare import largest_difference
 from sliding_cases import rough
+from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on, stopped
 
-pytest.importorskip("dolfinx")
-
-from ruptfx.case import parse_case, read_case
-from ruptfx.launch import find_mpiexec
+from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.record import Record
 from ruptfx.recording.forces import contact_states
@@ -31,18 +25,7 @@ CHANGES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("case") / "rubbing.toml"
-    path.write_text(tomli_w.dumps(rough(CHANGES)))
-    return path
-
-
-@pytest.fixture(scope="module")
-def alone(case_file: Path) -> Path:
-    out = case_file.parent / "alone"
-    simulate(read_case(case_file), out, progress=False)
-    return out
+case_file, alone = run_of(rough(CHANGES))
 
 
 def test_forces_of_a_run(alone: Path) -> None:
@@ -83,9 +66,7 @@ def test_forces_as_means(tmp_path: Path) -> None:
         begin = end
     np.testing.assert_allclose(begin, time[-1], rtol=1e-9)
     assert table[-1, 1] > 1e3
-    shutil.copytree(tmp_path / "means", tmp_path / "resumed")
-    (tmp_path / "resumed" / "summary.json").unlink()
-    simulate(means, tmp_path / "resumed", progress=False, resume=True)
+    simulate(means, stopped(tmp_path / "means", tmp_path / "resumed"), progress=False, resume=True)
     assert (tmp_path / "means" / "forces.csv").read_bytes() == (tmp_path / "resumed" / "forces.csv").read_bytes()
 
 
@@ -129,22 +110,10 @@ def test_what_creeps_sticks() -> None:
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_same_on_any_number_of_ranks(ranks: int, case_file: Path, alone: Path) -> None:
     """All ranks that own a part of the interface compute all its points, from the same bits."""
-    out = case_file.parent / f"on_{ranks}"
-    done = subprocess.run(
-        [find_mpiexec(), "-n", str(ranks), sys.executable, "-m", "ruptfx", "run", str(case_file), "--out", str(out),
-         "--quiet"], capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    out = run_on(ranks, case_file, case_file.parent / f"on_{ranks}")
     assert float(Record(alone).interface.slip.max()) > 5e-6
     assert max(largest_difference(alone, out).values()) < 1e-9
 
 
 def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
-    """From the last checkpoint, in a new model: what points face is found again from the state alone."""
-    out = case_file.parent / "resumed"
-    shutil.copytree(alone, out)
-    (out / "summary.json").unlink()
-    assert len(list((out / "checkpoints").iterdir())) == 2
-    simulate(read_case(case_file), out, progress=False, resume=True)
-    assert max(largest_difference(alone, out).values()) == 0
-    assert (out / "forces.csv").read_bytes() == (alone / "forces.csv").read_bytes()
+    assert_goes_on_with_the_same_bits(case_file, alone, checkpoints=2)

@@ -1,0 +1,94 @@
+"""Whole runs that several tests share: made once for a file of tests, on other ranks, stopped and gone on with."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from compare import largest_difference
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem
+from ruptfx.case import read_case
+from ruptfx.launch import find_mpiexec
+from ruptfx.simulation import simulate
+
+starts_jobs = [
+    pytest.mark.fem, pytest.mark.mpi,
+    pytest.mark.skipif(fem.MPI.COMM_WORLD.size > 1, reason="starts MPI jobs itself"),
+]  # fmt: skip
+
+
+def write(folder: Path, table: dict[str, Any]) -> Path:
+    """The file of a case."""
+    path = folder / "case.toml"
+    path.write_text(tomli_w.dumps(table))
+    return path
+
+
+def run_of(table: dict[str, Any]) -> tuple[Any, Any]:
+    """Two fixtures of a module, to be called `case_file` and `alone`: the file, and its run on one rank."""
+
+    @pytest.fixture(scope="module")
+    def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+        return write(tmp_path_factory.mktemp("case"), table)
+
+    @pytest.fixture(scope="module")
+    def alone(case_file: Path) -> Path:
+        out = case_file.parent / "alone"
+        simulate(read_case(case_file), out, progress=False)
+        return out
+
+    return case_file, alone
+
+
+def start(case: Path, out: Path, ranks: int, *options: str, launcher: bool = True) -> subprocess.Popen[str]:
+    """`ruptfx run`, which starts mpiexec itself, or mpiexec by hand."""
+    command = [sys.executable, "-m", "ruptfx", "run", str(case), "--out", str(out), *options]
+    command = [*command, "--ranks", str(ranks)] if launcher else [find_mpiexec(), "-n", str(ranks), *command]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+
+
+def finish(process: subprocess.Popen[str], limit: float = 120.0) -> tuple[int, str]:
+    """Exit code and output; a hang is an error."""
+    try:
+        text, _ = process.communicate(timeout=limit)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        text, _ = process.communicate()
+        pytest.fail(f"hangs: {text[-2000:]}")
+    return process.returncode, text
+
+
+def run_on(ranks: int, case: Path, out: Path, *options: str, limit: float = 120.0) -> Path:
+    """The directory of a run that came to its end."""
+    code, text = finish(start(case, out, ranks, "--quiet", *options), limit)
+    assert code == 0, text
+    return out
+
+
+def stopped(whole: Path, out: Path) -> Path:
+    """A copy of a run as if it had been stopped: it goes on from its last checkpoint."""
+    shutil.copytree(whole, out)
+    (out / "summary.json").unlink()
+    return out
+
+
+def assert_goes_on_with_the_same_bits(case_file: Path, alone: Path, checkpoints: int) -> None:
+    """From the last checkpoint, in a new model: what points face is found again from the state alone."""
+    out = stopped(alone, case_file.parent / "resumed")
+    assert len(list((out / "checkpoints").iterdir())) == checkpoints
+    simulate(read_case(case_file), out, progress=False, resume=True)
+    assert max(largest_difference(alone, out).values()) == 0
+    assert (out / "forces.csv").read_bytes() == (alone / "forces.csv").read_bytes()
