@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from ruptfx.bodies import Bodies
 
-LANES = 8  # ends that the C code does at a time
-
 ENDS = {
     "normal_traction": ("Pa", "normal traction, positive in tension"),
     "shear_traction": ("Pa", "shear traction"),
@@ -123,7 +121,8 @@ class CrackStep:
         for number, name in enumerate(bodies.joints):
             if name in of_joint:
                 kind[net.joint == number] = kinds.index(of_joint[name])
-        self.order = np.argsort(kind, kind="stable")
+        # Laws by laws, and neighbours together. Every corner has two facets at most: their order changes no bit of it.
+        self.order = np.lexsort((net.cells.min(axis=1), kind))
         bounds = np.searchsorted(kind[self.order], np.arange(len(kinds) + 1))
         self.groups = [
             Group(slice(int(begin), int(end)), laws)
@@ -333,24 +332,20 @@ class _Kernel:
         macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
         macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
         macros |= {
-            "LANES": LANES, "BONDED": int(group.laws.cohesion is not None),
-            "LARGE_ROTATIONS": int(cracks.large_rotations),
+            "BONDED": int(group.laws.cohesion is not None), "LARGE_ROTATIONS": int(cracks.large_rotations),
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
-        self._library = native.load("cracks", files("ruptfx.cracks").joinpath("cracks.c").read_text(), macros)
-        ends = 2 * self._count
-        fill = np.minimum(np.arange(-(-ends // LANES) * LANES), max(ends - 1, 0))
-        corners = cracks.corners[facets].transpose(1, 0, 2).reshape(2, -1)  # [side, end]
-        weight = np.repeat(cracks.weight[facets], 2)
-        columns = np.stack([
-            *np.repeat(cracks.normal[facets], 2, axis=0).T, weight,
-            *np.repeat([cracks.stiffness[facets], cracks.along[facets]], 2, axis=1),
-        ])  # fmt: skip
-        columns, nodes = columns[:, fill], 2 * corners[:, fill]
-        columns[2, ends:] = 0  # what fills up the last block exerts no force
-        self._node = np.ascontiguousarray(nodes.reshape(2, -1, LANES).transpose(1, 0, 2), np.int32)
-        self._fixed = np.ascontiguousarray(columns.reshape(5, -1, LANES).transpose(1, 0, 2))
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("lanes.c", "cracks/cracks.c"))
+        self._library = native.load("cracks", source, macros)
+        width = self._library.lanes_per_batch() // 2  # facets that it does at a time
+        fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))
+        corners = cracks.corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
+        rows = [*cracks.normal.T, cracks.weight, cracks.stiffness, *([cracks.along] * cracks.large_rotations)]
+        columns = np.stack([row[facets] for row in rows])[:, fill]
+        columns[2, self._count :] = 0  # what fills up the last block exerts no force
+        self._node = np.ascontiguousarray(2 * corners.reshape(2, -1, 2 * width).transpose(1, 0, 2), np.int32)
+        self._fixed = np.ascontiguousarray(columns.reshape(len(rows), -1, width).transpose(1, 0, 2))
         self._owned = cracks.owned[facets].astype(float)
 
     def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:

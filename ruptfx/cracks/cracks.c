@@ -1,16 +1,15 @@
 // Tractions of facets and the forces of their cells, LANES ends at a time (two for every facet).  _step.py writes in
-// front of this file LANES, BONDED, where states are, and the traced formulas of cohesion and friction.
+// front of this file lanes.c, BONDED, where states are, and the traced formulas of cohesion and friction.
 #include <math.h>
 #include <string.h>
 
-#define INLINE static inline __attribute__((always_inline))
-#define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
-
-typedef double lanes[LANES];
-
 enum { STATES };  // STATE_normal_traction = 0, ...
 enum { FACETS };  // FACET_time_of_yield = 0, ...
+#if LARGE_ROTATIONS
 enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, ALONG, COLUMNS };  // along the tangent, length with the sign of its sense
+#else
+enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, COLUMNS };
+#endif
 
 // An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits.
 struct end { double open, jump, stiffness, damage, inelastic, largest, slip, cohesive, friction; };
@@ -88,8 +87,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
                                                 const double *number, double *const *state, int l, double *taken)
 {
     (void)since;
-#define OLD_AT(name, lane) state[STATE_##name][lane]
-#define OLD(name) OLD_AT(name, l)
+#define OLD(name) state[STATE_##name][l]
     struct end end = {open, jump, stiffness, OLD(damage), OLD(inelastic_opening), OLD(largest_opening), OLD(slip),
                       OLD(cohesive_slip), 0};
     const double normal_stress = open < 0 ? -stiffness * open : 0;
@@ -149,42 +147,51 @@ INLINE void listen(double time, const int *node, const double *velocity, const d
     }
 }
 
+// Ends are pairs of lanes: what both have of a vector of LANES / 2 numbers of facets, of the first ends, of the second.
+#if LANES == 8
+#define PAIRS(x, a, b, c, d) __builtin_shufflevector(x, x, a, a, b, b, c, c, d, d)
+typedef double half __attribute__((vector_size(32), aligned(8)));
+INLINE lanes at_ends(const double *fixed) { return PAIRS(*(const half *)fixed, 0, 1, 2, 3); }
+INLINE lanes first_of(lanes x) { return PAIRS(x, 0, 2, 4, 6); }
+INLINE lanes second_of(lanes x) { return PAIRS(x, 1, 3, 5, 7); }
+#else
+INLINE lanes at_ends(const double *fixed) { return (lanes){fixed[0], fixed[0], fixed[1], fixed[1]}; }
+INLINE lanes first_of(lanes x) { return (lanes){x[0], x[0], x[2], x[2]}; }
+INLINE lanes second_of(lanes x) { return (lanes){x[1], x[1], x[3], x[3]}; }
+#endif
+
 #if LARGE_ROTATIONS
-// Normals of facets as they are now, the mean of both sides, and their lengths.  Ends are pairs of lanes.
-INLINE void turn_frames(const int *minus, const int *plus, const double *fixed, const double *displacement, double *nx,
-                        double *ny, double *along)
+// Normals of facets as they are now, the mean of both sides, and their lengths `along` the tangent.
+INLINE void turn_frames(const lanes minus[2], const lanes plus[2], lanes *nx, lanes *ny, lanes *along)
 {
-    for (int l = 0; l < LANES; l += 2) {
-        double way[2];
-        for (int c = 0; c < 2; c++) {
-            const double first = displacement[minus[l] + c] + displacement[plus[l] + c];
-            const double second = displacement[minus[l + 1] + c] + displacement[plus[l + 1] + c];
-            way[c] = 0.5 * (second - first);
-        }
-        const double before = fixed[ALONG * LANES + l], sense = copysign(1, before);
-        way[0] += before * fixed[NORMAL_Y * LANES + l];
-        way[1] -= before * fixed[NORMAL_X * LANES + l];
-        const double length = sqrt(way[0] * way[0] + way[1] * way[1]), scale = sense / length;
-        for (int e = l; e < l + 2; e++) {
-            nx[e] = -way[1] * scale;
-            ny[e] = way[0] * scale;
-            along[e] = sense * length;
-        }
-    }
+    const lanes x = minus[0] + plus[0], y = minus[1] + plus[1];
+    const lanes way_x = 0.5 * (second_of(x) - first_of(x)) + *along * *ny;
+    const lanes way_y = 0.5 * (second_of(y) - first_of(y)) - *along * *nx;
+    const lanes square = way_x * way_x + way_y * way_y;
+    UNROLL for (int l = 0; l < LANES; l++) (*along)[l] = copysign(sqrt(square[l]), (*along)[l]);
+    *nx = -way_y / *along;
+    *ny = way_x / *along;
 }
 #endif
+
+// All bits of the ends that are whole and carry no more than their springs alone may, as almost all do.
+INLINE long_lanes elastic(lanes damage, lanes normal, lanes shear, const double *number)
+{
+    (void)number;
+    const lanes none = {0}, tension = TENSILE_STRENGTH - none, cohesion = COHESION - none;
+    return (damage <= none) & (normal <= tension) & (shear <= cohesion) & (-shear <= cohesion);
+}
 
 // Tractions at the displacement, and their forces added to `force`; energies of owned facets are added to `energy`.
 void update(long facets, double since, double time, const int *node, const double *fixed, const double *number,
             const double *owned, const double *displacement, const double *velocity, const double *mass, double *force,
             double *const *states, double *const *facet, double *energy)
 {
-    for (long first = 0; first < 2 * facets; first += LANES, node += 2 * LANES, fixed += COLUMNS * LANES) {
+    for (long first = 0; first < 2 * facets; first += LANES, node += 2 * LANES, fixed += COLUMNS * LANES / 2) {
         const long rest = 2 * facets - first;
         const int count = rest < LANES ? (int)rest : LANES;
         // The last block has room of its own, so that all blocks take the same way.
-        lanes room[STATE_COUNT];
-        double *state[STATE_COUNT];
+        double room[STATE_COUNT][LANES], *state[STATE_COUNT];
         for (int s = 0; s < STATE_COUNT; s++) {
             state[s] = states[s] + first;
             if (count == LANES) continue;
@@ -192,69 +199,55 @@ void update(long facets, double since, double time, const int *node, const doubl
             memcpy(room[s], state[s], (size_t)count * sizeof(double));
             state[s] = room[s];
         }
-        const int *minus = node, *plus = node + LANES;
-        lanes open, jump;
+        lanes nx = at_ends(fixed + NORMAL_X * LANES / 2), ny = at_ends(fixed + NORMAL_Y * LANES / 2);
+        const lanes weight = at_ends(fixed + WEIGHT * LANES / 2), k = at_ends(fixed + STIFFNESS * LANES / 2);
+        lanes minus[2], plus[2];
+        gather_couples(displacement, node, minus);
+        gather_couples(displacement, node + LANES, plus);
 #if LARGE_ROTATIONS
-        lanes normal_x, normal_y, along;
-        turn_frames(minus, plus, fixed, displacement, normal_x, normal_y, along);
-#else
-        const double *const normal_x = fixed + NORMAL_X * LANES, *const normal_y = fixed + NORMAL_Y * LANES;
+        lanes along = at_ends(fixed + ALONG * LANES / 2);
+        turn_frames(minus, plus, &nx, &ny, &along);
 #endif
-        int busy = 0;
-        _Pragma("omp simd reduction(|:busy)")
-        for (int l = 0; l < LANES; l++) {
-            const double nx = normal_x[l], ny = normal_y[l];
-            const double k = fixed[STIFFNESS * LANES + l];
-            const double x = displacement[plus[l]] - displacement[minus[l]];
-            const double y = displacement[plus[l] + 1] - displacement[minus[l] + 1];
-            open[l] = x * nx + y * ny;
-            jump[l] = x * ny - y * nx;
-            busy |= OLD(damage) > 0 || !(k * open[l] <= TENSILE_STRENGTH) || !(k * fabs(jump[l]) <= COHESION);
-        }
-        if (busy) {
+        const lanes x = plus[0] - minus[0], y = plus[1] - minus[1];
+        const lanes open = x * nx + y * ny, jump = x * ny - y * nx;
+#define AT_ENDS(name) (*(loose *)state[STATE_##name])
+        lanes normal = k * open, shear = k * jump;
+        const long_lanes fine = elastic(AT_ENDS(damage), normal, shear, number);
+        long all = -1;
+        UNROLL for (int l = 0; l < LANES; l++) all &= fine[l];
+        if (all) {
+            AT_ENDS(normal_traction) = normal;
+            AT_ENDS(shear_traction) = shear;
+        } else {
             for (int l = 0; l < count; l++) {
+                if (fine[l]) {
+                    OLD(normal_traction) = normal[l], OLD(shear_traction) = shear[l];
+                    continue;
+                }
                 double taken[3] = {0, 0, 0};
-                yield_end(since, open[l], jump[l], fixed[STIFFNESS * LANES + l], number, state, l, taken);
-                const double area = fixed[WEIGHT * LANES + l] * owned[(first + l) / 2];
+                yield_end(since, open[l], jump[l], k[l], number, state, l, taken);
+                const double area = weight[l] * owned[(first + l) / 2];
                 for (int e = 0; e < 3; e++) energy[e] += area * taken[e];
             }
             if (BONDED)
                 for (int l = 0; l < count; l += 2)
                     listen(time, node, velocity, mass, state, facet, (first + l) / 2, l);
-        } else
-            EACH_LANE {
-                OLD(normal_traction) = fixed[STIFFNESS * LANES + l] * open[l];
-                OLD(shear_traction) = fixed[STIFFNESS * LANES + l] * jump[l];
-            }
-        lanes x, y;
-        EACH_LANE {
-            const double nx = normal_x[l], ny = normal_y[l];
-            x[l] = fixed[WEIGHT * LANES + l] * (OLD(normal_traction) * nx + OLD(shear_traction) * ny);
-            y[l] = fixed[WEIGHT * LANES + l] * (OLD(normal_traction) * ny - OLD(shear_traction) * nx);
+            normal = AT_ENDS(normal_traction), shear = AT_ENDS(shear_traction);
         }
-        for (int l = 0; l < LANES; l++) {  // one after the other: ends of a block share corners
-            force[minus[l]] += x[l];
-            force[minus[l] + 1] += y[l];
-            force[plus[l]] -= x[l];
-            force[plus[l] + 1] -= y[l];
-        }
+        lanes at_minus[2] = {weight * (normal * nx + shear * ny), weight * (normal * ny - shear * nx)};
+        lanes at_plus[2] = {-at_minus[0], -at_minus[1]};
 #if LARGE_ROTATIONS
         // Jumps are measured in a frame that turns with the ends of both sides, so tractions have a moment on it.
-        for (int l = 0; l < LANES; l += 2) {
-            double moment = 0;
-            for (int e = l; e < l + 2; e++)
-                moment += fixed[WEIGHT * LANES + e] * (OLD_AT(shear_traction, e) * open[e]
-                                                       - OLD_AT(normal_traction, e) * jump[e]);
-            const double pull = 0.5 * moment / along[l], px = pull * normal_x[l], py = pull * normal_y[l];
-            for (int side = 0; side < 2; side++) {
-                const int *const at = node + side * LANES + l;
-                force[at[0]] += px;
-                force[at[0] + 1] += py;
-                force[at[1]] -= px;
-                force[at[1] + 1] -= py;
-            }
-        }
+        const lanes each = weight * (shear * open - normal * jump), moment = first_of(each) + second_of(each);
+        lanes pull = 0.5 * moment / along;
+        for (int l = 1; l < LANES; l += 2) pull[l] = -pull[l];
+        at_minus[0] += pull * nx, at_minus[1] += pull * ny;
+        at_plus[0] += pull * nx, at_plus[1] += pull * ny;
 #endif
+        // Once to every corner, which has two facets at most: their order then changes no bit of the sum.
+#define ADD(type, place, y) *(type *)(force + place) += (type)y;
+        EACH_COUPLE(node, at_minus, ADD)
+        EACH_COUPLE((node + LANES), at_plus, ADD)
         if (count < LANES)
             for (int s = 0; s < STATE_COUNT; s++)
                 memcpy(states[s] + first, room[s], (size_t)count * sizeof(double));

@@ -48,12 +48,13 @@ class MatrixFree:
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map)
         permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric", bulk.large_rotations)
-        self._library = native.load("matrix_free", constants + files(__package__).joinpath("matrix_free.c").read_text())
+        lanes = files("ruptfx").joinpath("lanes.c").read_text()
+        kernel = files(__package__).joinpath("matrix_free.c").read_text()
+        self._library = native.load("matrix_free", constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
-        lanes = self._library.lanes_per_batch()
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
-        cells, padding, self._boundary_batches = self._order_cells(bulk, lanes)
+        cells, padding, self._boundary_batches = self._order_cells(bulk, self._library.lanes_per_batch())
         self._batches = len(cells)
         # (batch, node, lane): lanes of one node are neighbours in memory.
         nodes = space.dofmap.list[:, permutation][cells].transpose(0, 2, 1)

@@ -104,8 +104,11 @@ class LeapfrogMotion:
         else:
             held_nodes[:] = True
         self._dofs = dofs = np.flatnonzero(np.repeat(held_nodes, c)).astype(np.int64)
+        # As a slice where they are all: no numbers to look up.
+        self._held = _places(dofs, len(held))
         mass, dashpot = masses_and_dashpots(model)
         self._mass, self._dashpot, self._driven = mass[dofs], dashpot[dofs], model.loads.prescribed[dofs].astype(float)
+        self._special = np.flatnonzero((self._dashpot != 0) | (self._driven != 0)).astype(np.int64)
         # In sums of ranks `_owned` counts what each node has of its own (forces), `_once` what tied ones share (mass).
         self._owned = (dofs < model.owned_nodes * c).astype(float)
         self._once = np.repeat(model.layout.once, c)[dofs].astype(float)
@@ -116,8 +119,9 @@ class LeapfrogMotion:
             share[places] = load.values
             self._shares.append((places, share * self._owned))
         if model.viscosity is not None:
-            self._viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
-            self._viscous_among_held = np.searchsorted(dofs, self._viscous)
+            viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
+            self._viscous = _places(viscous, len(held))
+            self._viscous_among_held = _places(np.searchsorted(dofs, viscous), len(dofs))
             self._viscous_force = np.zeros(len(model.mass))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
@@ -157,7 +161,7 @@ class LeapfrogMotion:
         self._bulk(state, kick, plain)
         loads = self.model.loads
         loads.add_support_force(state.displacement, state.force)
-        internal = state.force[self._dofs] if state.watched else None
+        internal = state.force[self._dofs] if state.watched else None  # a copy
         # Work of the loads by the mean velocity is added once the new one is known.
         factors = [load.factor(state.time) for load in loads.forces]
         for load, factor in zip(loads.forces, factors, strict=True):
@@ -165,10 +169,10 @@ class LeapfrogMotion:
         self.model.layout.sum_tied(state.force)
         moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
-        n = ctypes.c_long(len(self._dofs))
+        n, held = ctypes.c_long(len(self._dofs)), None if isinstance(self._held, slice) else pointer(self._dofs)
         self._library.kick(
-            n, pointer(self._dofs), pointer(kick.keep), pointer(kick.push), pointer(state.force),
-            pointer(state.velocity), pointer(self._velocity_old),
+            n, held, pointer(kick.keep), pointer(kick.push), pointer(state.force), pointer(state.velocity),
+            pointer(self._velocity_old),
         )  # fmt: skip
         loads.drive(state.velocity, state.time + 0.5 * self.dt)
         for (name, fault), rate_old in zip(kick.faults, moving, strict=True):
@@ -183,9 +187,10 @@ class LeapfrogMotion:
         self.model.layout.equalise(state.velocity)
         self._load_work(state, kick, factors)
         self._library.drift(
-            n, pointer(self._dofs), ctypes.c_double(self.dt), ctypes.c_double(kick.length), pointer(self._mass),
-            pointer(self._dashpot), pointer(self._driven), pointer(self._once), pointer(self._velocity_old),
-            pointer(state.velocity), pointer(state.displacement), pointer(state.force), pointer(self._work),
+            n, held, ctypes.c_long(len(self._special)), pointer(self._special), ctypes.c_double(self.dt),
+            ctypes.c_double(kick.length), pointer(self._mass), pointer(self._dashpot), pointer(self._driven),
+            pointer(self._once), pointer(self._velocity_old), pointer(state.velocity), pointer(state.displacement),
+            pointer(state.force), pointer(self._work),
         )  # fmt: skip
         state.energy["damping"] += self._work[0] + self._viscous_work(state, kick)
         state.energy["boundary_work"] += self._work[1]
@@ -222,15 +227,15 @@ class LeapfrogMotion:
             Strain energy at the displacement before, where it is no quadratic form [J]: half a step later it is
             W(u_n) - f . v dt / 2, which is u_(n+1)' K u_n / 2 where it is one.
         """
-        velocity = state.velocity[self._dofs]
+        velocity = state.velocity[self._held]
         # What forces do over half a step, or K over all of the displacement.
-        over = self.dt * velocity if stored is not None else state.displacement[self._dofs]
+        over = self.dt * velocity if stored is not None else state.displacement[self._held]
         kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
         work = plain[1] + (self._owned * internal) @ over
         if self.model.viscosity is not None:
             work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
         if between is not None:
-            work -= float(between[self._dofs] @ over)
+            work -= float(between[self._held] @ over)
         self._sums = (state.step + 1, 0.5 * float(kinetic), (stored or 0.0) - 0.5 * float(work))
 
     def _strain_energy(self, state: State) -> float | None:
@@ -287,13 +292,20 @@ class LeapfrogMotion:
         return -float(self._viscous_force[self._viscous] @ mean) * kick.length
 
     def _load_work(self, state: State, kick: _Kick, factors: list[float | np.ndarray]) -> None:
-        mean = 0.5 * (self._velocity_old + state.velocity[self._dofs])
+        if not self._shares:
+            return
+        mean = 0.5 * (self._velocity_old + state.velocity[self._held])
         for (places, share), factor in zip(self._shares, factors, strict=True):
             if isinstance(factor, np.ndarray):
                 power = float((share[places] * factor) @ mean[places])
             else:
                 power = float(share @ mean) * factor
             state.energy["boundary_work"] += power * kick.length
+
+
+def _places(numbers: np.ndarray, count: int) -> np.ndarray | slice:
+    """A slice in the place of all numbers from 0 to `count`."""
+    return slice(None) if len(numbers) == count else numbers
 
 
 def masses_and_dashpots(model: Model) -> tuple[np.ndarray, np.ndarray]:
