@@ -20,7 +20,7 @@ def dic(
     before: Annotated[Path, typer.Argument(help="Picture of the speckled surface before.", show_default=False)],
     after: Annotated[Path, typer.Argument(help="After, of the same size.", show_default=False)],
     subset: Annotated[int, typer.Option(help="Pixels along a side of what is followed, odd.")] = 21,
-    window: Annotated[int | None, typer.Option(help="Pixels that strains are fitted over, odd; default: --subset.")] = None,
+    window: Annotated[int | None, typer.Option(help="Pixels strains are fitted over, odd; default: --subset.")] = None,
     pixel: Annotated[float | None, typer.Option(help="Size of a pixel in m; without it lengths are in pixels.")] = None,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
 ) -> None:
