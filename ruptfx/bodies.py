@@ -11,7 +11,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.closest import closest
-from ruptfx.meshes import FACETS, MeshSource, RawMesh
+from ruptfx.meshes import FACETS, Base, MeshSource, RawMesh
 from ruptfx.schema import nearest
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ class Bodies:
     ties : list of Tie
     surfaces : dict of str to (ndarray, ndarray)
         Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
+    bases : dict of str to Base
+        As in `RawMesh`.
     open_facets : ndarray of int, shape (facets, 2)
         Cracks that are there from the start, by vertices of the raw mesh.
     joints : dict of str to ndarray of int, shape (facets, 2)
@@ -76,6 +78,7 @@ class Bodies:
     one_sided: dict[str, str]
     ties: list[Tie] = field(default_factory=list)
     surfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    bases: dict[str, Base] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -207,11 +210,11 @@ def _from_root(
         surfaces = {name: sides for name, sides in raw.interfaces.items() if name in sliding}
         described = (
             raw.cell, raw.points.shape[1], raw.cells.shape[1], raw.order, raw.bodies, raw.cell_body, faces,
-            raw.one_sided, named, ties, surfaces, np.sort(raw.open_facets, axis=1),
+            raw.one_sided, named, ties, surfaces, raw.bases, np.sort(raw.open_facets, axis=1),
             {name: np.sort(facets, axis=1) for name, facets in raw.joints.items()},
         )  # fmt: skip
     described = comm.bcast(described, root=0)
-    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, *inner = described
+    cell, dim, nodes, order, bodies, cell_body, interfaces, one_sided, named, ties, surfaces, bases, *inner = described
 
     def partitioner(_: object, parts: int, *__: object) -> object:
         if raw is None:
@@ -230,7 +233,7 @@ def _from_root(
     )
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in one_sided}
     cell_body = cell_body[mesh.topology.original_cell_index].astype(np.int32)
-    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, *inner)
+    return Bodies(mesh, bodies, cell_body, facets, tags, interfaces, one_sided, ties, surfaces, bases, *inner)
 
 
 def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
@@ -307,6 +310,11 @@ def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
 
     A node has one partner, or tractions add up wrongly; what slides has none.
     """
+    for name in raw.bases:
+        if name not in sliding:
+            raise RuptfxError(
+                f"mesh.base: a block slides over the profile of its base; add the table [faults.{name}.sliding]"
+            )
     for name in raw.facing:
         if name not in sliding:
             raise RuptfxError(

@@ -71,3 +71,15 @@ class Basis:
 
 
 basis_of_order = cache(Basis.of_order)
+
+
+def nodes_between(ends: Floats, order: int) -> Floats:
+    """Ends of elements with their inner nodes.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (elements + 1,)
+    order : int
+    """
+    part = 0.5 * (basis_of_order(order).points[:-1] + 1)
+    return np.append((ends[:-1, None] + np.diff(ends)[:, None] * part).ravel(), ends[-1])

@@ -456,6 +456,8 @@ def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: 
     """By how much driven edges move the plus side along the interface, and the minus side back, until a time [m]."""
     slip = 0.0
     for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):
+        if not len(side.nodes):  # a rigid base
+            continue
         body = model.layout.body[side.nodes[0]]
         ways = np.zeros(2)
         for motion in loads.motions:

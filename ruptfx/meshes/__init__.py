@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ruptfx.profiles import evaluate
 from ruptfx.schema import Alternative, alternative
 
 if TYPE_CHECKING:
@@ -23,6 +24,29 @@ FACETS: dict[str, list[tuple[int, ...]]] = {
     "tetrahedron": [(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)],
     "hexahedron": [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6), (1, 3, 5, 7), (2, 3, 6, 7), (4, 5, 6, 7)],
 }
+
+
+@dataclass(frozen=True)
+class Base:
+    """A rigid surface at rest that a body slides over.
+
+    Attributes
+    ----------
+    profile : float or Profile
+        Height by x [m].
+    level : float
+        What is added to it [m].
+    ends : (float, float)
+        x of both ends [m].
+    """
+
+    profile: object
+    level: float
+    ends: tuple[float, float]
+
+    def points(self, x: np.ndarray) -> np.ndarray:
+        """Of the surface at x [m], shape (n, 2)."""
+        return np.stack([x, self.level + evaluate(self.profile, x)], axis=1)
 
 
 @dataclass
@@ -50,6 +74,8 @@ class RawMesh:
         ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
     facing : set of str
         Interfaces whose sides have meshes of their own: their facets are unequal lists, each in any order.
+    bases : dict of str to Base
+        Of one-sided interfaces that slide, the rigid surface that the plus side faces.
     open_facets : ndarray of int, shape (facets, 2)
         Inner facets that are cracks from the start, where bodies may break.
     joints : dict of str to ndarray of int, shape (facets, 2)
@@ -67,6 +93,7 @@ class RawMesh:
     interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     one_sided: dict[str, str] = field(default_factory=dict)
     facing: set[str] = field(default_factory=set)
+    bases: dict[str, Base] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)
     order: int = 1

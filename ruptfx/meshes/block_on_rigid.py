@@ -1,4 +1,4 @@
-"""A rectangular block on a rigid base."""
+"""A rectangular block on a rigid base, flat or rough."""
 
 from __future__ import annotations
 
@@ -8,16 +8,30 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from ruptfx.meshes import MeshSource
-from ruptfx.meshes._lattice import Lattice
+from ruptfx.meshes import Base, MeshSource, RawMesh
+from ruptfx.meshes._lattice import Lattice, affordable
 from ruptfx.meshes.half_plate import plate
-from ruptfx.schema import Unit
-from ruptfx.units import Coordinate, Length
+from ruptfx.meshes.rough_plates import SAMPLES
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, Part, Unit
+from ruptfx.units import Coordinate, Length, VaryingHeight
+
+
+class RoughBase(Part):
+    """A rigid base with a profile, on which the block stands and slides as far as it likes."""
+
+    length: Length
+    """Along x."""
+    left: Coordinate = 0.0
+    """x of the left end."""
+    profile: VaryingHeight = 0.0
+    """Height by x; the base is put where its highest place under the block touches this."""
 
 
 class BlockOnRigid(MeshSource):
     """A deformable block on a rigid base at rest, at y = 0; slip and opening are the block's own displacement.
 
+    A base with a profile needs the table `[faults.main.sliding]`.
     The interface is called `main`; the edges are `upper.left`, `upper.right` and `upper.top`.
     """
 
@@ -35,6 +49,8 @@ class BlockOnRigid(MeshSource):
     """x of the left end."""
     chamfer: Annotated[float, Field(ge=0), Unit("m")] = 0.0
     """What is cut off the two corners at the interface, along and across it: sharp corners carry most of the load."""
+    base: RoughBase | None = None
+    """What the block slides over as far as it likes, rough or smooth; without it the base is flat and endless."""
 
     @model_validator(mode="after")
     def _leaves_something(self) -> BlockOnRigid:
@@ -45,7 +61,33 @@ class BlockOnRigid(MeshSource):
             )
         return self
 
-    def lattice(self) -> Lattice:
+    def build(self) -> RawMesh:
+        raw = self._block().build()
+        if self.base is not None:
+            left, right = self.base.left, self.base.left + self.base.length
+            raw.bases["main"] = Base(self.base.profile, self._level(self.base), (left, right))
+        return raw
+
+    def lattice(self) -> Lattice | None:
+        return self._block() if self.base is None else None
+
+    def _level(self, base: RoughBase) -> float:
+        """Where the base touches the block from below [m]."""
+        ends = self.left + self.chamfer, self.left + self.length - self.chamfer
+        first, last = max(base.left, ends[0]), min(base.left + base.length, ends[1])
+        if first >= last:
+            raise CaseError(
+                f"mesh.base.left = {base.left:g}: the block, from {ends[0]:g} to {ends[1]:g} m, is beside its base, "
+                f"from {base.left:g} to {base.left + base.length:g} m; put it on that"
+            )
+        x = np.linspace(first, last, affordable(SAMPLES * (last - first) / self.element_size) + 1)
+        try:
+            evaluate(base.profile, np.array([base.left, base.left + base.length]))
+            return -float(np.max(evaluate(base.profile, x)))
+        except CaseError as error:
+            raise CaseError(f"mesh.base.profile: {error}") from None
+
+    def _block(self) -> Lattice:
         lattice = plate(self.length, self.height, self.element_size, self.growth, self.left, "rigid")
         if not self.chamfer:
             return lattice

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ruptfx.lobatto import basis_of_order
+from ruptfx.lobatto import nodes_between
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes._lattice import affordable, row_levels
 from ruptfx.profiles import evaluate
@@ -63,8 +63,8 @@ class RoughPlate(Part):
         columns = affordable(self.length / self.element_size)
         levels = row_levels(self.height, self.element_size, self.growth)
         affordable(columns * (len(levels) - 1))
-        x = _with_nodes(self.left + np.linspace(0, self.length, columns + 1), order)
-        away = _with_nodes(levels, order)
+        x = nodes_between(self.left + np.linspace(0, self.length, columns + 1), order)
+        away = nodes_between(levels, order)
         height = self.heights(x, key)
         depth = min(self.height, max(3 * levels[1], 3 * np.abs(height).max()))
         part = np.minimum(away / depth, 1.0)
@@ -133,12 +133,6 @@ class RoughPlates(MeshSource):
             )
         x = np.linspace(first, last, affordable(SAMPLES * (last - first) / min(p.element_size for p in plates)) + 1)
         return float(np.min(self.upper.heights(x, "mesh.upper") - self.lower.heights(x, "mesh.lower")))
-
-
-def _with_nodes(ends: Floats, order: int) -> Floats:
-    """Ends of elements with their inner nodes."""
-    part = 0.5 * (basis_of_order(order).points[:-1] + 1)
-    return np.append((ends[:-1, None] + np.diff(ends)[:, None] * part).ravel(), ends[-1])
 
 
 def _cells(number: NDArray[np.int64], order: int) -> NDArray[np.int64]:

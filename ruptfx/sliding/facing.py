@@ -60,6 +60,8 @@ class Coupling:
 
     def __matmul__(self, nodal: Floats) -> Floats:
         """B times values at the nodes of the other side, shape (nodes, ...)."""
+        if not self.nodes:
+            return np.zeros((len(self.first), *nodal.shape[1:]))
         columns = np.minimum(self.first[:, None] + np.arange(self.values.shape[1]), self.nodes - 1)
         found: Floats = np.einsum("ij,ij...->i...", self.values, nodal[columns])
         return found

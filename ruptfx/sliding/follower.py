@@ -106,6 +106,8 @@ class Follower:
         """Say so where a surface strains or turns more than the theory of small strains allows; at each doubling."""
         plus, minus = self.face.geometry.plus, self.face.geometry.minus
         for side, moved in ((plus, displacement[: len(plus.nodes)]), (minus, displacement[len(plus.nodes) :])):
+            if not len(side.nodes):  # rigid
+                continue
             ends = side.points[:: side.order]
             change = np.linalg.norm(np.diff(moved[:: side.order], axis=0), axis=1)
             change /= np.linalg.norm(np.diff(ends, axis=0), axis=1)

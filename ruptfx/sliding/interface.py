@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 
 from ruptfx import RuptfxError, fem, native, parallel
 from ruptfx.interface import Interface, Line, local_frame
-from ruptfx.meshes import FACETS
+from ruptfx.lobatto import nodes_between
+from ruptfx.meshes import FACETS, Base
 from ruptfx.nodes import Nodes
 from ruptfx.sliding import Sliding
-from ruptfx.sliding.facing import Coupling, Mortar
+from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 JUMP = files("ruptfx.sliding").joinpath("jump.c")
@@ -54,7 +55,9 @@ class Geometry:
     Attributes
     ----------
     coupling : Coupling
-        B.
+        B of the nodes that move; of a rigid surface there are none.
+    opposite : Coupling
+        B of all points of the facing surface: the same but where that is rigid.
     offset : ndarray, shape (n, 2)
         [m]
     covered : ndarray of bool, shape (n,)
@@ -68,6 +71,7 @@ class Geometry:
     """
 
     coupling: Coupling
+    opposite: Coupling
     covered: NDArray[np.bool_]
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
@@ -79,7 +83,7 @@ class Geometry:
         self._acting = np.zeros((n, 2, 2))  # frames, zero where nothing is faced
         self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
         self._in_order = 2 * np.arange(len(self._dofs))
-        self.coupling = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
+        self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered = np.zeros(0, dtype=bool)
         self.revision, self.table, self._of_nodes, self.slides = 0, Table(), Table(), np.inf
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
@@ -102,20 +106,23 @@ class Geometry:
             A surface that folds back.
         """
         self.revision += 1
-        n = len(self.plus.nodes)
+        n, rigid = len(self.plus.nodes), not len(self.minus.nodes)
         if not n:
             return
-        found = self._mortar.find(self.plus.points + displacement[:n], self.minus.points + displacement[n:])
+        there = self.minus.points if rigid else self.minus.points + displacement[n:]
+        found = self._mortar.find(self.plus.points + displacement[:n], there)
         self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
         self._acting[:] = self.frame * found.covered[:, None, None]
-        self.coupling, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        self.opposite, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, COLUMNS)), 0)
+        self.coupling = none if rigid else found.coupling
         self._tabulate()
-        apart = self.plus.points - self.coupling @ self.minus.points
+        apart = self.plus.points - self.opposite @ self.minus.points
         before = displacement if before is None else before
         moved = before[:n] - self.coupling @ before[n:]
         self.offset[:, 0] = np.where(self.covered, np.sum(self.frame[:, 0] * apart, axis=1), self._far)
         self.offset[:, 1] = slip - np.sum(self._acting[:, 1] * moved, axis=1)
-        self.nearest[:] = self.minus.nodes[self.coupling.nearest()]
+        self.nearest[:] = self.plus.nodes if rigid else self.minus.nodes[self.coupling.nearest()]
 
     def _tabulate(self) -> None:
         n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
@@ -143,8 +150,8 @@ class Geometry:
         _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
 
     def faced(self, values: Floats) -> Floats:
-        """What is given at the nodes of the minus side, as the points face it; NaN where they face nothing."""
-        found = self.coupling @ values
+        """What is given at the points of the minus side, as the points face it; NaN where they face nothing."""
+        found = self.opposite @ values
         found[~self.covered] = np.nan
         return found
 
@@ -162,6 +169,8 @@ def _pointer(array: Floats) -> ctypes.c_void_p:
 @dataclass(frozen=True, kw_only=True)
 class SlidingInterface(Interface):
     """An interface that slides; `minus` is the node that a point faces most, for what depends on the body there.
+
+    Of a rigid base, whose surface does not move, it is `plus`.
 
     Attributes
     ----------
@@ -186,7 +195,8 @@ class SlidingInterface(Interface):
 
     @property
     def surface_points(self) -> Floats:
-        return np.concatenate([self.geometry.plus.points, self.geometry.minus.points])
+        plus, minus = self.geometry.plus, self.geometry.minus
+        return np.concatenate([plus.points, minus.points[: len(minus.nodes)]])
 
     @cached_property
     def dofs(self) -> Integers:
@@ -209,7 +219,7 @@ class SlidingInterface(Interface):
         met = np.zeros(coupling.nodes + coupling.values.shape[1])
         np.add.at(met, coupling.first[:, None] + np.arange(coupling.values.shape[1]), coupling.values)
         alone = np.concatenate([~self.covered, met[: coupling.nodes] == 0])
-        return self.nodes[alone], np.concatenate([plus.lengths, minus.lengths])[alone]
+        return self.nodes[alone], np.concatenate([plus.lengths, minus.lengths[: coupling.nodes]])[alone]
 
     def jump(self, field: Floats) -> Floats:
         return self.geometry.offset + self.rate(field)
@@ -228,7 +238,8 @@ class SlidingInterface(Interface):
         along = minus[:, 0]
         if self.line.measure != "x":
             along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(minus, axis=0), axis=1))])[: len(minus)]
-        return self.geometry.faced(along), now[:n], self.geometry.faced(now[n:])
+        there = now[n:] if len(self.geometry.minus.nodes) else minus
+        return self.geometry.faced(along), now[:n], self.geometry.faced(there)
 
     def rate(self, field: Floats) -> Floats:
         return self.geometry.rate(np.ascontiguousarray(field, dtype=float))
@@ -238,6 +249,8 @@ class SlidingInterface(Interface):
 
     def stencil(self) -> tuple[Integers, Floats]:
         coupling, m = self.geometry.coupling, len(self.geometry.minus.nodes)
+        if self.one_sided:
+            return self.plus[:, None], (self.frame * self.covered[:, None, None])[:, None]
         faced = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
         nodes = np.column_stack([self.plus, self.geometry.minus.nodes[faced]])
         shares = np.column_stack([np.ones(len(self.plus)), -coupling.values]) * self.covered[:, None]
@@ -285,16 +298,20 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
             f"faults.{name}.sliding: only motion in a plane slides far (plane = 'stress' or 'strain'); remove "
             "this table"
         )
-    if name in bodies.one_sided:
+    base = bodies.bases.get(name)
+    if name in bodies.one_sided and base is None:
+        rough = ", or give mesh.base, a surface to slide on" * (bodies.one_sided[name] == "rigid")
         raise RuptfxError(
             f"faults.{name}.sliding: the minus side is not meshed ({bodies.one_sided[name]}), nothing there can slide "
-            "away; remove this table, or mesh both bodies"
+            f"away; remove this table, or mesh both bodies{rough}"
         )
     coordinates = fem.from_owners(space, nodes.coordinates)
-    plus, minus = (
-        _chain(space, coordinates, _cells_of(space, facets), left=side == "plus", name=f"{name}.{side}")
-        for side, facets in zip(("plus", "minus"), bodies.surfaces[name], strict=True)
-    )
+
+    def chain(side: str, facets: Integers) -> Surface:
+        return _chain(space, coordinates, _cells_of(space, facets), left=side == "plus", name=f"{name}.{side}")
+
+    plus = chain("plus", bodies.surfaces[name][0])
+    minus = chain("minus", bodies.surfaces[name][1]) if base is None else _rigid(base, plus)
     if np.isin(np.concatenate([nodes.kept, nodes.copies]), np.concatenate([plus.nodes, minus.nodes])).any():
         raise RuptfxError(
             f"faults.{name}.sliding: the interface ends at periodic edges, and what slides has two ends; remove this "
@@ -316,8 +333,19 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
         points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
         frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
         line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry,
-        limit=table.follow * spacing, step_limit=table.limit * spacing, near=plus.order * spacing,
+        other_side=bodies.one_sided.get(name, "meshed"), limit=table.follow * spacing,
+        step_limit=table.limit * spacing, near=plus.order * spacing,
     )  # fmt: skip
+
+
+def _rigid(base: Base, plus: Surface) -> Surface:
+    """The surface of a base in facets about as long as those of the side that slides over it."""
+    nodes = np.zeros(0, dtype=np.int64)
+    if not plus.facets:
+        return Surface(nodes, np.zeros((0, 2)), plus.order)
+    (left, right), facet = base.ends, np.median(np.linalg.norm(np.diff(plus.points[:: plus.order], axis=0), axis=1))
+    ends = np.linspace(left, right, max(1, round((right - left) / facet)) + 1)
+    return Surface(nodes, base.points(nodes_between(ends, plus.order)), plus.order)
 
 
 def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integers:

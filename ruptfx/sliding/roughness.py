@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.analysis import fracture
+from ruptfx.meshes.block_on_rigid import BlockOnRigid
 from ruptfx.meshes.rough_plates import RoughPlates
 from ruptfx.profiles.constant import Constant
 from ruptfx.profiles.self_affine import SelfAffine
@@ -91,7 +92,9 @@ def _slope(plus: Surface, minus: Surface) -> float:
 
 
 def _modulus(model: Model, side: Surface) -> float | None:
-    """E / (1 - nu^2) in plane strain, E in plane stress [Pa]."""
+    """E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite where the side is rigid."""
+    if not len(side.nodes):
+        return float("inf")
     material = model.materials[model.layout.body[side.nodes[0]]]
     if material.lame(model.case.plane) is None:
         return None
@@ -102,9 +105,12 @@ def _modulus(model: Model, side: Surface) -> float | None:
 def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
     """The sinusoid that the distance of the surfaces is, if it is one; the shortest wavelength of their profiles."""
     mesh = model.case.mesh
-    if not isinstance(mesh, RoughPlates):
+    if isinstance(mesh, RoughPlates):
+        profiles = mesh.upper.profile, mesh.lower.profile
+    elif isinstance(mesh, BlockOnRigid) and mesh.base is not None:
+        profiles = 0.0, mesh.base.profile
+    else:
         return None, None
-    profiles = mesh.upper.profile, mesh.lower.profile
     lengths = [p.wavelength if isinstance(p, Sinusoid) else p.shortest for p in profiles
                if isinstance(p, Sinusoid | SelfAffine)]  # fmt: skip
     shortest = min(lengths, default=None)
@@ -124,6 +130,8 @@ def _pressure(
     initial = float(face.weight @ fault.normal_stress_0) / length
     across = int(np.argmax(np.abs(area)))
     for side, sign in ((face.geometry.plus, -1.0), (face.geometry.minus, 1.0)):
+        if not len(side.nodes):  # rigid
+            continue
         nodes = np.flatnonzero(model.layout.body == model.layout.body[side.nodes[0]])
         if any(each.prescribed.reshape(-1, 2)[nodes, across].any() or each.supports for _, each in loads):
             continue

@@ -22,7 +22,8 @@ class Surface:
     Attributes
     ----------
     nodes : ndarray of int, shape (facets * order + 1,)
-        Local nodes of the displacement space, in order along the chain; empty on ranks that know nothing of it.
+        Local nodes of the displacement space, in order along the chain; empty on ranks that know nothing of it, and
+        where the surface is rigid.
     points : ndarray, shape (facets * order + 1, 2)
         Where nothing has moved [m]; the same bits on all ranks.
     order : int
@@ -38,7 +39,7 @@ class Surface:
 
     @property
     def facets(self) -> int:
-        return max(0, len(self.nodes) - 1) // self.order
+        return max(0, len(self.points) - 1) // self.order
 
     @property
     def numbers(self) -> Integers:
