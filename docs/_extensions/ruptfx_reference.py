@@ -5,6 +5,7 @@
 - ``{ruptfx-fields}``: the fields of interface.h5.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`.
 - ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases, aims or checks.
+- ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ import typer
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxRole
 
 from ruptfx import bench, describe
-from ruptfx.bench import _speed_tables
+from ruptfx.bench import _speed_tables, demo_times
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 
@@ -203,7 +205,20 @@ class Speed(Directive):
         return [table(header, rows, (24, *(10,) * (len(header) - 1)), literal=0)]
 
 
+class Time(SphinxRole):
+    """How long a demo takes, from the saved results of `ruptfx bench demo_times`."""
+
+    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+        path = Path(self.env.srcdir, "verification", "results", "demo_times.json")
+        self.env.note_dependency(str(path))
+        seconds = {row["demo"]: row["seconds"] for row in json.loads(path.read_text())["rows"]}
+        if self.text not in seconds:
+            raise ValueError(f"{self.text}: no time of it in {path.name}; has it been run by ruptfx bench demo_times?")
+        return [nodes.Text(demo_times.rounded(seconds[self.text]))], []
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     for directive in (Entries, Commands, Fields, Bench, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
+    app.add_role("ruptfx-time", Time())
     return {"parallel_read_safe": True, "parallel_write_safe": True}

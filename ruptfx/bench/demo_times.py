@@ -33,7 +33,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     parts, rows = Parts(), []
     for path in sorted([*DEMOS.glob("*.toml"), *DEMOS.glob("*.py")]):
-        if not _wanted(path, fine):
+        if not wanted(path, fine):
             continue
         with parts.one(path.name):
             load = os.getloadavg()[0]
@@ -44,7 +44,8 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     return Outcome(parts.checks, rows=rows)
 
 
-def _wanted(path: Path, fine: bool) -> bool:
+def wanted(path: Path, fine: bool) -> bool:
+    """Whether a file of the demos is one run, or a script of some."""
     if path.suffix == ".py":
         return fine and path.name not in NO_SINGLE_RUNS
     try:

@@ -45,6 +45,8 @@ def events(
         if source.is_dir():
             _of_run(source, smallest, completeness, distances, failure_time, link, table, out)
             return
+        if not source.exists():
+            raise RuptfxError(f"{source}: no such file or directory; give that of a run, or a table of events")
         if table:
             raise RuptfxError(f"--csv: {source} is a table already; the option is for the directory of a run")
         _of_catalogue(source, smallest, completeness, distances, failure_time, link, out or Path("events.png"))

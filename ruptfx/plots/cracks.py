@@ -51,7 +51,9 @@ def cracks(record: Files) -> Figure:
     _force(right, record)
     letter(np.array([ax, right]))
     time = float(data["time"].values[-1])
-    remark(figure, f"Facets at {time:.4g} s, where they were at the start. A facet that failed is one event.")
+    size, unit = scale(time, "s")
+    when = f"{time / size:.4g} {unit}"
+    remark(figure, f"Facets at {when}, where they were at the start. A facet that failed is one event.")
     return figure
 
 

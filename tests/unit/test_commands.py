@@ -294,4 +294,6 @@ def test_events_of_a_run(tmp_path: Path) -> None:
     assert again.energy.tolist() == [1e-6, 0.0] and again.x.tolist() == [5e-3, 10e-3]
     refused = ruptfx("events", run / "events.csv", "--csv")
     assert refused.exit_code != 0 and "is a table already" in said(refused)
+    missing = ruptfx("events", tmp_path / "nowhere", "--csv")
+    assert missing.exit_code != 0 and "nowhere: no such file or directory" in said(missing)
 
