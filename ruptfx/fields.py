@@ -141,6 +141,8 @@ ENERGIES = {
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
 ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "facing", "boundary_work")
 """Energies that steps add up."""
+TAKEN_IN_SLIDING = ("frictional_dissipation", "impact", "facing")
+"""Those of them that are also known of each interface that slides."""
 
 
 def component_names(name: str, tangents: int) -> list[str]:

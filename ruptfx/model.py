@@ -18,6 +18,7 @@ from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
+from ruptfx.fields import TAKEN_IN_SLIDING
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
@@ -335,6 +336,8 @@ class Model:
         faults = {fault.name: fault.initial_state() for fault in self.faults}
         cracks = {} if self.cracks is None else self.cracks.initial_state()
         state = State(zero, self._initial_velocity(), self.force.array, faults, cracks=cracks)
+        sliding = [fault.name for fault in self.faults if fault.slides]
+        state.energy |= {f"{fault}.{name}": 0.0 for fault in sliding for name in TAKEN_IN_SLIDING}
         # What is there at the start counts as given.
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         return state

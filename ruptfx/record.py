@@ -202,7 +202,7 @@ class Files:
     def forces(self) -> Data:
         found = sorted(path.name for path in self.path.glob("forces*.csv"))
         path = self._existing(found[0] if found else "forces.csv")
-        return self._read_table(path, lambda name: "N/m" if name.endswith("_force") else "1")
+        return self._read_table(path, lambda name: {"force": "N/m", "work": "J/m"}.get(name.rpartition("_")[2], "1"))
 
     @cached_property
     def edges(self) -> Data:
@@ -297,7 +297,7 @@ class Record(Files):
     instruments : dict of xarray.Dataset
         What each instrument measured against its `time` [s], by its name; empty without instruments.
     forces : xarray.Dataset
-        Of the first interface that slides: forces [N/m] and parts of its length against `time` [s].
+        Of the first interface that slides: forces [N/m], parts of its length and works [J/m] against `time` [s].
     cracks : xarray.Dataset
         Snapshots of all facets that may break against `time` [s] and `facet`, with `points` [m] and `lines`.
     events : xarray.Dataset

@@ -28,7 +28,7 @@ class State:
         Fields of the facets that may break, at the same time as those of the faults; empty where none may.
     energy : dict of str to float
         Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, facing,
-        boundary_work.
+        boundary_work; of faults that slide also what each took, ``"main.impact"``.
     fields : dict of str to ndarray, shape (nodes * components,)
         Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
     numbers : dict of str to float
@@ -59,6 +59,12 @@ class State:
     points: dict[str, FaultState] = field(default_factory=dict)
     unseen: bool = False
     behind: Callable[[State], None] | None = field(default=None, repr=False)
+
+    def take(self, fault: str, name: str, energy: float) -> None:
+        """Add an energy that a fault took, points of this rank [J]."""
+        for each in (name, f"{fault}.{name}"):
+            if each in self.energy:
+                self.energy[each] += energy
 
     def catch_up(self) -> None:
         """Bring displacement and velocity to `time` where the steps left that for later; collective."""

@@ -169,8 +169,8 @@ class FaultResponse:
             load_old, load = fault.load(time - dt), fault.load(time)
             rate_old, rate = (fault.components(fields, "mean_slip_rate")[:, 0] for fields in (old, new))
             worked = float(area @ fault.contact.dissipated(load_old, load, rate_old, rate)) * dt
-        state.energy["frictional_dissipation"] += dissipated
-        state.energy["impact"] += impact
+        state.take(fault.name, "frictional_dissipation", dissipated)
+        state.take(fault.name, "impact", impact)
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values

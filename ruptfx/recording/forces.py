@@ -12,7 +12,9 @@ from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState, State
 
 OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
-COLUMNS = ("normal_force", "shear_force", "sticking", "sliding", "open", "uncovered")
+PARTS = ("sticking", "sliding", "open", "uncovered")
+WORKS = {"friction_work": ("frictional_dissipation",), "impact_work": ("impact", "facing")}  # by energies of a state
+COLUMNS = ("normal_force", "shear_force", *PARTS, *WORKS)
 OF_RECORDS = "that of the record of the interface"
 OF_MEANS = "the middle of the time over which all numbers of a row are means"
 
@@ -21,36 +23,38 @@ def remark(means: bool) -> str:
     """What the file says of its columns."""
     return (
         f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
-        "positive in compression; then parts of the length of the plus side"
+        "positive in compression; then parts of the length of the plus side; then, in J per metre, what friction took "
+        "so far, and what impacts and new facings did"
     )
 
 
-def row(comm: fem.MPI.Comm, fault: Fault, state: FaultState, threshold: float) -> list[float]:
+def row(comm: fem.MPI.Comm, fault: Fault, state: State, threshold: float) -> list[float]:
     """Normal (positive in compression) and shear force along the mean normal and tangent [N/m]; collective.
 
-    Then the parts of the length of the plus side that stick, slide, are open, and face nothing. What slides is faster
-    than `threshold` [m/s].
+    Then the parts of the length of the plus side that stick, slide, are open, and face nothing, and the works. What
+    slides is faster than `threshold` [m/s].
     """
     return _row(comm, _sums(fault, state, threshold))
 
 
-def _sums(fault: Fault, state: FaultState, threshold: float) -> Floats:
-    """Force, length times tangent, and lengths by what they do; points of this rank, shape (8,)."""
-    face = fault.interface
+def _sums(fault: Fault, whole: State, threshold: float) -> Floats:
+    """Force, length times tangent, works, and lengths by what they do; of this rank, shape (10,)."""
+    face, state = fault.interface, whole.faults[fault.name]
     assert isinstance(face, SlidingInterface)
     area = face.owned * face.weight
     local = np.stack([-state["normal_stress"], state["shear_traction"]], axis=1)
     states = contact_states(fault, state, threshold)
     status = [area @ (states == each) for each in (STICKING, SLIDING, OPEN, UNCOVERED)]
-    return np.concatenate([np.einsum("i,ik,ikc->c", area, local, face.frame), area @ face.frame[:, 1], status])
+    works = [sum(whole.energy[f"{fault.name}.{name}"] for name in names) for names in WORKS.values()]
+    return np.concatenate([np.einsum("i,ik,ikc->c", area, local, face.frame), area @ face.frame[:, 1], works, status])
 
 
 def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
     """What `row` returns, from the sums of every rank; collective."""
-    force, tangent, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4])
+    force, tangent, works, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4, 6])
     tangent /= np.linalg.norm(tangent)
     normal = np.array([-tangent[1], tangent[0]])
-    return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist()]
+    return [float(-force @ normal), float(force @ tangent), *(parts / parts.sum()).tolist(), *works.tolist()]
 
 
 class ForceMeans:
@@ -67,14 +71,14 @@ class ForceMeans:
 
     def __init__(self, comm: fem.MPI.Comm, faults: list[Fault], threshold: float) -> None:
         self._comm, self._faults, self._threshold = comm, faults, threshold
-        self._sums = {fault.name: np.zeros(8) for fault in faults}
+        self._sums = {fault.name: np.zeros(10) for fault in faults}
         self._began = self._time = 0.0
 
     def observe(self, state: State) -> None:
         """Add the state after a step; its forces stand for the time since the step before."""
         now = state.fault_time
         for fault in self._faults if now > self._time else []:
-            self._sums[fault.name] += (now - self._time) * _sums(fault, state.faults[fault.name], self._threshold)
+            self._sums[fault.name] += (now - self._time) * _sums(fault, state, self._threshold)
         self._time = max(now, self._time)
 
     def take(self) -> tuple[float, dict[str, list[float]]]:

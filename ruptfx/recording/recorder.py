@@ -268,7 +268,7 @@ class Recorder:
                 fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
                 comm, least = self.model.comm, self.model.case.output.rupture_threshold
                 slide = [] if self.means is not None else [fault for fault in self.model.faults if fault.slides]
-                sums = {fault.name: forces.row(comm, fault, state.faults[fault.name], least) for fault in slide}
+                sums = {fault.name: forces.row(comm, fault, state, least) for fault in slide}
             with phase("energies"):
                 energy = self._motion.energies(state)
             edges = None if self._edge_sums is None else self._edge_sums.row(state)

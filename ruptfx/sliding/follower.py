@@ -61,7 +61,7 @@ class Follower:
             held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)
             self._stretch(state)
-            state.energy["facing"] += held - self._held_in_springs(state)
+            state.take(self._fault.name, "facing", held - self._held_in_springs(state))
 
     def _held_in_springs(self, state: State) -> float:
         """Energy of compliant contact at the time of the velocity, points of this rank [J]."""
@@ -213,7 +213,7 @@ class StepFollower(Follower):
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._held
-        state.energy["impact"] += taken - friction - stored
+        state.take(self.name, "impact", taken - friction - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
         """J' W T [N]."""

@@ -176,11 +176,10 @@ class LeapfrogMotion:
         )  # fmt: skip
         loads.drive(state.velocity, state.time + 0.5 * self.dt)
         for (name, fault), rate_old in zip(kick.faults, moving, strict=True):
-            state.energy["frictional_dissipation"] += fault(
-                state.faults[name], state.displacement, state.velocity, state.force, state.time
-            )
+            dissipated = fault(state.faults[name], state.displacement, state.velocity, state.force, state.time)
+            state.take(name, "frictional_dissipation", dissipated)
             state.energy["boundary_work"] += fault.work
-            state.energy["impact"] += fault.impact_loss(state.faults[name], state.velocity, rate_old)
+            state.take(name, "impact", fault.impact_loss(state.faults[name], state.velocity, rate_old))
             if isinstance(fault, FaultStep) and fault.fault.cohesion is not None:
                 state.energy["fracture"] += fault.fractured(state.faults[name], state.velocity, rate_old)
         # Tied nodes move together; an interface that ends there has changed the velocity of one of them only.

@@ -34,7 +34,12 @@ def test_forces_of_a_run(alone: Path) -> None:
         times = record.interface.time.values
     table = np.loadtxt(alone / "forces.csv", delimiter=",", skiprows=2)
     np.testing.assert_allclose(table[:, 0], times, rtol=1e-12)
-    np.testing.assert_allclose(table[:, 3:].sum(axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(table[:, 3:7].sum(axis=1), 1.0, rtol=1e-12)
+    energy = Record(alone).energy
+    for column, names in ((7, ["frictional_dissipation"]), (8, ["impact", "facing"])):
+        taken = sum(energy[name].values for name in names)
+        assert taken[-1] > 0
+        np.testing.assert_allclose(table[:, column], taken, rtol=1e-12, atol=1e-12 * taken.max())
     assert np.all(table[:, 6] == 0) and table[0, 5] == 1  # all faces something; at first all is open
     pressed = table[len(table) // 2 :]
     assert 0 < pressed[:, 5].mean() < 1 and pressed[:, 4].mean() > pressed[:, 3].mean()
