@@ -1,6 +1,6 @@
 """`python -m ruptfx` is the command line."""
 
-from ruptfx.cli import app
+from ruptfx.cli import program
 
 if __name__ == "__main__":
-    app(prog_name="ruptfx")
+    program()

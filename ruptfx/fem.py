@@ -80,6 +80,19 @@ def _load() -> None:
     globals().update(MPI=MPI, PETSc=PETSc, VERSION=version, basix=basix, dolfinx=dolfinx, ufl=ufl)
 
 
+def is_loaded() -> bool:
+    """Whether anything has asked for the stack."""
+    return bool(VERSION)
+
+
+def finish() -> None:
+    """Leave PETSc and MPI; collective, and nothing of either can be used afterwards."""
+    finalize: Callable[[], None] = PETSc._finalize
+    finalize()
+    if not MPI.Is_finalized():
+        MPI.Finalize()
+
+
 # FFCx names a compiled form after its text and flags. What -march=native made stays with its processor: a cache on a
 # shared disk or in an image would crash another one.
 _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]

@@ -19,7 +19,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem, parallel
 from ruptfx.closest import closest
-from ruptfx.nodes import Nodes
+from ruptfx.nodes import Nodes, largest_extent
 
 Measure = Literal["x", "arc length", "first tangent"]
 FLAT = 1e-6  # departure from a plane, and of a direction from x, up to which positions are x: an error of 1e-12
@@ -298,7 +298,7 @@ def _pair(
         return plus, minus, None
     if len(plus) == 0 or len(minus) == 0:
         return plus, minus, RuptfxError(f"interface '{name}': this rank has one side only (a fault of the partition)")
-    extent = np.ptp(x, axis=0).max()
+    extent = largest_extent(x)
     distance, partner = closest(x[plus], x[minus])
     lonely = int(np.argmax(distance))
     if distance[lonely] > 1e-8 * extent or len(plus) != len(minus):

@@ -168,7 +168,7 @@ class Model:
         """Cells whose centre is that close to one of the points, or those that touch one."""
         if thickness is None:
             dofs, x = self.space.dofmap.list, self.coordinates
-            close = 1e-6 * np.linalg.norm(np.ptp(x[dofs], axis=1), axis=1)
+            close = 1e-6 * np.linalg.norm([np.ptp(of_axis[dofs], axis=1) for of_axis in x.T], axis=0)
             # Nobody asks how far away the others are.
             low, high = points.min(axis=0) - close.max(initial=0.0), points.max(axis=0) + close.max(initial=0.0)
             there = np.flatnonzero(((x >= low) & (x <= high)).all(axis=1))
@@ -354,9 +354,15 @@ class Model:
         velocity[self.loads.prescribed] = 0
         return velocity
 
-    def internal_force(self, displacement: np.ndarray, at_rest: bool = False) -> np.ndarray:
-        """-K u of bodies and elastic supports, summed over ranks [N]; with the K of small motion, if `at_rest`."""
-        force = np.zeros_like(displacement)
+    def internal_force(
+        self, displacement: np.ndarray, at_rest: bool = False, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """-K u of bodies and elastic supports, summed over ranks [N], in `out` where that is given.
+
+        With the K of small motion, if `at_rest`.
+        """
+        force = np.empty_like(displacement) if out is None else out
+        force[:] = 0
         (self._operator_at_rest if at_rest else self.operator).add_internal_force(displacement, force)
         self.layout.sum_shared(force)
         self.loads.add_support_force(displacement, force)

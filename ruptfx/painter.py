@@ -1,7 +1,8 @@
 """Figures of a run are drawn by processes of their own, which import what that takes while the run still computes.
 
-`prepare` starts one where there is a core to spare; asked by `draw`, it divides into as many as there are cores, and
-ends. Whoever has imported what draws already, or has one core only, draws by itself.
+`prepare` starts one where there is a core to spare; told by `look_at` that a run has its mesh, it sets up what pictures
+of it share; asked by `draw`, it divides into as many as there are cores, and ends. Whoever has imported what draws
+already, or has one core only, draws by itself.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from ruptfx.record import Files
 
 MOST = 4  # processes that draw: there are hardly more figures that take long
+LONG = ("wavefield", "snapshots", "fringes")  # what takes longest is begun first
 LATER = "RUPTFX_FIGURES"  # set by a launcher that draws when the ranks have ended
 
 COMMAND = [sys.executable, "-m", __name__]
@@ -64,6 +67,15 @@ def dismiss() -> None:
         _waiting = None
 
 
+def look_at(out: Path) -> None:
+    """The mesh of this run is in its files."""
+    if _waiting is not None:
+        assert _waiting.stdin is not None
+        with suppress(OSError):  # it broke down; `draw` will do without it
+            # Not through its buffer: what waited there would be an error when that is closed.
+            os.write(_waiting.stdin.fileno(), (json.dumps(["look at", str(out.absolute())]) + "\n").encode())
+
+
 def draw(out: Path) -> None:
     """Draw every figure of a complete run into ``figures/``.
 
@@ -86,7 +98,7 @@ def _drawn_by_others(out: Path) -> bool:
     if process is None:
         return False
     try:
-        answer, _ = process.communicate(json.dumps(str(out.absolute())))
+        answer, _ = process.communicate(json.dumps(["draw", str(out.absolute())]) + "\n")
     except BaseException:
         process.kill()
         raise
@@ -102,24 +114,35 @@ def _drawn_by_others(out: Path) -> bool:
 
 
 def main() -> None:
-    """Import, wait for the path of a run, draw it, say what went wrong."""
+    """Import, wait for a run, draw it, say what went wrong."""
     # Whatever prints to standard output must not reach the one who waits for the answer.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     from ruptfx import plots
     from ruptfx.figure_style import warm_up
+    from ruptfx.record import Files
 
     warm_up()
-    asked = sys.stdin.read()
-    if asked:
-        out, error = Path(json.loads(asked)), None
-        try:
-            _together(out, list(plots.FIGURES)[::-1])
-        except RuptfxError as caught:
-            error = str(caught)
-        json.dump(error, answers)
-        answers.flush()
+    for line in sys.stdin:
+        what, path = json.loads(line)
+        if what == "draw":
+            json.dump(_error_of(Path(path)), answers)
+            answers.flush()
+            break
+        with suppress(RuptfxError, OSError), Files(path) as record:
+            plots.set_up(record)
     os._exit(0)  # somebody waits, and taking all imports apart takes long
+
+
+def _error_of(out: Path) -> str | None:
+    """Draw a run; what went wrong."""
+    from ruptfx import plots
+
+    try:
+        _together(out, sorted(plots.FIGURES, key=lambda name: name not in LONG))
+    except RuptfxError as error:
+        return str(error)
+    return None
 
 
 def _together(out: Path, names: list[str]) -> None:

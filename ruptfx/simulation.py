@@ -143,6 +143,8 @@ def _run(
         Progress(progress and comm.rank == 0) as bar,
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
+        if comm.rank == 0:
+            painter.look_at(out)
         checkpoints = Checkpoints(model, recorder)
         if not checkpoint:
             recorder.observe(state)

@@ -67,28 +67,33 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     for fault, springs_of in stiffness:
         nodes, lengths = fault.interface.without_partner()
         later[nodes] += 2 * springs_of.max() * lengths
+    later = np.repeat(later, model.components) if later.any() else later[:0]
+    work = np.empty_like(root)  # all else that is as long is made once, too: new memory costs more than arithmetic
 
-    def apply(vector: np.ndarray) -> np.ndarray:
-        u = root * vector
-        force = model.internal_force(u, at_rest=True)
+    def apply(vector: np.ndarray, force: np.ndarray) -> None:
+        """force = M^-1/2 K M^-1/2 vector."""
+        u = np.multiply(root, vector, out=work)
+        model.internal_force(u, at_rest=True, out=force)
         for fault, (normal, shear) in stiffness:
             if normal or shear:
                 face = fault.interface
                 spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
-                face.add_force(force, spring * face.rate(u), scale=np.ones_like(u))
-        force -= np.repeat(later, model.components) * u
+                face.assemble(-spring * face.rate(u), force)
+        if len(later):
+            force -= later * u
         if springs and model.cracks is not None:
             between = np.zeros_like(force)
             model.cracks.add_spring_force(u, between)
             model.layout.sum_shared(between)
             force += between
         model.layout.sum_tied(force)
-        return -root * force
+        force *= root
+        np.negative(force, out=force)
 
-    once = np.repeat(model.layout.once, model.components)
+    once = np.repeat(model.layout.once, model.components).astype(float)
 
     def dot(a: np.ndarray, b: np.ndarray) -> float:
-        return float(parallel.total(model.comm, (once * a) @ b))
+        return float(parallel.total(model.comm, np.multiply(once, a, out=work) @ b))
 
     # A start that every partition makes alike: pseudo-random in the coordinates.
     x = np.repeat(
@@ -98,23 +103,26 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     vector = np.sin(4.3758e4 * x / scale) * (root > 0)
     model.layout.equalise(vector)
     vector /= np.sqrt(dot(vector, vector))
-    before, beta = np.zeros_like(vector), 0.0
+    before, w, beta = np.zeros_like(vector), np.empty_like(vector), 0.0
     diagonal: list[float] = []
     off: list[float] = []
     highest = 0.0
     for _ in range(200):
-        w = apply(vector) - beta * before
+        apply(vector, w)
+        before *= beta
+        w -= before
         diagonal.append(dot(w, vector))
         if not np.isfinite(diagonal[-1]):
             break
-        w -= diagonal[-1] * vector
+        w -= np.multiply(vector, diagonal[-1], out=work)
         beta = np.sqrt(dot(w, w))
         if len(diagonal) % 10 == 0 or beta == 0:
             last, highest = highest, _largest_of(diagonal, off)
             if highest - last < 2e-3 * highest:
                 break
         off.append(beta)
-        before, vector = vector, w / beta
+        w /= beta
+        before, vector, w = vector, w, before
     if not np.isfinite(diagonal[-1]) or highest <= 0:
         raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
     return float(np.sqrt(highest))

@@ -40,6 +40,14 @@ def suits(name: str, record: Files) -> bool:
         return False
 
 
+def set_up(record: Files) -> None:
+    """What pictures of the bodies share, before they are drawn; a run that has its mesh is enough."""
+    from ruptfx.plots._panels import raster_of
+
+    if record.bulk["points"].shape[1] == 2:
+        raster_of(record)
+
+
 def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, Figure]:
     """Every figure that suits the run, by name, or those of them that are asked for."""
     return {name: FIGURES[name](record) for name in only or FIGURES if suits(name, record)}

@@ -29,7 +29,7 @@ def panels(
     rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
     if not len(rows):
         return without("no snapshot was saved")
-    points, raster = bulk["points"].values, _raster(record)
+    points, raster = bulk["points"].values, raster_of(record)
     images = [picture(int(row), raster) for row in rows]
     extend = "neither"
     if "vmax" not in look:
@@ -64,7 +64,7 @@ def panels(
     return figure
 
 
-def _raster(record: Files) -> Raster:
+def raster_of(record: Files) -> Raster:
     """The pixels of a run, set up once for all figures of the same mesh: runs of a study often share theirs."""
     mesh = record.bulk["points"].values, record.bulk["cells"].values
     if not _last or not all(map(np.array_equal, mesh, _last[0][:2])):

@@ -207,16 +207,17 @@ class BulkFields:
             self._volume = fem.assemble_summed(
                 model.space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
             )[::c, None]
-        sums = np.zeros((model.nodes, len(_entries(c))))
+        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, len(_entries(c)))  # ranks exchange all at once
+        sums = vector.array.reshape(model.nodes, -1)
+        sums[:] = 0
         if not (isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, sums)):
             self._add_stress(displacement, sums)
-        for first in range(0, sums.shape[1], c) if model.comm.size > 1 else ():
-            some = np.zeros((model.nodes, c))
-            used = sums[:, first : first + c].shape[1]
-            some[:, :used] = sums[:, first : first + c]
-            model.layout.sum_shared(some.reshape(-1))
-            sums[:, first : first + c] = some[:, :used]
-        return sums / self._volume + self._initial_at_nodes
+        if model.comm.size > 1:
+            vector.scatter_reverse(fem.dolfinx.la.InsertMode.add)
+            vector.scatter_forward()
+        stress = sums / self._volume
+        stress += self._initial_at_nodes
+        return stress
 
     def _add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> None:
         """The definition of `MatrixFree.add_stress`: of any material, in any element."""

@@ -126,7 +126,7 @@ class LeapfrogMotion:
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
         self._followers = [Follower(fault) for fault in model.faults if fault.slides]
-        self._kicks = [_Kick(model, dofs, dt, number, self._velocity_old) for number in range(3)]
+        self._kicks = [_Kick(model, dofs, dt, number, mass, dashpot, self._velocity_old) for number in range(3)]
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
 
     def step(self, state: State) -> None:
@@ -330,11 +330,13 @@ class _Kick:
     faults : list of (str, FaultStep or SlidingStep)
     """
 
-    def __init__(self, model: Model, dofs: np.ndarray, dt: float, number: int, velocity_old: np.ndarray) -> None:
+    def __init__(
+        self, model: Model, dofs: np.ndarray, dt: float, number: int, mass: np.ndarray, dashpot: np.ndarray,
+        velocity_old: np.ndarray,
+    ) -> None:  # fmt: skip
         clock = Clock.of_step(dt, number)
         self.length, self.since = clock.kick, clock.since
         rate = model.case.damping.mass
-        mass, dashpot = masses_and_dashpots(model)
         decay = 0.5 * self.length * dashpot
         effective, prescribed = 1 / (mass + decay), model.loads.prescribed
         self.keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]

@@ -85,7 +85,8 @@ def _save_small(figure: Figure, path: Path) -> None:
     """A picture in all its colours that takes little space: a page holds hundreds of them."""
     from ruptfx.figure_style import save
 
+    dpi = 130
+    width, height = (int(inches * dpi) for inches in figure.get_size_inches())
     with io.BytesIO() as buffer:
-        save(figure, buffer, "png", dpi=130)
-        with Image.open(buffer) as picture:
-            picture.convert("RGB").save(path, quality=80)
+        save(figure, buffer, "rgba", dpi)
+        Image.frombytes("RGBA", (width, height), buffer.getvalue()).convert("RGB").save(path, quality=80)

@@ -159,3 +159,18 @@ def test_an_ordinary_run_does_without_what_draws_and_without_scipy(tmp_path: Pat
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+@pytest.mark.skipif(find_spec("dolfinx") is None, reason="needs DOLFINx")
+@pytest.mark.parametrize(("arguments", "code"), [(["--version"], 0), (["describe", "nothing"], 1)])
+def test_a_program_that_ends_at_once_leaves_nothing_undone(arguments: list[str], code: int):
+    """What was said is said, what others registered is done, and MPI is left in good order."""
+    program = (
+        "import atexit, sys; from ruptfx import cli, fem; fem.MPI; "
+        "atexit.register(lambda: print('left', fem.MPI.Is_finalized())); "
+        f"sys.argv = ['ruptfx', *{arguments!r}]; cli.program()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
+    assert done.stdout.splitlines()[-1] == f"left {code == 0}"
+    assert code or done.stdout.splitlines()[0] == ruptfx.__version__

@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 import synthetic
 
 from ruptfx import RuptfxError, painter, plots
+from ruptfx.plots import _panels
 from ruptfx.record import Files
 
 
@@ -31,6 +34,7 @@ def test_pictures_are_the_same(run: Path, tmp_path: Path, monkeypatch: pytest.Mo
     waiting(monkeypatch)
     process = painter._waiting
     monkeypatch.setattr(plots, "save_all", None)  # nothing is drawn here
+    painter.look_at(run)
     painter.draw(run)
     assert process is not None and process.returncode == 0
     monkeypatch.undo()
@@ -39,6 +43,19 @@ def test_pictures_are_the_same(run: Path, tmp_path: Path, monkeypatch: pytest.Mo
     assert {path.name for path in expected} == {path.name for path in (run / "figures").iterdir()} and expected
     for path in expected:
         assert path.read_bytes() == (run / "figures" / path.name).read_bytes()
+
+
+def test_pixels_are_set_up_while_the_run_goes_on(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with h5py.File(run / "bulk.h5", "w") as file:  # no snapshot yet
+        file["points"], file["cells"] = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), [[0, 1, 2, 3]]
+        file["time"] = np.zeros(0)
+    made = []
+    monkeypatch.setattr(_panels, "_last", [])
+    monkeypatch.setattr(_panels, "Raster", lambda *mesh: made.append(mesh))
+    for _ in range(2):  # asked again when the run is complete
+        with Files(run) as record:
+            plots.set_up(record)
+    assert len(made) == 1
 
 
 def test_errors_come_back(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,6 +70,7 @@ def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypat
     assert painter._waiting is not None
     painter._waiting.kill()
     painter._waiting.wait()
+    painter.look_at(run)
     painter.draw(run)
     assert len(list((run / "figures").iterdir())) > 3
 
