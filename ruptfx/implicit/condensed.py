@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from ruptfx import parallel
-from ruptfx.implicit.compliance import Compliance, Influence, Jumps, norm, reach_of
+from ruptfx.implicit.compliance import Compliance, Influence, Jumps, norm
 from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.surfaces import FacingCompliance, Surfaces, SurfaceStiffness, count_nodes
@@ -48,6 +47,7 @@ MOST_UNKNOWNS = 4000  # of all jumps, of all surfaces where some slide: their ma
 KEPT = 4  # factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
+STALLING, MAX_STALLED = 0.9, 2  # part of what is missing that is left after an iteration, so often in a row
 SMALL = 200  # unknowns up to which a factorisation takes next to no time
 MAX_KRYLOV = 30  # iterations from which on it takes less than they do
 ROUNDING = 8 * np.finfo(float).eps
@@ -237,6 +237,7 @@ class Condensed:
             e = self._agreed(driven - compliance.jumps_under(pulled))
             now = guess(e, self.tractions(step, start + e))
         while now is not None and self.outer <= MAX_OUTER:
+            stalled = 0
             for _ in range(MAX_NEWTON):
                 forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
                 self.history.append(forces)
@@ -246,16 +247,19 @@ class Condensed:
                     break
                 change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
                 self.iterations += 1
-                length, taken = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300)), None
+                longest = length = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300))
+                taken, before = None, size
                 for _ in range(MAX_HALVINGS):
                     e = now.e + length * change
                     there = guess(e, self.tractions(step, start + e))
                     ahead = np.inf if there is None else float(np.linalg.norm(there.missing))
-                    if self._agreed(ahead) <= (1 - 1e-4 * length) * size:
+                    size = self._agreed(ahead)
+                    if size <= (1 - 1e-4 * length) * before:
                         taken = there
                         break
                     length *= 0.5
-                if taken is None:
+                stalled = stalled + 1 if length < longest and size > STALLING * before else 0
+                if taken is None or stalled == MAX_STALLED:
                     self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
                     return None
                 now = taken
@@ -326,37 +330,51 @@ class _Changes:
             [m]
         """
         # y = D de: rows of D that are zero, as where points stick, drop out of (1 + D S) y = -D f.
-        active, y = np.any(slope != 0, axis=2), np.zeros(f.shape)
+        active = np.any(slope != 0, axis=2)
         if not np.array_equal(active, self._active):
             self._active, self._factors = active, None
-        right, failed = -times(slope, f)[active], True
+        right = -times(slope, f)[active]
+        if not right.any():
+            return -f
         if len(right) > SMALL:
-            found, failed = self._iterate(slope, right)
-        if failed:
-            self._factors = lu_factor(self._matrix(slope), overwrite_a=True, check_finite=False)
-            found = lu_solve(self._factors, right, check_finite=False)
-        y[active] = found
-        return -f - self._compliance.jumps_under(y, roughly=not failed)
+            answered = self._iterate(slope, right)
+            if answered is not None:
+                return -f - answered
+        self._factors = lu_factor(self._matrix(slope), overwrite_a=True, check_finite=False)
+        return -f - self._compliance.jumps_under(self._spread(lu_solve(self._factors, right, check_finite=False)))
 
-    def _iterate(self, slope: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, bool]:
-        """y, and whether it takes too long, by GMRES preconditioned with the diagonal or with earlier factors."""
-        active, last, compliance = self._active, self._factors, self._compliance
-        diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[active]
-        here = reach_of(active.any(axis=1))
-        slope, inside = slope[here], active[here]
+    def _spread(self, y: np.ndarray) -> np.ndarray:
+        """Tractions of all points, shape (points, local), from those that are unknown."""
+        traction = np.zeros(self._active.shape)
+        traction[self._active] = y
+        return traction
 
-        def product(y: np.ndarray) -> np.ndarray:
-            traction = np.zeros(active.shape)
-            traction[active] = y
-            return y + times(slope, compliance.jumps_under(traction, here, roughly=True))[inside]
+    def _iterate(self, slope: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+        """S y, shape (points, local), or None where it takes too long.
 
-        def inverse(y: np.ndarray) -> np.ndarray:
-            return np.asarray(y / diagonal if last is None else lu_solve(last, y, check_finite=False))
-
-        shape = 2 * right.shape
-        operators = (LinearOperator(shape, function, dtype=float) for function in (product, inverse))
-        found, failed = gmres(next(operators), right, M=next(operators), rtol=INEXACT, restart=MAX_KRYLOV, maxiter=1)
-        return np.asarray(found), bool(failed)
+        By GMRES, preconditioned with the diagonal or with earlier factors; S y is the sum of its products with S.
+        Source: Saad and Schultz (1986).
+        """
+        last, compliance = self._factors, self._compliance
+        diagonal = 1 + np.einsum("pij,pji->pi", slope, compliance.own)[self._active]
+        size = float(np.linalg.norm(right))
+        directions, answers = [right / size], []
+        hessenberg, target = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV)), np.zeros(MAX_KRYLOV + 1)
+        target[0] = size
+        for k in range(MAX_KRYLOV):
+            y = directions[k] / diagonal if last is None else lu_solve(last, directions[k], check_finite=False)
+            answers.append(compliance.jumps_under(self._spread(y), roughly=True))
+            v = y + times(slope, answers[k])[self._active]
+            for i, direction in enumerate(directions):
+                hessenberg[i, k] = direction @ v
+                v -= hessenberg[i, k] * direction
+            hessenberg[k + 1, k] = length = float(np.linalg.norm(v))
+            part = hessenberg[: k + 2, : k + 1]
+            weights = np.linalg.lstsq(part, target[: k + 2], rcond=None)[0]
+            if np.linalg.norm(part @ weights - target[: k + 2]) <= INEXACT * size:
+                return np.asarray(np.tensordot(weights, answers, 1))
+            directions.append(v / length)
+        return None
 
     def _matrix(self, slope: np.ndarray) -> np.ndarray:
         """1 + D S in the active rows and columns."""

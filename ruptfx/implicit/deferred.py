@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import parallel
+from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.condensed import Condensed, released, times
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
@@ -179,11 +180,22 @@ class Deferred:
         return found
 
     def solve(self, state: State, dt: float) -> Ahead | None:
-        """The equilibrium at state.time + dt, or None where none is certain; collective, `state` is left alone."""
+        """The equilibrium at state.time + dt; collective, `state` is left alone.
+
+        Returns
+        -------
+        Ahead or None
+            None where rounding makes it uncertain: the whole system then tells.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks: none at the interfaces, and so none of the whole system, which is the same.
+        """
         solver, jumps = self._solver, self._solver.jumps
         now, rate, _, base_traction = self._carried(state)
-        base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate
-        iterations = outer = 0
+        base_jump, start = jumps.of(state.fields[BASE]), now + dt * rate + self._gained(state, dt)
+        iterations, outer, uncertain = 0, 0, False
         for easing in self._equilibrium.easings:
             step = self._step(state, dt, easing)
             compliance = solver.compliance(step)
@@ -202,7 +214,7 @@ class Deferred:
             iterations, outer = iterations + solver.iterations, outer + solver.outer
             if found is None:
                 continue
-            ends = start + found.e
+            uncertain, ends = True, start + found.e
             carried, rounding = self._sizes(step, ends)
             # A body that nothing holds flies far: rounding counts as far as there are forces.
             allowed = max(FAR * carried, 2 * least)
@@ -213,7 +225,21 @@ class Deferred:
                     jumps={name: jumps.pick(ends, name) for name in step.responses},
                     tractions={name: response.traction for name, response in step.responses.items()},
                 )  # fmt: skip
+        if not uncertain:
+            raise ConvergenceError(
+                f"no equilibrium at time {state.time + dt:.6g} s, step of {dt:.4g} s: {solver.reason}"
+            )
         return None
+
+    def _gained(self, state: State, dt: float) -> np.ndarray:
+        """What slip that gains speed as in the step before adds to a jump that goes on evenly [m]; collective."""
+        gained, longer = {}, 1 + dt / state.numbers["dt_before"]
+        for fault in self._model.faults:
+            rate, mean = (fault.components(state.faults[fault.name], name) for name in ("slip_rate", "mean_slip_rate"))
+            jump = np.zeros(fault.interface.frame.shape[:2])
+            jump[:, int(fault.interface.has_normal) :] = dt * longer * (rate - mean)
+            gained[fault.name] = jump
+        return self._solver.jumps.gather(gained)
 
     def commit(self, state: State, solution: Ahead) -> None:
         """Make it the state at the end of the step, but for the bodies, and count the work of the boundaries."""

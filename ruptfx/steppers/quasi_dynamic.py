@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.integrate import RK45
-from scipy.linalg import solve
+from scipy.linalg import lu_factor, lu_solve
 
 from ruptfx import parallel
 from ruptfx.contact import Way
@@ -104,8 +104,8 @@ class QuasiDynamicMotion(SlowMotion):
         k = np.diagonal(bodies.stuck, axis1=1, axis2=2).ravel()
         self._compliance = self._of_all(compliance)
         c = self._compliance.ravel()
-        whole = S * (1 - k * c) + np.diag(c)
-        self._by_jump, self._by_slip = solve(whole, np.eye(size)), solve(whole, np.eye(size) - S * k)
+        factors = lu_factor(S * (1 - k * c) + np.diag(c), overwrite_a=True)
+        self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
         own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
         self._held = np.any(own < HELD * own.max(), axis=1)
 

@@ -137,7 +137,12 @@ class QuasiStaticMotion(SlowMotion):
         """The equilibrium, or None where there is none and a smaller step may help."""
         deferred = self.equilibrium.deferred
         if deferred is not None and deferred.is_on(state):
-            ahead = deferred.solve(state, dt) if state.unseen else None
+            try:
+                ahead = deferred.solve(state, dt) if state.unseen else None
+            except ConvergenceError:
+                if halvings < MOST_HALVINGS:
+                    return None
+                ahead = None
             if ahead is not None:
                 return ahead
             deferred.end(state)  # the whole system tells whether there is an equilibrium
