@@ -282,6 +282,9 @@ class Case(CaseFile):
                 f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
                 "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
             )
+        if self.fracture is not None and self.fracture.rigid:
+            kind = self.fracture.kind()
+            raise ValueError(f"large_rotations: fracture.kind = '{kind}' is for small ones; use 'everywhere'")
         stages = [stage.damping for stage in self.stages if stage.damping is not None]
         if any(damping.kelvin_voigt is not None for damping in (self.damping, *stages)):
             raise ValueError("large_rotations: damping.kelvin_voigt would resist rotation; use damping.mass, or none")

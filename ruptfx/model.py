@@ -16,6 +16,7 @@ from ruptfx import RuptfxError, axisymmetry, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
+from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
 from ruptfx.fields import TAKEN_IN_SLIDING
@@ -99,7 +100,7 @@ class Model:
         self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
         self.coordinates = self.layout.coordinates
         self.materials = self._materials()
-        self.cracks = None if case.fracture is None else CrackStep(
+        self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations
         )  # fmt: skip
         of_cells = self.materials if self.cracks is None else self.cracks.cell_materials

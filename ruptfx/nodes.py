@@ -111,6 +111,14 @@ class Nodes:
             x.scatter_forward()
             vector[:] = x.array
 
+    def take_from_owners(self, vector: np.ndarray) -> None:
+        """Give nodes that other ranks own what those have, in place; collective."""
+        if self.comm.size > 1:
+            x = self._exchange.x
+            x.array[:] = vector
+            x.scatter_forward()
+            vector[:] = x.array
+
     @cached_property
     def body(self) -> np.ndarray:
         """Index of the body of every local node, the first where welded bodies share it; collective."""

@@ -15,6 +15,7 @@ from ruptfx.analysis import fracture, rough_contact
 from ruptfx.case import Case, FaultCase
 from ruptfx.cost import available, measured, need_memory, rehearse
 from ruptfx.cracks._step import CrackStep
+from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.fault import Fault
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
@@ -42,6 +43,7 @@ STEEP = 0.2
 STIFF = 1.5  # of the stable step without the springs of an interface over that with them
 FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
 RESOLVED, LOST = 2.0, 0.2  # facets that a process zone of a crack should have, and must
+LATE = 2.0  # facets that a wave may pass between two looks at the strength
 SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 
@@ -103,13 +105,13 @@ def preflight(case: Case) -> Iterator[Row]:
     if case.instruments:
         yield from _instrument_rows(model, motion.dt)
     if model.cracks is not None:
-        yield from _crack_rows(model, model.cracks)
+        yield from _crack_rows(model, model.cracks, motion.dt)
     yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps, started, built)
 
 
-def _crack_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
-    """Lengths of process zones, E G / strength^2, over that of facets, and what the springs cost in stiffness.
+def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
+    """Lengths of process zones, E G / strength^2, over that of facets, and what springs or late looks cost.
 
     Source: Hillerborg, Modéer and Petersson (1976).
     """
@@ -133,6 +135,15 @@ def _crack_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
                 + f"G_{mode}c" + ("; or say that you know: fracture.unresolved = true" if far else ""),
                 "ok" if fine else "error" if far else "warning",
             )  # fmt: skip
+    if isinstance(fracture, OnStrength):
+        fastest = max(material.wave_speeds(model.case.plane).c_p for material in model.materials)
+        way = fracture.check_every * dt * fastest / cracks.edge
+        yield Row(
+            "fracture: way of a wave between two looks at the strength", way, "facets",
+            "" if way <= LATE else f"more than {LATE:g}: facets are inserted late; reduce fracture.check_every",
+            "ok" if way <= LATE else "warning",
+        )  # fmt: skip
+        return
     for name, material, stiff in zip(model.bodies.names, model.materials, cracks.cell_materials, strict=True):
         stiffer = _young(stiff) / _young(material) - 1
         yield Row(

@@ -34,12 +34,12 @@ def write(folder: Path, table: dict[str, Any]) -> Path:
     return path
 
 
-def run_of(table: dict[str, Any]) -> tuple[Any, Any]:
-    """Two fixtures of a module, to be called `case_file` and `alone`: the file, and its run on one rank."""
+def run_of(*tables: dict[str, Any]) -> tuple[Any, Any]:
+    """Two fixtures of a module, to be called `case_file` and `alone`: the file of each, and its run on one rank."""
 
-    @pytest.fixture(scope="module")
-    def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-        return write(tmp_path_factory.mktemp("case"), table)
+    @pytest.fixture(scope="module", params=tables, ids=range(len(tables)))
+    def case_file(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+        return write(tmp_path_factory.mktemp("case"), request.param)
 
     @pytest.fixture(scope="module")
     def alone(case_file: Path) -> Path:

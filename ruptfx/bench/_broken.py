@@ -12,6 +12,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check
 from ruptfx.case import Case, read_case
+from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.model import Model
 from ruptfx.recording.crack_files import events, facets_of
 from ruptfx.recording.edge_sums import EdgeSums
@@ -56,6 +57,17 @@ def demo(name: str, overrides: Iterable[str] = ()) -> Case:
     case = read_case(str(files("ruptfx").joinpath("demos", f"{name}.toml")), overrides)
     assert isinstance(case, Case)
     return case
+
+
+def rigid(case: Case, check_every: int = 2) -> Case:
+    """The same case with facets that are rigid until their strength."""
+    given = case.fracture
+    assert given is not None
+    changed = OnStrength(
+        default=given.default, pairs=given.pairs, joints=given.joints, thickness=given.thickness,
+        unresolved=given.unresolved, check_every=check_every,
+    )  # fmt: skip
+    return case.model_copy(update={"fracture": changed})
 
 
 def broken(case: Case, comm: fem.MPI.Comm | None = None) -> Broken:

@@ -12,7 +12,7 @@ friction law admit, afterwards friction alone.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
@@ -36,6 +36,9 @@ class CrackLaws(Part):
 
 class Fracture(Alternative):
     """The contract of a way to break."""
+
+    rigid: ClassVar[bool] = False
+    """Whether cells are tied to each other until a facet breaks; else springs are between them from the start."""
 
     default: CrackLaws
     """Of all facets that `pairs` does not mention."""

@@ -16,13 +16,15 @@ if TYPE_CHECKING:
 
 
 class CrackNetwork:
-    """Facets between two triangles, of which this rank owns one at least.
+    """Facets between two triangles, of which this rank owns one at least, or touches one with a vertex.
 
     Parameters
     ----------
     space : FunctionSpace
         Broken, of order 1.
     bodies : Bodies
+    whole_stars : bool
+        Whether all facets at the vertices of own cells are there, or only those of own cells.
 
     Attributes
     ----------
@@ -49,9 +51,16 @@ class CrackNetwork:
         True on one rank: the one that owns the minus cell.
     area : float
         Of all bodies [m2], the same bits on any number of ranks.
+    cell_vertices : ndarray of int, shape (local cells, 3)
+        Vertices of all cells by their numbers in the input; first those of the `owned_cells`.
+    cell_numbers : ndarray of int, shape (local cells,)
+        Of the cells in the input.
+    owned_cells : int
     """
 
-    def __init__(self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies) -> None:
+    def __init__(
+        self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, whole_stars: bool = False
+    ) -> None:
         mesh = space.mesh
         self.comm = mesh.comm
         index_map = mesh.topology.index_map(2)
@@ -61,6 +70,8 @@ class CrackNetwork:
         x = mesh.geometry.x[:, :2][geometry]
         number = np.asarray(mesh.topology.original_cell_index)[:count]
 
+        self.cell_vertices, self.cell_numbers, self.owned_cells = inputs, number, owned
+
         places = np.array(FACETS["triangle"])  # corners of the three facets of a cell
         cell, corner = np.repeat(np.arange(count), 3), np.tile(places, (count, 1))
         vertices = inputs[cell[:, None], corner]
@@ -69,7 +80,10 @@ class CrackNetwork:
         order = np.lexsort([number[cell], vertices[:, 1], vertices[:, 0]])
         cell, corner, vertices = cell[order], corner[order], vertices[order]
         first = np.flatnonzero(np.all(vertices[1:] == vertices[:-1], axis=1))
-        first = first[(cell[first] < owned) | (cell[first + 1] < owned)]
+        known_here = (cell[first] < owned) | (cell[first + 1] < owned)
+        if whole_stars:
+            known_here |= np.isin(vertices[first], inputs[:owned]).any(axis=1)
+        first = first[known_here]
         both = np.stack([first, first + 1], axis=1)
 
         self.vertices, self.cells = vertices[first], cell[both]
@@ -106,11 +120,11 @@ class CrackNetwork:
         gathered = parallel.gather_rows(self.comm, np.column_stack([self.number[self.owned].astype(float), rows]))
         if gathered is None:
             return None
-        return gathered[np.argsort(gathered[:, 0]), 1:].reshape(-1, *columns.shape[1:])
+        return np.asarray(gathered[np.argsort(gathered[:, 0]), 1:].reshape(-1, *columns.shape[1:]))
 
     @cached_property
     def number(self) -> np.ndarray:
         """Place of every facet in the order of all ranks, shape (facets,); collective at its first use."""
         everything = parallel.share_rows(self.comm, self.vertices[self.owned])
         scale = int(everything.max(initial=0)) + 1
-        return np.searchsorted(np.sort(everything @ [scale, 1]), self.vertices @ [scale, 1])
+        return np.asarray(np.searchsorted(np.sort(everything @ [scale, 1]), self.vertices @ [scale, 1]))

@@ -102,13 +102,13 @@ class CrackStep:
     """
 
     def __init__(
-        self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies, fracture: Fracture, materials: Sequence[Material],
-        plane: Plane, large_rotations: bool = False,
+        self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, fracture: Fracture,
+        materials: Sequence[Material], plane: Plane, large_rotations: bool = False,
     ) -> None:  # fmt: skip
         self.fracture, self.large_rotations = fracture, large_rotations
         for key, laws in fracture.all_laws():
             _check(key, laws)
-        self.network = net = CrackNetwork(space, bodies)
+        self.network = net = CrackNetwork(space, bodies, fracture.rigid)
         names = bodies.names
         of_pair = fracture.laws_by_pair(names)
         of_joint = fracture.laws_of_joints(bodies.joints)
@@ -134,8 +134,8 @@ class CrackStep:
         bonded = np.array([laws.cohesion is not None for laws in kinds])[kind] & ~net.open
         self.length_per_area = net.total(net.length[owned & bonded]) / net.area
         of_body = np.array([fracture.stiffness(material, plane, self.edge) for material in materials])
-        sides = of_body[net.bodies]
-        self.stiffness = (2 / (1 / sides).sum(axis=1))[self.order]
+        with np.errstate(divide="ignore"):  # rigid ones have no compliance
+            self.stiffness = (2 / (1 / of_body[net.bodies]).sum(axis=1))[self.order]
         self.corners = net.corners[self.order]
         self.owned = owned[self.order]
         self.weight = 0.5 * net.length[self.order]
@@ -151,6 +151,10 @@ class CrackStep:
         self.law_states = {
             name: unit for group in self.groups for name, unit in group.laws.friction.all_state_fields().items()
         }
+        self._prepare(space, bodies, plane)
+
+    def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
+        """Compile the step."""
         self._kernels = [_Kernel(self, group) for group in self.groups]
 
     def initial_state(self) -> FaultState:
@@ -204,6 +208,10 @@ class CrackStep:
             both = np.stack([pull, -pull], axis=1)
             self._assemble(both, both, force)
 
+    def counted(self, nodes: np.ndarray) -> np.ndarray:
+        """Of local nodes those that this rank counts in sums over all ranks."""
+        return np.asarray(nodes[nodes < self._owned_nodes])
+
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Add the forces of all springs, none of which has yielded, at the nodes this rank owns [N]."""
         rows = displacement.reshape(-1, 2)
@@ -226,7 +234,8 @@ class CrackStep:
     ) -> np.ndarray:
         """On the minus sides, shape (facets, 2 ends, 2 components) [Pa]; in the frame of the mesh, or in that given."""
         n, t = self.normal if normal is None else normal, self.tangent if tangent is None else tangent
-        return state["normal_traction"][..., None] * n[:, None] + state["shear_traction"][..., None] * t[:, None]
+        normal_part = state["normal_traction"][..., None] * n[:, None]
+        return np.asarray(normal_part + state["shear_traction"][..., None] * t[:, None])
 
     def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tangents of the facets where they are now, the mean of both sides, and their lengths with the sense of it."""
@@ -327,7 +336,7 @@ class _Kernel:
     def __init__(self, cracks: CrackStep, group: Group) -> None:
         facets, self._states = group.facets, [*ENDS, *cracks.law_states]
         self._facets, self._count = facets, facets.stop - facets.start
-        parameters, macros = _formulas(group.laws)
+        parameters, macros = formulas(group.laws)
         self._number = np.array([*parameters.values(), 0.0])
         macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
         macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
@@ -363,13 +372,13 @@ class _Kernel:
         )  # fmt: skip
 
     def _begin(self, field: np.ndarray) -> int:
-        return field.ctypes.data + self._facets.start * field.strides[0]
+        return int(field.ctypes.data + self._facets.start * field.strides[0])
 
 
 # -- laws ------------------------------------------------------------------------------------------------------------
 
 
-def _formulas(laws: CrackLaws) -> tuple[Table, Table]:
+def formulas(laws: CrackLaws) -> tuple[Table, Table]:
     """Numbers of the parameters by the names of their symbols, and the traced formulas as macros."""
     parameters, friction = parameters_as_symbols(laws.friction, "p_")
     state = {name: symbol(f"s_{name}") for name in laws.friction.all_state_fields()}

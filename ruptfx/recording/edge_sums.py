@@ -38,8 +38,7 @@ class EdgeSums:
         named = [each.edge for _, each in model.case.all_boundaries() if isinstance(each, EdgeBoundary)]
         self._nodes, self.columns = [], []
         for name in dict.fromkeys(named):
-            nodes = Edge(model, name, "boundaries").nodes
-            self._nodes.append(nodes[nodes < model.owned_nodes])
+            self._nodes.append(Edge(model, name, "boundaries").nodes)
             self.columns += [f"{name}.{what}_{axis}" for what in ("displacement", "force") for axis in "xy"]
 
     def row(self, state: State) -> list[float]:
@@ -48,12 +47,13 @@ class EdgeSums:
         The force is that of the bodies, without the inertia of the nodes of the edge.
         """
         model = self._model
+        cracks = model.cracks
+        assert cracks is not None
         _, displacement = state.at_faults()
         force = model.internal_force(displacement)
-        if model.cracks is not None:
-            model.cracks.add_force(state.cracks, force)
+        cracks.add_force(state.cracks, force)
         rows = np.stack([displacement.reshape(-1, 2), -force.reshape(-1, 2)], axis=1)
-        sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in self._nodes]
+        sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in map(cracks.counted, self._nodes)]
         totals = parallel.total(model.comm, np.array(sums).reshape(-1, 5))
         totals[:, :2] /= totals[:, 4:]
         return [float(value) for total in totals for value in total[:4]]

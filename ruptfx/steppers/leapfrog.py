@@ -10,6 +10,7 @@ import numpy as np
 
 from ruptfx import native, parallel
 from ruptfx.contact import require
+from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.fault_step import FaultStep
 from ruptfx.operators import FusedOperator
 from ruptfx.points import Clock
@@ -19,6 +20,7 @@ from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.step import SlidingStep
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
+from ruptfx.steppers._pieces import Pieces
 from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
@@ -108,16 +110,15 @@ class LeapfrogMotion:
         self._held = _places(dofs, len(held))
         mass, dashpot = masses_and_dashpots(model)
         self._mass, self._dashpot, self._driven = mass[dofs], dashpot[dofs], model.loads.prescribed[dofs].astype(float)
-        self._special = np.flatnonzero((self._dashpot != 0) | (self._driven != 0)).astype(np.int64)
+        self._special = self._damped_or_driven()
         # In sums of ranks `_owned` counts what each node has of its own (forces), `_once` what tied ones share (mass).
         self._owned = (dofs < model.owned_nodes * c).astype(float)
         self._once = np.repeat(model.layout.once, c)[dofs].astype(float)
         # Of every load: where its degrees of freedom are among the held ones, and its forces at those this rank counts.
         self._shares = []
         for load in model.loads.forces:
-            places, share = np.searchsorted(dofs, load.dofs), np.zeros(len(dofs))
-            share[places] = load.values
-            self._shares.append((places, share * self._owned))
+            places = np.searchsorted(dofs, load.dofs)
+            self._shares.append((places, load.values * self._owned[places]))
         if model.viscosity is not None:
             viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
             self._viscous = _places(viscous, len(held))
@@ -127,7 +128,22 @@ class LeapfrogMotion:
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
         self._followers = [Follower(fault) for fault in model.faults if fault.slides]
         self._kicks = [_Kick(model, dofs, dt, number, mass, dashpot, self._velocity_old) for number in range(3)]
+        self._pieces: Pieces | None = None
+        if isinstance(model.cracks, RigidCracks):
+            self._pieces = Pieces(model, model.cracks, mass, dashpot, self._renew, self._once)
         self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
+
+    def _damped_or_driven(self) -> np.ndarray:
+        """Places among the held degrees of freedom at which work is done."""
+        return np.flatnonzero((self._dashpot != 0) | (self._driven != 0)).astype(np.int64)
+
+    def _renew(self, dofs: np.ndarray, mass: np.ndarray, dashpot: np.ndarray, driven: np.ndarray) -> None:
+        """Take over what has changed at some degrees of freedom, where all are held."""
+        self._mass[dofs], self._dashpot[dofs], self._driven[dofs] = mass, dashpot, driven
+        if driven.any() or dashpot.any():
+            self._special = self._damped_or_driven()
+        for kick in self._kicks:
+            kick.renew(dofs, mass, dashpot, driven)
 
     def step(self, state: State) -> None:
         """One step; `state.time` becomes the time of the new displacement.
@@ -167,6 +183,8 @@ class LeapfrogMotion:
         for load, factor in zip(loads.forces, factors, strict=True):
             state.force[load.dofs] += factor * load.values
         self.model.layout.sum_tied(state.force)
+        if self._pieces:
+            self._pieces.join(state.force)
         moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
         n, held = ctypes.c_long(len(self._dofs)), None if isinstance(self._held, slice) else pointer(self._dofs)
@@ -184,6 +202,8 @@ class LeapfrogMotion:
                 state.energy["fracture"] += fault.fractured(state.faults[name], state.velocity, rate_old)
         # Tied nodes move together; an interface that ends there has changed the velocity of one of them only.
         self.model.layout.equalise(state.velocity)
+        if self._pieces:
+            self._pieces.hold(state, self.dt, kick.length, kick.since, kick.push, self._velocity_old)
         self._load_work(state, kick, factors)
         self._library.drift(
             n, held, ctypes.c_long(len(self._special)), pointer(self._special), ctypes.c_double(self.dt),
@@ -280,6 +300,9 @@ class LeapfrogMotion:
         cracks = self.model.cracks
         if cracks is None:
             return None
+        if self._pieces:  # their tractions come with those of other rigid contact
+            self._pieces.part(state)
+            return None
         cracks(state, self.model.mass, kick.since)
         return state.force.copy() if state.watched else None
 
@@ -291,15 +314,9 @@ class LeapfrogMotion:
         return -float(self._viscous_force[self._viscous] @ mean) * kick.length
 
     def _load_work(self, state: State, kick: _Kick, factors: list[float | np.ndarray]) -> None:
-        if not self._shares:
-            return
-        mean = 0.5 * (self._velocity_old + state.velocity[self._held])
         for (places, share), factor in zip(self._shares, factors, strict=True):
-            if isinstance(factor, np.ndarray):
-                power = float((share[places] * factor) @ mean[places])
-            else:
-                power = float(share @ mean) * factor
-            state.energy["boundary_work"] += power * kick.length
+            mean = 0.5 * (self._velocity_old[places] + state.velocity[self._dofs[places]])
+            state.energy["boundary_work"] += float((share * factor) @ mean) * kick.length
 
 
 def _places(numbers: np.ndarray, count: int) -> np.ndarray | slice:
@@ -337,10 +354,9 @@ class _Kick:
         clock = Clock.of_step(dt, number)
         self.length, self.since = clock.kick, clock.since
         rate = model.case.damping.mass
-        decay = 0.5 * self.length * dashpot
-        effective, prescribed = 1 / (mass + decay), model.loads.prescribed
-        self.keep = np.where(prescribed, 0.0, (mass - decay) * effective)[dofs]
-        self.push = np.where(prescribed, 0.0, self.length * effective)[dofs]
+        effective, prescribed = 1 / (mass + 0.5 * self.length * dashpot), model.loads.prescribed
+        self.keep, self.push = np.empty(len(dofs)), np.empty(len(dofs))
+        self.renew(slice(None), mass[dofs], dashpot[dofs], prescribed[dofs])
         lost = 0.5 * self.length * rate
         self.plain_keep, self.plain_loss = (1 - lost) / (1 + lost), 2 * lost / (1 + lost) * self.length / dt
         nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
@@ -356,6 +372,13 @@ class _Kick:
                 self.faults.append((fault.name, SlidingStep(fault, inverse_mass, clock, threshold, before)))
             else:
                 self.faults.append((fault.name, FaultStep(fault, inverse_mass, clock, threshold)))
+
+    def renew(self, places: np.ndarray | slice, mass: np.ndarray, dashpot: np.ndarray, prescribed: np.ndarray) -> None:
+        """Set `keep` and `push` at some of the held degrees of freedom."""
+        decay = 0.5 * self.length * dashpot
+        effective = 1 / (mass + decay)
+        self.keep[places] = np.where(prescribed, 0.0, (mass - decay) * effective)
+        self.push[places] = np.where(prescribed, 0.0, self.length * effective)
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -18,9 +18,11 @@ from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
+from ruptfx.recording.edge_sums import EdgeSums
 from ruptfx.schema import CaseError, alternatives
 
 pytestmark = pytest.mark.fem
+KINDS = list(alternatives("ruptfx.cracks"))
 COHESION = list(alternatives("ruptfx.cohesion"))
 PAIR = {"mesh": {"kind": "triangles", "width": 1e-3, "height": 1e-3, "element_size": 1e-3}, "boundaries": []}
 # Lengths of failure of 20 um, as long in both modes, and springs that are 40 um of opening before they yield at most.
@@ -196,10 +198,11 @@ def test_a_rigid_motion_exerts_no_force() -> None:
     assert np.abs(state.force).max() < 1e-15 * 1e-5 / 1e-5 * model.cracks.stiffness[0] * 1e-3 * 1e-4
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize("damping", [{}, {"mass": 1e4, "kelvin_voigt": {"fraction": 0.1}}])
-def test_energy_closes_while_a_block_is_torn_to_pieces(plane: str, damping: dict[str, Any]) -> None:
-    given = case({"plane": plane, "damping": damping})
+def test_energy_closes_while_a_block_is_torn_to_pieces(kind: str, plane: str, damping: dict[str, Any]) -> None:
+    given = case({"plane": plane, "damping": damping, "fracture.kind": kind})
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
     fracture, largest = 0.0, 0.0
@@ -217,9 +220,11 @@ def test_energy_closes_while_a_block_is_torn_to_pieces(plane: str, damping: dict
     assert np.all(state.cracks["time_of_yield"][failed] < state.cracks["time_of_failure"][failed])
 
 
-def test_two_bodies_without_cohesion_fall_apart() -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_bodies_without_cohesion_fall_apart(kind: str) -> None:
     """What nothing holds is pulled off with no force at all."""
     given = case({
+        "fracture.kind": kind,
         "mesh.divide": 5e-3, "fracture.pairs": {"lower-upper": {"friction": RUBS}}, "duration": 4e-6,
         "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 0.1, "ramp": 1e-6}],
         "fracture.default.cohesion": {**WEAK, "f_t": 1e9, "c": 1e9},
@@ -230,3 +235,121 @@ def test_two_bodies_without_cohesion_fall_apart() -> None:
         motion.step(state)
     lower = model.layout.body == model.bodies.names.index("lower")
     assert not state.velocity.reshape(-1, 2)[lower].any() and state.velocity.reshape(-1, 2)[~lower].any()
+
+
+# -- rigid until their strength --------------------------------------------------------------------------------------
+
+RIGID = {"fracture.kind": "on_strength"}
+
+
+def test_until_it_breaks_a_body_moves_as_without_facets() -> None:
+    """The same step by step as in the continuous space, also at loaded, driven and absorbing edges, to round-off."""
+    changes = {
+        "fracture.default.cohesion": NEVER, "damping": {"mass": 1e4, "kelvin_voigt": {"eta": 1e-9}},
+        "stepper": {"kind": "leapfrog", "time_step": 3e-8}, "boundaries": [
+            {"kind": "driven", "edge": "rock.top", "component": "y", "velocity": 3.0, "ramp": 1e-6},
+            {"kind": "absorbing", "edge": "rock.bottom"},
+            {"kind": "traction", "edge": "rock.left", "traction": [1e6, 2e6], "ramp": 1e-6},
+        ],
+    }  # fmt: skip
+    broken = case(changes | RIGID)
+    whole = case(changes | {"fracture": None, "damping": {"mass": 1e4}})
+    broken = broken.model_copy(update={"damping": whole.damping})
+    models = [Model(each) for each in (broken, whole)]
+    motions, states = [each.case.stepper.bind(each) for each in models], [each.initial_state() for each in models]
+    for _ in range(100):
+        for motion, state in zip(motions, states, strict=True):
+            motion.step(state)
+    cells = [each.space.dofmap.list for each in models]
+    order = [np.argsort(each.mesh.topology.original_cell_index) for each in models]
+    for name in ("displacement", "velocity"):
+        corners = [
+            getattr(state, name).reshape(-1, 2)[cell[places]]
+            for state, cell, places in zip(states, cells, order, strict=True)
+        ]
+        np.testing.assert_allclose(corners[0], corners[1], atol=1e-12 * np.abs(corners[1]).max())
+    energies = [motion.energies(state) for motion, state in zip(motions, states, strict=True)]
+    for name in ENERGIES:
+        assert energies[0][name] == pytest.approx(energies[1][name], rel=1e-10, abs=1e-12 * energies[1]["kinetic"])
+
+
+def test_tied_facets_feel_a_uniform_stress_exactly() -> None:
+    """Of any linear displacement, on an irregular mesh: sigma . n, where springs scatter by a fifth."""
+    model = Model(case({**RIGID, "fracture.default.cohesion": NEVER}))
+    state, x, cracks = model.initial_state(), model.coordinates, model.cracks
+    slope = 1e-4 * np.array([[1.0, 0.3], [-0.7, 2.0]])
+    state.displacement[:] = (x @ slope.T).ravel()
+    assert not len(cracks.grow(state, model.mass))
+    strain = 0.5 * (slope + slope.T)
+    lame, shear = model.materials[0].lame("strain")
+    stress = lame * np.trace(strain) * np.eye(2) + 2 * shear * strain
+    expected = np.repeat((cracks.normal @ stress)[:, None], 2, axis=1)
+    np.testing.assert_allclose(cracks.tractions(state.cracks), expected, atol=1e-12 * np.abs(stress).max())
+
+
+@pytest.mark.parametrize(("stress", "which"), [
+    ([[4.01e6, 0.0], [0.0, 0.0]], "open"), ([[3.99e6, 0.0], [0.0, 0.0]], ""),
+    ([[-50e6, 0.0], [0.0, -50e6]], ""), ([[-1e6, 0.0], [0.0, -61e6]], "slide"),
+])  # fmt: skip
+def test_facets_are_inserted_where_their_strength_is_reached(stress: list[list[float]], which: str) -> None:
+    """f_t = 4 MPa, c = 10 MPa, mu = 0.6; |tau| - mu sigma is up to 30 sqrt(1.36) - 0.6 * 31 = 16.4 MPa in the last."""
+    model = Model(case(RIGID))
+    state, x, cracks, wanted = model.initial_state(), model.coordinates, model.cracks, np.array(stress)
+    lame, shear = model.materials[0].lame("strain")
+    mean = np.trace(wanted) / (2 * (lame + shear))
+    strain = (wanted - lame * mean * np.eye(2)) / (2 * shear)
+    state.displacement[:] = (x @ strain.T).ravel()
+    cracks.grow(state, model.mass)
+    inserted = np.isfinite(state.cracks["time_of_yield"])
+    normal = np.einsum("ni,ij,nj->n", cracks.normal, wanted, cracks.normal)
+    along = np.abs(np.einsum("ni,ij,nj->n", cracks.tangent, wanted, cracks.normal))
+    expected = (normal >= 4e6) | (along >= 10e6 + 0.6 * np.maximum(-normal, 0))
+    assert np.array_equal(inserted, expected)
+    assert inserted.any() == bool(which) and (which != "open" or np.all(normal[inserted] > 0))
+
+
+def torn(law: CohesiveLaw, mode: int) -> tuple[float, float, dict[str, float]]:
+    """Length of a flat joint of two stiff bodies that is torn, the work per length, and all energies."""
+    size, way = 1e-3, float((law.opening_at_failure, law.slip_at_failure)[mode - 1])
+    pull = [{"kind": "driven", "edge": "upper.top", "component": axis, "velocity": 2.0 * (axis == "xy"[mode % 2]),
+             "ramp": 5e-6} for axis in "xy"]  # fmt: skip
+    hold = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
+    given = case({
+        **RIGID, "mesh": {"kind": "triangles", "width": 2 * size, "height": 2 * size, "element_size": size,
+                          "divide": size},
+        "fracture.default.cohesion": NEVER, "duration": 5e-6 + 0.6 * way, "damping": {"mass": 1e5},
+        "fracture.pairs": {"lower-upper": {"cohesion": law.model_dump(), "friction": RUBS}},
+        "boundaries": [*pull, *hold],
+    })  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    while state.time < given.duration:
+        motion.step(state)
+    assert np.isfinite(state.cracks["time_of_failure"]).sum() == 2
+    return 2 * size, state.energy["fracture"], motion.energies(state)
+
+
+@pytest.mark.parametrize("kind", COHESION)
+@pytest.mark.parametrize("mode", [1, 2])
+def test_a_torn_joint_takes_its_fracture_energy(kind: str, mode: int) -> None:
+    """Of the law, in both modes; the opening of a step is a hundredth of that at failure."""
+    law = law_of(kind)
+    length, taken, energy = torn(law, mode)
+    assert taken / length == pytest.approx((law.G_Ic, law.G_IIc)[mode - 1], rel=2e-3)
+    lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
+    assert abs(lost) <= 1e-12 * energy["boundary_work"]
+
+
+def test_edges_feel_the_same_force_rigid_or_with_stiff_springs() -> None:
+    """A block under a slow pull: E'/(1 - nu^2) strain times width, and what both edges feel is opposite."""
+    forces = []
+    for kind, more in (("on_strength", {}), ("everywhere", {"fracture.stiffness_ratio": 100.0})):
+        given = case({"fracture.kind": kind, "fracture.default.cohesion": NEVER, "damping": {"mass": 3e5}, **more})
+        model = Model(given)
+        motion, state, sums = given.stepper.bind(model), model.initial_state(), EdgeSums(model)
+        while state.time < given.duration:
+            motion.step(state)
+        row = dict(zip(sums.columns, sums.row(state), strict=True))
+        assert row["rock.top.displacement_y"] == pytest.approx(3.0 * (state.fault_time - 0.5e-6), rel=1e-5)
+        forces.append([row["rock.top.force_y"], row["rock.bottom.force_y"]])
+    np.testing.assert_allclose(forces[0], forces[1], rtol=0.03)

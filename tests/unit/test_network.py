@@ -50,6 +50,12 @@ def test_facets_of_a_square_cut_in_four() -> None:
      "its strength depends on the slip rate; cracks take laws like coulomb"),
     ({"fracture.default.friction": {"kind": "coulomb", "mu_d": {"kind": "gaussian", "background": 0.6, "amplitude": 0.1,
       "center": 0.0, "width": 1e-3}}}, "fracture.default.friction.mu_d = .*: varies along an interface"),
+    ({"fracture": {"kind": "on_strength", "check_every": 0, "default": {"friction": RUBS}}},
+     "fracture.check_every = 0: input should be greater than or equal to 1"),
+    ({"fracture": {"kind": "on_strength", "stiffness_ratio": 10.0, "default": {"friction": RUBS}}},
+     "fracture: unknown key 'stiffness_ratio'"),
+    ({"fracture.kind": "on_strength", "large_rotations": True},
+     "large_rotations: fracture.kind = 'on_strength' is for small ones; use 'everywhere'"),
     ({"order": 2}, r"order = 2: with \[fracture\] the cells are of order 1"),
     ({"plane": "antiplane", "boundaries": []}, "plane = 'antiplane': bodies break in plane stress and plane strain"),
     ({"stepper": {"kind": "generalized_alpha"}}, "stepper.kind = 'generalized_alpha': bodies break in explicit steps"),
@@ -134,3 +140,78 @@ def test_a_notch_is_a_crack_from_the_start() -> None:
     assert not np.isfinite(state.cracks["time_of_failure"]).any()
     with pytest.raises(CaseError, match=r"mesh: it has notches or joints, .* add the table \[fracture\]"):
         Model(case({"mesh": mesh, "boundaries": [], "fracture": None}))
+
+
+# -- pieces of stars -------------------------------------------------------------------------------------------------
+
+
+def rigid(changes: dict[str, Any]) -> Model:
+    given = {"fracture.kind": "on_strength", "fracture.default.cohesion": NEVER, "boundaries": []}
+    return Model(case(given | changes))
+
+
+def parted(model: Model, facets: np.ndarray) -> np.ndarray:
+    """First corner of the piece of every corner, when these facets have been inserted."""
+    state = model.initial_state()
+    state.cracks["time_of_yield"][facets] = 0.0
+    assert model.cracks.adopt(state.cracks) or not len(facets)
+    return model.cracks.leader
+
+
+def pieces_at(model: Model, point: tuple[float, float]) -> int:
+    here = np.all(np.isclose(model.coordinates, point, atol=1e-12), axis=1)
+    return len(np.unique(model.cracks.leader[here]))
+
+
+def test_a_star_falls_apart_with_its_second_cut() -> None:
+    """2 x 2 squares cut along diagonals: eight facets meet in the middle, as many as there are cells."""
+    model = rigid({"mesh.width": 2e-3, "mesh.height": 2e-3, "mesh.turn": 0.0})
+    cracks = model.cracks
+    ends = cracks.network.ends[cracks.order]
+    middle = np.flatnonzero(np.isclose(ends, 1e-3, atol=1e-12).all(axis=2).any(axis=1))
+    around = ends[middle].sum(axis=1) - 1e-3  # the other end
+    angle = np.arctan2(*(around - 1e-3).T[::-1])
+    middle = middle[np.argsort(angle)]
+    assert len(middle) in (4, 8)
+    expected = [1, 1, *range(2, len(middle) + 1)]
+    for cuts, pieces in enumerate(expected):
+        parted(model, middle[:cuts])
+        assert pieces_at(model, (1e-3, 1e-3)) == pieces
+    # A cut that ends at the border parts the corners there at once.
+    straight = middle[np.isclose(angle[np.argsort(angle)], -np.pi / 2)]
+    parted(model, straight)
+    assert pieces_at(model, (1e-3, 0.0)) == 2 and pieces_at(model, (1e-3, 1e-3)) == 1
+    parted(model, straight[:0])
+    assert pieces_at(model, (1e-3, 0.0)) == 1
+
+
+@pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.8, 1.0])
+def test_pieces_are_what_tied_facets_connect(part: float) -> None:
+    """Any facets inserted, against the components of a graph of corners."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    model = rigid({})
+    cracks, rng = model.cracks, np.random.default_rng(int(10 * part))
+    inserted = rng.random(len(cracks.order)) < part
+    leader = parted(model, np.flatnonzero(inserted)).astype(int)
+    tied = cracks.corners[~inserted].transpose(1, 0, 2).reshape(2, -1)
+    graph = coo_matrix((np.ones(tied.shape[1]), tuple(tied)), shape=(model.nodes,) * 2)
+    count, label = connected_components(graph, directed=False)
+    assert len(np.unique(leader)) == count
+    assert len(np.unique(np.stack([leader, label], axis=1), axis=0)) == count
+    assert np.array_equal(leader[leader], leader)
+    # What pieces have together is what their corners have.
+    values = rng.normal(size=2 * model.nodes)
+    sums = np.empty_like(values)
+    cracks.total(values, sums)
+    expected = np.zeros((count, 2))
+    np.add.at(expected, label, values.reshape(-1, 2))
+    np.testing.assert_allclose(sums.reshape(-1, 2), expected[label], atol=1e-13)
+
+
+def test_other_bodies_than_isotropic_ones_are_refused() -> None:
+    wood = {"kind": "orthotropic_elastic", "E_1": 10e9, "E_2": 1e9, "nu_12": 0.3, "nu_23": 0.3, "G_12": 1e9,
+            "density": 600.0}  # fmt: skip
+    with pytest.raises(CaseError, match=r"fracture.kind = 'on_strength': breaks isotropic bodies"):
+        rigid({"materials": {"default": wood}})

@@ -1,0 +1,309 @@
+"""Facets that are rigid until their strength: `RigidCracks` ties corners and inserts facets, `rigid.c` does the work.
+
+The corners of all cells at a vertex are its star. Facets that are tied connect them; what they connect is a piece, and
+moves as one. An inserted facet between two pieces is an interface of split nodes: its traction is found together with
+the velocity after it, so that fields of facets belong to the time of the displacement before the step.
+
+A rank advances every vertex that one of its cells touches, with all cells and facets of its star, some of which other
+ranks own: all of them find the same bits. Corners further out get their velocity from the owner of their cell.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cached_property
+from importlib.resources import files
+
+import numpy as np
+
+from ruptfx import fem, native
+from ruptfx.bodies import Bodies
+from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
+from ruptfx.cracks.on_strength import OnStrength
+from ruptfx.materials import Plane
+from ruptfx.materials._stiffness import tangent_stiffness
+from ruptfx.state import FaultState, State
+
+
+class _Rigid(ctypes.Structure):
+    """`struct rigid` of the C source."""
+
+    _fields_ = [("cells", ctypes.c_long), ("facets", ctypes.c_long), *((name, ctypes.c_void_p) for name in (
+        "star_start", "star", "ends_start", "ends", "place", "corner", "cell", "group", "first_number", "dof", "body",
+        "leader", "split", "inserted", "normal", "weight", "owned", "number", "strength", "gradient", "stiffness",
+        "mass", "stress",
+    ))]  # fmt: skip
+
+
+class RigidCracks(CrackStep):
+    """All facets of a model: ties, strength, laws, state.
+
+    Arguments as of `CrackStep`.
+
+    Attributes
+    ----------
+    leader : ndarray of int32, shape (nodes,)
+        First corner, in the order of the input, of the piece that a corner belongs to.
+    """
+
+    def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
+        assert isinstance(self.fracture, OnStrength)
+        self._every = self.fracture.check_every
+        mesh = space.mesh
+        count = len(self.network.cell_vertices)
+        self._dof = np.ascontiguousarray(space.dofmap.list[:count], np.int32)
+        self._states = [*ENDS, *self.law_states]
+        self._arrays: dict[str, np.ndarray] = {}  # the memory of the structure
+        self._c = _Rigid(count, len(self.order))
+        x = mesh.geometry.x[:, :2][fem.geometry_dofmap(mesh)[:count]]
+        after, last = np.roll(x, -1, axis=1), np.roll(x, -2, axis=1)
+        size = (x[:, 1, 0] - x[:, 0, 0]) * (x[:, 2, 1] - x[:, 0, 1]) - (x[:, 2, 0] - x[:, 0, 0]) * (
+            x[:, 1, 1] - x[:, 0, 1])  # fmt: skip
+        gradient = np.stack([after[..., 1] - last[..., 1], last[..., 0] - after[..., 0]], axis=2) / size[:, None, None]
+        moduli = [tangent_stiffness(material, plane) for material in self.cell_materials]
+        entries = ((0, 0, 0, 0), (0, 0, 1, 1), (0, 0, 0, 1), (1, 1, 1, 1), (1, 1, 0, 1), (0, 1, 0, 1))
+        self._keep("gradient", gradient)
+        self._keep("stiffness", np.array([[modulus[entry] for entry in entries] for modulus in moduli]))
+        self._keep("stress", np.zeros((count, 3)))
+        self._keep("dof", self._dof)
+        self._keep("body", bodies.cell_body[:count].astype(np.int32))
+        self._keep("corner", self.corners.astype(np.int32))
+        self._keep("cell", self.network.cells[self.order].astype(np.int32))
+        self._keep("normal", self.normal)
+        self._keep("weight", self.weight)
+        self._keep("owned", self.owned.astype(float))
+        self._keep("inserted", np.zeros(len(self.order), np.int32))
+        self._find_stars()
+        self._compile()
+
+    def _keep(self, name: str, array: np.ndarray) -> None:
+        self._arrays[name] = np.ascontiguousarray(array)
+        setattr(self._c, name, self._arrays[name].ctypes.data)
+
+    def _find_stars(self) -> None:
+        """Corners and facet ends of every vertex that a cell of this rank touches."""
+        net = self.network
+        touched = np.unique(net.cell_vertices[: net.owned_cells])
+        vertex, node = net.cell_vertices.ravel(), self._dof.ravel()
+        # Corners of a star in the order of the cells in the input.
+        order = np.lexsort([np.repeat(net.cell_numbers, 3), vertex])
+        order = order[np.isin(vertex[order], touched)]
+        star, bounds = node[order], np.searchsorted(vertex[order], np.append(touched, np.iinfo(np.int64).max))
+        self._vertex_of = np.full(self._nodes, -1)
+        self._vertex_of[star] = np.repeat(np.arange(len(touched)), np.diff(bounds))
+        place = np.zeros(self._nodes, np.int32)
+        place[star] = np.arange(len(star)) - np.repeat(bounds[:-1], np.diff(bounds))
+        # Ends in the order of facets that no partition changes, by their places here.
+        here = np.empty(len(self.order), np.int64)
+        here[self.order] = np.arange(len(self.order))
+        facet, end = np.repeat(here, 2), np.tile([0, 1], len(here))
+        at = self._vertex_of[self.corners[facet, 0, end]]
+        sorted_ = np.argsort(at, kind="stable")
+        sorted_ = sorted_[at[sorted_] >= 0]
+        facet, end = facet[sorted_], end[sorted_]
+        ends_start = np.searchsorted(at[sorted_], np.arange(len(touched) + 1))
+        self._keep("star", star.astype(np.int32))
+        self._keep("star_start", bounds.astype(np.int32))
+        self._keep("ends", (2 * facet + end).astype(np.int32))
+        self._keep("ends_start", ends_start.astype(np.int32))
+        self._keep("place", np.stack([place[self.corners[facet, side, end]] for side in (0, 1)], axis=1))
+        self._keep("split", np.zeros(len(touched), np.int32))
+        self._keep("leader", np.arange(self._nodes, dtype=np.int32))
+        self.leader = self._arrays["leader"]
+        self._most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
+
+    def _compile(self) -> None:
+        """The formulas of all groups in front of the code that uses them."""
+        text, numbers, first, strengths = "", [0.0], [], []
+        for number, group in enumerate(self.groups):
+            parameters, macros = formulas(group.laws)
+            macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
+            macros |= {f"s_{name}": f"OLD({name})" for name in self.law_states} | {"GROUP": number}
+            text += "".join(f"#define {name} {value}\n" for name, value in macros.items())
+            text += _source("facet_law.c") + "".join(f"#undef {name}\n" for name in macros)
+            first.append(len(numbers))
+            numbers += [float(value) for value in parameters.values()]
+            law = group.laws.cohesion
+            strengths.append([0.0, 0.0] if law is None else [float(law.f_t), float(law.c)])
+        laws = ", ".join(f"&law_{number}" for number in range(len(self.groups)))
+        given = {
+            "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
+            "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
+            "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1],
+        }  # fmt: skip
+        whole = _source("rigid_types.c") + text + f"static const struct law *const LAWS[] = {{{laws}}};\n"
+        self._library = native.load("rigid", whole + _source("rigid.c"), given)
+        self._library.check.restype = ctypes.c_long
+        group_of = np.zeros(len(self.order), np.int32)
+        for number, group in enumerate(self.groups):
+            group_of[group.facets] = number
+        self._keep("group", group_of)
+        self._keep("first_number", np.array(first, np.int32))
+        self._keep("number", np.array(numbers))
+        self._keep("strength", np.array(strengths))
+        self._found = np.zeros(len(self.order) + 1, np.int32)
+        self._taken = np.zeros(3)
+        self._pieces = np.zeros(0, np.int32)
+        self._waiting = np.zeros(0, np.int32)
+        self._mend(np.arange(len(self._arrays["split"]), dtype=np.int32))
+
+    # -- corners that move together --------------------------------------------------------------------------------
+
+    def total(self, values: np.ndarray, sums: np.ndarray, vertices: np.ndarray | None = None) -> None:
+        """Give the corners of every piece what they have together, of all vertices or of some of them.
+
+        Parameters
+        ----------
+        values, sums : ndarray, shape (nodes * 2,)
+            May be the same.
+        vertices : ndarray of int32, optional
+        """
+        count = len(self._arrays["split"]) if vertices is None else len(vertices)
+        self._library.total(
+            ctypes.byref(self._c), ctypes.c_long(count),
+            ctypes.c_void_p(None if vertices is None else vertices.ctypes.data), _at(values), _at(sums),
+        )  # fmt: skip
+
+    def corners_at(self, vertices: np.ndarray) -> np.ndarray:
+        """Local nodes of some vertices."""
+        start = self._arrays["star_start"]
+        chosen = np.zeros(len(start) - 1, dtype=bool)
+        chosen[vertices] = True
+        return np.asarray(self._arrays["star"][np.repeat(chosen, np.diff(start))])
+
+    def _mend(self, vertices: np.ndarray) -> None:
+        """Find the pieces of some stars anew."""
+        self._library.split(ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices))
+        self._pieces = np.flatnonzero(self._arrays["split"]).astype(np.int32)
+
+    def _vertices_of(self, facets: np.ndarray) -> np.ndarray:
+        """Vertices of this rank at the ends of facets, each once."""
+        found = np.unique(self._vertex_of[self.corners[facets, 0]])
+        return found[found >= 0].astype(np.int32)
+
+    def adopt(self, state: FaultState) -> bool:
+        """Tie and part corners as a state has them; whether anything was otherwise."""
+        inserted = (np.isfinite(state["time_of_yield"]) | (state["damage"] >= 1).any(axis=1)).astype(np.int32)
+        changed = np.flatnonzero(inserted != self._arrays["inserted"])
+        self._arrays["inserted"][:] = inserted
+        if len(changed):
+            self._mend(self._vertices_of(changed))
+        self._wait(state)
+        return bool(len(changed))
+
+    def _wait(self, state: FaultState) -> None:
+        listens = np.isfinite(state["time_of_yield"]) & np.isnan(state["time_of_failure"]) & self.owned
+        self._waiting = np.flatnonzero(listens).astype(np.int32)
+
+    # -- steps -----------------------------------------------------------------------------------------------------
+
+    def grow(self, state: State, mass: np.ndarray) -> np.ndarray:
+        """Insert the facets whose strength is reached; vertices at them, shape (n,).
+
+        Parameters
+        ----------
+        state : State
+            Whose cracks have been adopted.
+        mass : ndarray, shape (nodes * 2,)
+            Of every corner alone [kg].
+        """
+        if state.step % self._every:
+            return self._found[:0]
+        cracks = state.cracks
+        if "mass" not in self._arrays:
+            self._keep("mass", mass)
+        count = self._library.check(
+            ctypes.byref(self._c), _at(state.displacement), self._ends(cracks), _at(self._found)
+        )
+        if not count:
+            return self._found[:0]
+        new = self._found[:count]
+        self._library.insert(
+            ctypes.byref(self._c), ctypes.c_long(count), _at(new), ctypes.c_double(state.time), _at(state.velocity),
+            self._facets(cracks),
+        )  # fmt: skip
+        self._arrays["inserted"][new] = 1
+        vertices = self._vertices_of(new)
+        self._mend(vertices)
+        self._wait(cracks)
+        return vertices
+
+    def hold(
+        self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray
+    ) -> None:
+        """Find the tractions of inserted facets, and the velocity after them.
+
+        Parameters
+        ----------
+        state : State
+            Its velocity is the one without these tractions.
+        dt, kick, since : float
+            The step, how long tractions act in it, and the time since those before [s].
+        push : ndarray, shape (nodes * 2,)
+            Velocity per force of every piece [m/s/N].
+        before : ndarray, shape (nodes * 2,)
+            The velocity before [m/s].
+        """
+        if not len(self._pieces):
+            return
+        cracks, taken = state.cracks, self._taken
+        taken[:] = 0
+        self._library.hold(
+            ctypes.byref(self._c), ctypes.c_long(len(self._pieces)), _at(self._pieces),
+            ctypes.c_long(len(self._waiting)), _at(self._waiting), *map(ctypes.c_double, (dt, kick, since, state.time)),
+            *map(_at, (state.displacement, push, before, state.velocity, state.force)), self._ends(cracks),
+            self._facets(cracks), _at(taken),
+        )  # fmt: skip
+        if len(self._waiting) and np.isfinite(cracks["time_of_failure"][self._waiting]).any():
+            self._wait(cracks)
+        for name, amount in zip(("frictional_dissipation", "fracture", "impact"), taken.tolist(), strict=True):
+            state.energy[name] += amount
+
+    def _ends(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:
+        return (ctypes.c_void_p * len(self._states))(*(state[name].ctypes.data for name in self._states))
+
+    def _facets(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:
+        return (ctypes.c_void_p * len(FACETS))(*(state[name].ctypes.data for name in FACETS))
+
+    # -- what is asked for between steps ---------------------------------------------------------------------------
+
+    def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:
+        """Add what tractions exert, and give all corners of a piece what they have together [N]."""
+        self.adopt(state)
+        facet, end = np.nonzero(self.leader[self.corners[:, 0]] != self.leader[self.corners[:, 1]])
+        normal, shear = (state[name][facet, end][:, None] for name in ("normal_traction", "shear_traction"))
+        n = self.normal[facet]
+        forces = self.weight[facet, None] * (normal * n + shear * np.stack([n[:, 1], -n[:, 0]], axis=1))
+        rows = force.reshape(-1, 2)
+        np.add.at(rows, self.corners[facet, 0, end], forces)
+        np.add.at(rows, self.corners[facet, 1, end], -forces)
+        self.total(force, force)
+
+    def counted(self, nodes: np.ndarray) -> np.ndarray:
+        """Of corners those that this rank counts: the first one of every piece."""
+        order = nodes[np.lexsort([self._cell_number[nodes], self.leader[nodes]])]
+        first = np.append(True, self.leader[order][1:] != self.leader[order][:-1])[: len(order)]
+        return np.asarray(order[first & (order < self._owned_nodes)])
+
+    @cached_property
+    def _cell_number(self) -> np.ndarray:
+        """Number of the cell of every corner in the input."""
+        number = np.empty(self._nodes, np.int64)
+        number[self._dof] = self.network.cell_numbers[:, None]
+        return number
+
+    def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
+        """There are no springs."""
+
+    def stored(self, state: FaultState, added: np.ndarray, displacement: np.ndarray | None = None) -> float:
+        """Energy that open facets would give back if they closed, T w / 2; facets of this rank [J]."""
+        density = 0.5 * np.maximum(state["normal_traction"], 0.0) * state["inelastic_opening"]
+        return float((self.owned * self.weight) @ density.sum(axis=1))
+
+
+def _source(name: str) -> str:
+    return files("ruptfx.cracks").joinpath(name).read_text()
+
+
+def _at(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

@@ -1,0 +1,310 @@
+// Bodies whose facets are rigid until their strength: corners that are tied to each other, the strength of tied facets, and
+// the tractions of those that have been inserted. _rigid.py writes in front of this file rigid_types.c, facet_law.c once
+// for every group of facets, and their table LAWS.
+
+#define SWEEPS 30
+#define TOLERANCE 1e-5  // of the tractions at a vertex, that a last sweep may change
+
+// An inserted end between two pieces of a star, at the time of the traction.
+struct end {
+    long at;             // its place in the fields of ends: 2 facet + end
+    int minus, plus;     // places in the star of the first corners of both pieces
+    const struct law *law;
+    const double *number;
+    double nx, ny, weight, z_normal, z_shear, open, slip, largest, most, held, normal, shear, friction;
+};
+
+// -- corners that move together --------------------------------------------------------------------------------------
+
+// Give the corners of every piece what they have together, in the order of the input; of all vertices or of a list.
+void total(const struct rigid *r, long count, const int *list, const double *values, double *sums)
+{
+    for (long i = 0; i < count; i++) {
+        const long v = list ? list[i] : i;
+        const int *star = r->star + r->star_start[v];
+        const int corners = r->star_start[v + 1] - r->star_start[v];
+        for (int first = 0; first < corners; first++) {
+            if (r->leader[star[first]] != star[first]) continue;
+            double x = 0, y = 0;
+            for (int c = first; c < corners; c++)
+                if (r->leader[star[c]] == star[first]) {
+                    x += values[2 * star[c]];
+                    y += values[2 * star[c] + 1];
+                }
+            for (int c = first; c < corners; c++)
+                if (r->leader[star[c]] == star[first]) {
+                    sums[2 * star[c]] = x;
+                    sums[2 * star[c] + 1] = y;
+                }
+            if (!r->split[v]) break;
+        }
+    }
+}
+
+// Pieces of the stars of some vertices: corners that tied facets connect, under their first one.
+void split(const struct rigid *r, long count, const int *list)
+{
+    for (long i = 0; i < count; i++) {
+        const long v = list[i];
+        const int *star = r->star + r->star_start[v];
+        const int corners = r->star_start[v + 1] - r->star_start[v];
+        int piece[MOST_CORNERS], changed = 1;
+        for (int c = 0; c < corners; c++) piece[c] = c;
+        while (changed) {
+            changed = 0;
+            for (int e = r->ends_start[v]; e < r->ends_start[v + 1]; e++) {
+                if (r->inserted[r->ends[e] / 2]) continue;
+                int *minus = piece + r->place[2 * e], *plus = piece + r->place[2 * e + 1];
+                if (*minus == *plus) continue;
+                *minus = *plus = *minus < *plus ? *minus : *plus;
+                changed = 1;
+            }
+        }
+        r->split[v] = 0;
+        for (int c = 0; c < corners; c++) {
+            r->leader[star[c]] = star[piece[c]];
+            r->split[v] |= piece[c] > 0;
+        }
+    }
+}
+
+// -- strength --------------------------------------------------------------------------------------------------------
+
+// Mean of the stresses of both cells on every facet that does not move, its traction; returns how many tied facets it is
+// too much for, and which.
+long check(const struct rigid *r, const double *displacement, double *const *state, int *found)
+{
+    for (long c = 0; c < r->cells; c++) {
+        const double *g = r->gradient + 6 * c, *stiffness = r->stiffness + 6 * r->body[c];
+        double xx = 0, yy = 0, xy = 0;
+        for (int k = 0; k < 3; k++) {
+            const double x = displacement[2 * r->dof[3 * c + k]], y = displacement[2 * r->dof[3 * c + k] + 1];
+            xx += g[2 * k] * x;
+            yy += g[2 * k + 1] * y;
+            xy += g[2 * k + 1] * x + g[2 * k] * y;
+        }
+        double *stress = r->stress + 3 * c;
+        stress[0] = stiffness[0] * xx + stiffness[1] * yy + stiffness[2] * xy;
+        stress[1] = stiffness[1] * xx + stiffness[3] * yy + stiffness[4] * xy;
+        stress[2] = stiffness[2] * xx + stiffness[4] * yy + stiffness[5] * xy;
+    }
+    long count = 0;
+    for (long f = 0; f < r->facets; f++) {
+        const double *minus = r->stress + 3 * r->cell[2 * f], *plus = r->stress + 3 * r->cell[2 * f + 1];
+        const double nx = r->normal[2 * f], ny = r->normal[2 * f + 1];
+        const double xx = 0.5 * (minus[0] + plus[0]), yy = 0.5 * (minus[1] + plus[1]), xy = 0.5 * (minus[2] + plus[2]);
+        const double x = xx * nx + xy * ny, y = xy * nx + yy * ny;
+        const double normal = x * nx + y * ny, shear = x * ny - y * nx;
+        if (!r->inserted[f]) {
+            for (int e = 0; e < 2; e++) {
+                state[STATE_normal_traction][2 * f + e] = normal;
+                state[STATE_shear_traction][2 * f + e] = shear;
+            }
+            const double *strength = r->strength + 2 * r->group[f];
+            int breaks = normal >= strength[0];
+            if (!breaks && fabs(shear) >= strength[1]) {
+                const double pressure = normal < 0 ? -normal : 0;
+                const double friction =
+                    LAWS[r->group[f]]->friction(r->number + r->first_number[r->group[f]], state, 2 * f, pressure);
+                breaks = fabs(shear) >= strength[1] + (pressure > 0 ? friction : 0);
+            }
+            if (breaks) found[count++] = (int)f;
+        } else
+            for (int e = 0; e < 2; e++)  // an end that cannot move yet carries what the bodies give
+                if (r->leader[r->corner[4 * f + e]] == r->leader[r->corner[4 * f + 2 + e]]) {
+                    state[STATE_normal_traction][2 * f + e] = normal;
+                    state[STATE_shear_traction][2 * f + e] = shear;
+                }
+    }
+    return count;
+}
+
+// -- inserted facets -------------------------------------------------------------------------------------------------
+
+// Opening and slip at the displacement, damage and state, and what they leave of the strength.
+static void begin(const struct rigid *r, struct end *end, double since, const double *displacement,
+                  double *const *state)
+{
+    const long f = end->at / 2, l = end->at;
+    const int minus = r->corner[4 * f + l % 2], plus = r->corner[4 * f + 2 + l % 2];
+    const double x = displacement[2 * plus] - displacement[2 * minus];
+    const double y = displacement[2 * plus + 1] - displacement[2 * minus + 1];
+    end->nx = r->normal[2 * f], end->ny = r->normal[2 * f + 1], end->weight = r->weight[f];
+    end->law = LAWS[r->group[f]], end->number = r->number + r->first_number[r->group[f]];
+    end->open = x * end->nx + y * end->ny;
+    end->slip = x * end->ny - y * end->nx;
+    end->normal = OLD(normal_traction), end->shear = OLD(shear_traction), end->friction = 0;
+    const double slid = fabs(end->slip - OLD(slip));
+    if (OLD(damage) < 1) {
+        if (end->open > OLD(largest_opening)) OLD(largest_opening) = end->open;
+        OLD(cohesive_slip) += slid;
+        const double damage = end->law->damage(end->number, OLD(largest_opening), OLD(cohesive_slip));
+        if (damage > OLD(damage)) OLD(damage) = damage < 1 ? damage : 1;
+    }
+    if (since > 0)
+        end->law->advance(end->number, state, l, slid / since, end->normal < 0 ? -end->normal : 0, since);
+    const double left = OLD(damage) < 1 ? end->law->left(end->number, OLD(damage)) : 0;
+    end->largest = OLD(largest_opening);
+    end->most = r->strength[2 * r->group[f]] * left;
+    end->held = r->strength[2 * r->group[f] + 1] * left;
+}
+
+// Bring the tractions of an end back to what is admissible; returns how much they changed.
+static double project(struct end *end, double dt, double (*push)[2], double (*velocity)[2],
+                      double *const *state)
+{
+    const int a = end->minus, b = end->plus;
+    const double nx = end->nx, ny = end->ny, w = end->weight;
+    double change[2] = {0, 0};
+    for (int direction = 0; direction < 2; direction++) {
+        const double x = direction ? ny : nx, y = direction ? -nx : ny, z = direction ? end->z_shear : end->z_normal;
+        if (z == 0) continue;  // both sides are driven
+        const double rate = x * (velocity[b][0] - velocity[a][0]) + y * (velocity[b][1] - velocity[a][1]);
+        double *traction = direction ? &end->shear : &end->normal, now;
+        if (!direction) {
+            const double pulled = *traction + z * (rate + end->open / dt);
+            // Along the secant, taken at the end of the step.
+            const double secant = end->most > 0 ? end->most / (end->most + end->largest * z / dt) : 0;
+            now = pulled < 0 ? pulled : pulled * secant < end->most ? pulled * secant : end->most;
+        } else {
+            const double trial = *traction + z * rate, pressure = end->normal < 0 ? -end->normal : 0;
+            end->friction = pressure > 0 ? end->law->friction(end->number, state, end->at, pressure) : 0;
+            const double strength = end->held + end->friction;
+            now = fabs(trial) > strength ? copysign(strength, trial) : trial;
+        }
+        change[direction] = now - *traction;
+        *traction = now;
+        const double fx = w * change[direction] * x, fy = w * change[direction] * y;
+        velocity[a][0] += push[a][0] * fx, velocity[a][1] += push[a][1] * fy;
+        velocity[b][0] -= push[b][0] * fx, velocity[b][1] -= push[b][1] * fy;
+    }
+    return fabs(change[0]) + fabs(change[1]);
+}
+
+// Traction per velocity of both pieces along a direction, over the time that the traction acts.
+static double impedance(double weight, const double *a, const double *b, double x, double y)
+{
+    const double mobility = weight * (x * x * (a[0] + b[0]) + y * y * (a[1] + b[1]));
+    return mobility > 0 ? 1 / mobility : 0;
+}
+
+// Tractions at the ends of one vertex, and what they do to its pieces; energies of owned facets are added to `taken`.
+static void vertex(const struct rigid *r, long v, double dt, double kick, double since, const double *displacement,
+                   const double *push, const double *before, double *velocity, double *force, double *const *state,
+                   double *taken)
+{
+    const int *star = r->star + r->star_start[v];
+    const int corners = r->star_start[v + 1] - r->star_start[v];
+    double speed[MOST_CORNERS][2], mobility[MOST_CORNERS][2], sum[MOST_CORNERS][2];
+    int piece[MOST_CORNERS];
+    struct end ends[MOST_ENDS];
+    for (int c = 0; c < corners; c++) {
+        for (int first = c; first >= 0; first--)
+            if (star[first] == r->leader[star[c]]) piece[c] = first;
+        for (int i = 0; i < 2; i++) {
+            speed[c][i] = velocity[2 * star[c] + i];
+            mobility[c][i] = push[2 * star[c] + i];
+            sum[c][i] = 0;
+        }
+    }
+    int count = 0;
+    double scale = 0;
+    for (int e = r->ends_start[v]; e < r->ends_start[v + 1]; e++) {
+        const int minus = piece[r->place[2 * e]], plus = piece[r->place[2 * e + 1]];
+        if (minus == plus) continue;
+        struct end *end = ends + count++;
+        end->at = r->ends[e], end->minus = minus, end->plus = plus;
+        begin(r, end, since, displacement, state);
+        const double nx = end->nx, ny = end->ny, w = end->weight;
+        end->z_normal = impedance(w, mobility[minus], mobility[plus], nx, ny);
+        end->z_shear = impedance(w, mobility[minus], mobility[plus], ny, -nx);
+        if (end->z_normal == 0) end->normal = 0;
+        if (end->z_shear == 0) end->shear = 0;
+        const double fx = w * (end->normal * nx + end->shear * ny), fy = w * (end->normal * ny - end->shear * nx);
+        speed[minus][0] += mobility[minus][0] * fx, speed[minus][1] += mobility[minus][1] * fy;
+        speed[plus][0] -= mobility[plus][0] * fx, speed[plus][1] -= mobility[plus][1] * fy;
+        const double size = fabs(end->normal) + fabs(end->shear) + r->strength[2 * r->group[end->at / 2]];
+        scale = size > scale ? size : scale;
+    }
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double change = 0;
+        for (int e = 0; e < count; e++) change += project(ends + e, dt, mobility, speed, state);
+        if (change <= TOLERANCE * scale) break;
+    }
+    for (int e = 0; e < count; e++) {
+        const struct end *end = ends + e;
+        const double fx = end->weight * (end->normal * end->nx + end->shear * end->ny);
+        const double fy = end->weight * (end->normal * end->ny - end->shear * end->nx);
+        sum[end->minus][0] += fx, sum[end->minus][1] += fy;
+        sum[end->plus][0] -= fx, sum[end->plus][1] -= fy;
+    }
+    for (int c = 0; c < corners; c++)
+        for (int i = 0; i < 2; i++) {
+            velocity[2 * star[c] + i] += mobility[piece[c]][i] * sum[piece[c]][i];
+            force[2 * star[c] + i] += sum[piece[c]][i];
+        }
+    for (int e = 0; e < count; e++) {
+        const struct end *end = ends + e;
+        const long l = end->at, a = 2 * star[end->minus], b = 2 * star[end->plus];
+        const double x = 0.5 * (velocity[b] + before[b] - velocity[a] - before[a]);
+        const double y = 0.5 * (velocity[b + 1] + before[b + 1] - velocity[a + 1] - before[a + 1]);
+        const double opening = end->open > 0 ? end->open : 0;
+        const double tension = end->normal > 0 ? end->normal : 0, held = OLD(normal_traction) > 0 ? OLD(normal_traction) : 0;
+        const double pulled = end->normal * (x * end->nx + y * end->ny) * kick;
+        const double rubbed = end->shear * (x * end->ny - y * end->nx) * kick;
+        const double kept = 0.5 * (tension * opening - held * OLD(inelastic_opening));
+        const double part = fabs(end->shear) > end->held ? end->held / fabs(end->shear) : 1;
+        const double area = end->weight * r->owned[l / 2];
+        taken[0] += area * (1 - part) * rubbed;
+        taken[1] += area * (part * rubbed + (end->normal > 0 ? pulled : 0) - kept);
+        taken[2] += area * (end->normal > 0 ? 0 : pulled);
+        OLD(normal_traction) = end->normal;
+        OLD(shear_traction) = end->shear;
+        OLD(inelastic_opening) = opening;
+        OLD(slip) = end->slip;
+    }
+}
+
+// Kinetic energy of the corners of a facet [J].
+static double kinetic(const struct rigid *r, long f, const double *velocity)
+{
+    double energy = 0;
+    for (int i = 0; i < 4; i++)
+        for (int c = 0; c < 2; c++) {
+            const int d = 2 * r->corner[4 * f + i] + c;
+            energy += 0.5 * r->mass[d] * velocity[d] * velocity[d];
+        }
+    return energy;
+}
+
+// The facets that are inserted now.
+void insert(const struct rigid *r, long count, const int *list, double time, const double *velocity,
+            double *const *facet)
+{
+    for (long i = 0; i < count; i++) {
+        facet[FACET_time_of_yield][list[i]] = time;
+        facet[FACET_energy_at_yield][list[i]] = kinetic(r, list[i], velocity);
+    }
+}
+
+// Tractions of all inserted facets at the displacement, and the velocity after them.
+// vertices: those whose star is in pieces; waiting: facets that have been inserted and have not failed.
+void hold(const struct rigid *r, long count, const int *vertices, long facets, const int *waiting, double dt, double kick,
+          double since, double time, const double *displacement, const double *push, const double *before,
+          double *velocity, double *force, double *const *state, double *const *facet, double *taken)
+{
+    for (long i = 0; i < count; i++)
+        vertex(r, vertices[i], dt, kick, since, displacement, push, before, velocity, force, state, taken);
+    for (long i = 0; i < facets; i++) {
+        const long f = waiting[i];
+        const double energy = kinetic(r, f, velocity) - facet[FACET_energy_at_yield][f];
+        if (energy > facet[FACET_energy_gain][f]) {
+            facet[FACET_energy_gain][f] = energy;
+            facet[FACET_time_of_gain][f] = time;
+        }
+        if (state[STATE_damage][2 * f] >= 1 && state[STATE_damage][2 * f + 1] >= 1) {
+            facet[FACET_time_of_failure][f] = time;
+            facet[FACET_slip_at_failure][f] = 0.5 * (state[STATE_slip][2 * f] + state[STATE_slip][2 * f + 1]);
+        }
+    }
+}

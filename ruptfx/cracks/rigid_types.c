@@ -1,0 +1,25 @@
+// What rigid.c and the formulas of laws in front of it share. _rigid.py writes in front of this file where states are, and
+// how many corners and ends a vertex has at most.
+#include <math.h>
+
+#define OLD(name) state[STATE_##name][l]
+
+enum { STATES };  // STATE_normal_traction = 0, ...
+enum { FACETS };  // FACET_time_of_yield = 0, ...
+
+struct law {
+    double (*left)(const double *number, double damage);
+    double (*damage)(const double *number, double opening, double slip);
+    double (*friction)(const double *number, double *const *state, long l, double normal_stress);
+    void (*advance)(const double *number, double *const *state, long l, double slip_rate, double normal_stress,
+                    double since);
+};
+
+// What does not change during a run but for leader, split and inserted; _rigid.py explains the arrays.
+struct rigid {
+    long cells, facets;
+    const int *star_start, *star, *ends_start, *ends, *place, *corner, *cell, *group, *first_number, *dof, *body;
+    int *leader, *split, *inserted;
+    const double *normal, *weight, *owned, *number, *strength, *gradient, *stiffness, *mass;
+    double *stress;
+};
