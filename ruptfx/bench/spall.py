@@ -1,0 +1,187 @@
+"""A compressive pulse comes back from the free end of a bar as tension and breaks off its end: spalling.
+
+Without lateral contraction waves are plane: P = sigma - rho c v keeps its value along dx/dt = c, and Q = sigma + rho c v
+along dx/dt = -c. At a plane that may break, with P from the left and Q from the right,
+
+    d(delta)/dt = (Q + P - 2 T) / (rho c),
+
+and T is what holds it together, no more than its strength f_t (1 - delta / delta_c). On a lattice with steps of dx / c
+that is exact but for the opening, of first order in dx = 0.01 mm. The pulse rises in 0.4 us and falls for 6 us. Behind the
+front of the reflected pulse the tension is 2 sigma_0 x / (c t_fall) at the distance x from the end, f_t at 4.5 mm. Two
+planes may break, 8 and 16 mm from the end; nothing else does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._broken import rigid
+from ruptfx.case import Case
+from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
+YOUNG, DENSITY = 50e9, 2600.0
+SPEED = float(np.sqrt(YOUNG / DENSITY))
+STRENGTH, ENERGY = 4e6, 2.0
+LENGTH, WIDTH, PLANES, APART = 40e-3, 2e-3, 2, 8e-3
+STRESS, RISE = 12e6, 0.4e-6
+FALL = 4.5e-3 * 2 * STRESS / (STRENGTH * SPEED)
+END = 15e-6  # s
+SOURCE = "characteristics"
+
+
+@dataclass(frozen=True)
+class Spalled:
+    """What is left of the bar.
+
+    Attributes
+    ----------
+    time, velocity : ndarray, shape (samples,)
+        Of the free end [s, m/s].
+    openings : ndarray, shape (planes,)
+        At the end of the run, by their distance from the free end [m].
+    scab : float
+        Mean velocity of what is beyond the first plane, then [m/s].
+    closure : float
+    """
+
+    time: np.ndarray
+    velocity: np.ndarray
+    openings: np.ndarray
+    scab: float
+    closure: float = 0.0
+
+
+def pulse(time: np.ndarray | float) -> np.ndarray:
+    """Pressure on the loaded end over its largest value."""
+    return np.asarray(np.interp(time, [0.0, RISE, RISE + FALL], [0.0, 1.0, 0.0]))
+
+
+def exact(step: float = 1e-5) -> Spalled:
+    """Along characteristics, on a lattice [m]."""
+    count, dt, impedance = round(LENGTH / step), step / SPEED, DENSITY * SPEED
+    at = count - np.round(APART * np.arange(1, PLANES + 1) / step).astype(int)  # nodes of the planes
+    right, left = np.zeros(count), np.zeros(count)  # P at the left end of every cell, Q at the right end
+    opening, largest, critical = np.zeros(PLANES), np.zeros(PLANES), 2 * ENERGY / STRENGTH
+    times, velocities = [], []
+    for n in range(round(END / dt)):
+        # To the nodes, each half a cell away on both sides.
+        arrived_right, arrived_left = right.copy(), left.copy()
+        pressure = STRESS * float(pulse((n + 1) * dt))
+        into_right, into_left = np.empty(count), np.empty(count)
+        into_right[1:], into_left[:-1] = arrived_right[:-1], arrived_left[1:]
+        into_right[0] = -2 * pressure - arrived_left[0]  # sigma = -p: P = 2 sigma - Q
+        into_left[-1] = -arrived_right[-1]  # sigma = 0
+        P, Q = arrived_right[at - 1], arrived_left[at]
+        held = np.where(largest < critical, STRENGTH * (1 - largest / critical), 0.0)
+        secant = np.where((opening < largest) & (largest > 0), np.maximum(opening, 0) / np.maximum(largest, 1e-30), 1.0)
+        closing = 0.5 * (P + Q) + 0.5 * impedance * opening / dt  # stops, and closes what is open
+        traction = np.where(closing < 0, closing, np.minimum(held * secant, closing))
+        opening = np.maximum(opening + dt * (P + Q - 2 * traction) / impedance, 0.0)
+        largest = np.maximum(largest, opening)
+        into_right[at], into_left[at - 1] = 2 * traction - Q, 2 * traction - P
+        right, left = into_right, into_left
+        times.append((n + 1) * dt)
+        velocities.append(-arrived_right[-1] / impedance)
+    beyond = slice(at[0], None)
+    mean = float(np.mean(left[beyond] - right[beyond])) / (2 * impedance)
+    return Spalled(np.array(times), np.array(velocities), opening, mean)
+
+
+def bar(size: float) -> Case:
+    """The case, with springs between all cells."""
+    planes = [0.5 * LENGTH - APART * (i + 1) for i in range(PLANES)]
+    never = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
+    bond = {"kind": "linear", "f_t": STRENGTH, "c": 1e9, "G_Ic": ENERGY, "G_IIc": 1e6}
+    rubs = {"kind": "coulomb", "mu_d": 0.0}
+    times = [0.0, RISE, RISE + FALL]
+    return Case.model_validate({
+        "plane": "strain", "order": 1, "duration": END,
+        "mesh": {
+            "kind": "specimen", "shape": {"kind": "rectangle", "width": WIDTH, "height": LENGTH}, "element_size": size,
+            "joints": {f"plane{i + 1}": [-0.5 * WIDTH, y, 0.5 * WIDTH, y] for i, y in enumerate(planes)},
+        },
+        "materials": {"default": {
+            "kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.0, "density": DENSITY,
+        }},
+        "fracture": {
+            "kind": "everywhere", "stiffness_ratio": 30.0, "default": {"cohesion": never, "friction": rubs},
+            "joints": {f"plane{i + 1}": {"cohesion": bond, "friction": rubs} for i in range(PLANES)},
+        },
+        "boundaries": [{
+            "kind": "traction", "edge": "specimen.bottom", "traction": [0.0, STRESS],
+            "history": {"kind": "sampled", "times": times, "values": [0.0, 1.0, 0.0]},
+        }],
+    })  # fmt: skip
+
+
+def spalled(case: Case) -> Spalled:
+    """Run it in memory."""
+    model = Model(case)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    y, mass = model.coordinates[:, 1], model.mass.reshape(-1, 2)[:, 1]
+    top = np.flatnonzero(y > 0.5 * LENGTH - 1e-9)
+    cells = model.space.dofmap.list
+    beyond = cells[y[cells].mean(axis=1) > 0.5 * LENGTH - APART].ravel()
+    times, velocities, lost, work = [], [], [0.0], 1e-300
+    while state.time < END:
+        motion.step(state)
+        velocity = state.velocity.reshape(-1, 2)[:, 1]
+        times.append(state.at_velocity()[0])
+        velocities.append(velocity[top] @ mass[top] / mass[top].sum())
+        if state.step % 50 == 0:
+            energy = motion.energies(state)
+            lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
+            work = max(work, abs(energy["boundary_work"]))
+    cracks = model.cracks
+    assert cracks is not None
+    net, openings = cracks.network, np.zeros(PLANES)
+    for name, number in zip(model.bodies.joints, range(PLANES), strict=True):
+        facets = net.joint[cracks.order] == number
+        weight = net.length[cracks.order][facets]
+        mean = state.cracks["inelastic_opening"][facets].mean(axis=1)
+        openings[int(name.removeprefix("plane")) - 1] = weight @ mean / weight.sum()
+    scab = float(velocity[beyond] @ mass[beyond] / mass[beyond].sum())
+    return Spalled(np.array(times), np.array(velocities), openings, scab, float(np.max(np.abs(lost))) / work)
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    del comm
+    known, case = exact(), bar(0.25e-3 if fine else 0.5e-3)
+    found = {"on_strength": spalled(rigid(case)), "everywhere": spalled(case)}
+    checks = []
+    for kind, each in found.items():
+        whole = float(np.sqrt(np.mean(known.velocity**2)))
+        error = np.interp(each.time, known.time, known.velocity) - each.velocity
+        checks += [
+            Check(f"{kind}: openings of planes, largest error over the widest", 0.0,
+                  float(np.max(np.abs(each.openings - known.openings)) / known.openings.max()), 0.02, "1", SOURCE),
+            Check(f"{kind}: velocity of the scab", known.scab, each.scab, 0.01, "m/s", SOURCE, relative=True),
+            Check(f"{kind}: velocity of the free end, rms error over rms", 0.0,
+                  float(np.sqrt(np.mean(error**2))) / whole, 0.05, "1", SOURCE),
+            Check(f"{kind}: energy closure", 0.0, each.closure, 1e-10, "1", "exact"),
+        ]  # fmt: skip
+    return Outcome(checks, lambda: _draw(known, found))
+
+
+def _draw(known: Spalled, found: dict[str, Spalled]) -> Figure:
+    from ruptfx.figure_style import new_figure
+
+    figure, ((left, right),) = new_figure(1, 2, 2.6, 7)
+    left.plot(1e6 * known.time, known.velocity, "k", lw=0.8, label="characteristics")
+    right.plot(np.arange(1, PLANES + 1), 1e6 * known.openings, "k_", ms=12)
+    for number, (kind, each) in enumerate(found.items()):
+        left.plot(1e6 * each.time, each.velocity, f"C{number}", lw=0.8, label=kind)
+        right.plot(np.arange(1, PLANES + 1), 1e6 * each.openings, f"C{number}{'ox'[number]}", mfc="none")
+    left.set(xlabel="Time (µs)", ylabel="Velocity of the free end (m/s)")
+    left.legend(frameon=False, fontsize=7)
+    right.set(xlabel="Plane", ylabel="Opening (µm)")
+    return figure
