@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import Broken, broken, demo
+from ruptfx.bench._broken import Broken, broken, demo, rigid
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
 if TYPE_CHECKING:
@@ -29,23 +29,27 @@ SOURCE = "Borden et al. (2012) and others"
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     case = demo("branching", [f"mesh.element_size={0.6e-3 if fine else 1e-3}", "duration=95e-6"])
-    found = broken(case)
+    found = {"everywhere": broken(case), "on_strength": broken(rigid(case))}
     material = case.materials["specimen"]
     assert isinstance(material, IsotropicElastic)
     c_R = material.wave_speeds("strain").c_R
+    checks = [check for kind, each in found.items() for check in _checks(kind, each, c_R)]
+    return Outcome(checks, lambda: _draw(found))
+
+
+def _checks(kind: str, found: Broken, c_R: float) -> list[Check]:
     x, y, when = (found.events[name] for name in ("x", "y", "time_of_failure"))
     ahead = x > 0
     places = np.arange(0, END + 1e-9, STEP / 2)
     arrival = np.array([when[ahead & (x >= place)].min(initial=np.inf) for place in places])
     speed = STEP / (arrival[2:] - arrival[:-2])
     apart = [place for place in np.arange(5e-3, END, 1e-3) if _height(x, y, place) > APART]
-    checks = [
-        Check("place of the branching", 20e-3, apart[0] if apart else np.nan, 10e-3, "m", SOURCE),
-        Check("fastest front over 10 mm", 0.65, float(np.max(speed)) / c_R, 0.0, "c_R", SOURCE, "at most"),
-        Check("time at 45 mm", 80e-6, float(arrival[-1]), 10e-6, "s", SOURCE),
+    return [
+        Check(f"{kind}: place of the branching", 20e-3, apart[0] if apart else np.nan, 10e-3, "m", SOURCE),
+        Check(f"{kind}: fastest front over 10 mm", 0.65, float(np.max(speed)) / c_R, 0.0, "c_R", SOURCE, "at most"),
+        Check(f"{kind}: time at 45 mm", 80e-6, float(arrival[-1]), 10e-6, "s", SOURCE),
         found.budget(),
     ]
-    return Outcome(checks, lambda: _draw(found))
 
 
 def _height(x: np.ndarray, y: np.ndarray, place: float) -> float:
@@ -54,12 +58,13 @@ def _height(x: np.ndarray, y: np.ndarray, place: float) -> float:
     return float(np.ptp(y[near])) if near.any() else 0.0
 
 
-def _draw(found: Broken) -> Figure:
+def _draw(found: dict[str, Broken]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 2.6, 6)
-    for ends in found.ends:
-        ax.plot(*(1e3 * ends.T), color="C3", lw=1)
+    for number, each in enumerate(found.values()):
+        for ends in each.ends:
+            ax.plot(*(1e3 * ends.T), color=f"C{number}", lw=1)
     ax.plot([-50, 0], [0, 0], "k", lw=1.5)
     ax.set(xlim=(-50, 50), ylim=(-20, 20), aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
     return figure

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import broken
+from ruptfx.bench._broken import broken, rigid
 from ruptfx.case import Case
 
 if TYPE_CHECKING:
@@ -34,7 +34,9 @@ def strength(c: float, pressure: float) -> float:
     return float(pressure + 2 * (c + MU * pressure) / ((1 - MU / np.tan(BETA)) * np.sin(2 * BETA)))
 
 
-def curve(c: float, pressure: float, size: float, alpha: float) -> tuple[np.ndarray, np.ndarray, Check]:
+def curve(
+    c: float, pressure: float, size: float, alpha: float, kind: str = "everywhere"
+) -> tuple[np.ndarray, np.ndarray, Check]:
     """Strain and axial stress [Pa], and the energy check."""
     strong = {"kind": "linear", "f_t": 1e9, "c": 1e9, "G_Ic": 1e6, "G_IIc": 1e6}
     bond = {"kind": "linear", "f_t": 20e6, "c": c, "G_Ic": 1e3, "G_IIc": 0.5 * c * WEAKENING} if c else None
@@ -66,7 +68,7 @@ def curve(c: float, pressure: float, size: float, alpha: float) -> tuple[np.ndar
             } for edge, sign in (("left", 1), ("right", -1))),
         ],
     })  # fmt: skip
-    found = broken(case)
+    found = broken(rigid(case) if kind == "on_strength" else case)
     force = 0.5 * (found.edges["specimen.bottom.force_y"] - found.edges["specimen.top.force_y"])
     moved = found.edges["specimen.bottom.displacement_y"] - found.edges["specimen.top.displacement_y"]
     return moved / HEIGHT, force / WIDTH, found.budget()
@@ -76,11 +78,12 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     size, alpha = (2e-3, 50.0) if fine else (4e-3, 30.0)
     checks, curves = [], []
-    for c, pressure in ((8e6, 0.0), (8e6, 5e6), (0.0, 5e6)):
-        strain, stress, budget = curve(c, pressure, size, alpha)
+    tried = [("everywhere", 8e6, 0.0), ("everywhere", 8e6, 5e6), ("everywhere", 0.0, 5e6)]
+    for kind, c, pressure in [*tried, *(("on_strength", *laws) for _, *laws in tried)]:
+        strain, stress, budget = curve(c, pressure, size, alpha, kind)
         late = stress[int(0.75 * len(stress)) :]  # several passages of the waves that sliding sends out
         known = strength(c, pressure)
-        name = f"c = {c / 1e6:g}, sigma_3 = {pressure / 1e6:g} MPa"
+        name = f"{kind}, c = {c / 1e6:g}, sigma_3 = {pressure / 1e6:g} MPa"
         checks += [
             Check(f"{name}: stress while it slides", known, float(late.mean()), 0.01, "Pa", "Jaeger (1960)",
                   relative=True),
