@@ -9,6 +9,7 @@ weakens over 50 mm of slip, so that it is whole at the strength. Without cohesio
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,8 +79,8 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     size, alpha = (2e-3, 50.0) if fine else (4e-3, 30.0)
     checks, curves = [], []
-    tried = [("everywhere", 8e6, 0.0), ("everywhere", 8e6, 5e6), ("everywhere", 0.0, 5e6)]
-    for kind, c, pressure in [*tried, *(("on_strength", *laws) for _, *laws in tried)]:
+    tried = [(8e6, 0.0), (8e6, 5e6), (0.0, 5e6)]
+    for kind, (c, pressure) in product(("everywhere", "on_strength"), tried):
         strain, stress, budget = curve(c, pressure, size, alpha, kind)
         late = stress[int(0.75 * len(stress)) :]  # several passages of the waves that sliding sends out
         known = strength(c, pressure)
