@@ -51,11 +51,15 @@ def main() -> None:
     """Serve until the job null comes or the input ends."""
     comm = fem.MPI.COMM_WORLD
     jobs = Jobs() if comm.rank == 0 else None
+    frozen = False
     while (job := comm.bcast(jobs.next() if jobs else None)) is not None:
         answer = _run(job, comm)
         if jobs:
             jobs.answer(answer)
         gc.collect()  # frees the communicators of the meshes, of which MPI has a few thousand
+        if not frozen:  # all that is imported by now stays: to look through it takes a tenth of a second
+            gc.freeze()
+            frozen = True
 
 
 def _run(job: Job, comm: fem.MPI.Comm) -> Table:

@@ -327,9 +327,11 @@ def _parts(value: object) -> Iterator[Part]:
 
 def _is_at_home(cls: type) -> bool:
     """Whether its kind is found without a plug-in."""
+    if cls.__module__.startswith("ruptfx."):
+        return True
     package = home(cls)
     offered = installed(package).get(kind_in(cls)) if package else None
-    return cls.__module__.startswith("ruptfx.") or (offered is not None and offered.module == cls.__module__)
+    return offered is not None and offered.module == cls.__module__
 
 
 def shown(case: CaseFile) -> list[str]:

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -296,14 +296,17 @@ def own_kinds(package: str) -> list[str]:
 
 
 @cache
-def offered() -> EntryPoints:
-    """What installed packages offer to anyone; to find it a file of every one of them is read, so once only."""
-    return entry_points()
+def offered() -> dict[str, dict[str, EntryPoint]]:
+    """What installed packages offer, by contract; to find it a file of every one of them is read, so once only."""
+    found: dict[str, dict[str, EntryPoint]] = {}
+    for entry in entry_points():
+        found.setdefault(entry.group, {})[entry.name] = entry
+    return found
 
 
 def installed(package: str) -> dict[str, EntryPoint]:
     """What installed packages offer, by kind."""
-    return {entry.name: entry for entry in offered().select(group=package)}
+    return offered().get(package, {})
 
 
 def kinds(package: str) -> list[str]:
