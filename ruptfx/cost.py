@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError, fem, painter
+from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
 from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
 from ruptfx.recording.bulk_fields import BulkFields
@@ -37,11 +38,12 @@ LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0}
 # Processor time of the start of the program at most, and of the analysis at its end, over that of a fixed piece of
-# Python; of a plain panel of a figure over that of the start of what draws; bytes of a figure's file
-# (`ruptfx bench command_cost`).
-START, ANALYSIS, PANEL, PICTURE = 40.0, 1.0, 0.072, 0.2e6
+# Python; of a plain panel of a figure over that of the start of what draws (`ruptfx bench command_cost`).
+START, ANALYSIS, PANEL = 40.0, 1.0, 0.085
 PACES = 5  # parts of that piece, the middle one of which counts
-FIGURES, CRACKS = 190e6, 200e6  # bytes of memory of what draws, and more where it draws bodies that break
+# Bytes of memory of what draws: all imported, more for each pixel of the bodies, and more where these break.
+DRAWS, PIXEL, CRACKS = 125e6, 180.0, 160e6
+PICTURE, GRAINS = 0.2e6, 1.1e6  # bytes of a figure's file, and more of all those of a body that breaks, cell by cell
 BYTES = {"double": 8, "single": 4}
 
 
@@ -91,10 +93,16 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
     records, snapshots = _counts(case, steps)
     total = min(started, START * pace) + built - started + opening + max((steps or 0) - 1, 0) * step
     total += max(records - 2, 0) * max(of_record, 0.0) + max(snapshots - 1, 0) * of_snapshot + ANALYSIS * pace
+    memory = largest_memory()
     if draws is not None:
         total += (1 + PANEL * sum(figures.values())) * draws()
-    memory = largest_memory() + bool(figures) * (FIGURES + CRACKS * (case.fracture is not None))
-    return Cost(step, total, memory, _bytes_of_files(model, steps) + len(figures) * PICTURE)
+        memory += DRAWS + CRACKS * (case.fracture is not None)
+        if "wavefield" in figures or "fringes" in figures:
+            size = np.ptp(model.coordinates, axis=0)[:2]
+            memory += PIXEL * PIXELS**2 * size.min() / size.max()
+    disk = _bytes_of_files(model, steps) + len(figures) * PICTURE
+    disk += bool(figures) * (case.fracture is not None) * GRAINS
+    return Cost(step, total, memory, disk)
 
 
 class _Beginning:

@@ -624,6 +624,7 @@ def _cost(model: Model, motion: Motion, steps: int | None, started: float, built
     note = f"on disk, without checkpoints{smaller}; {free / 1e9:.3g} GB are free here"
     yield Row("files", found.disk / 1e6, "MB", note, "ok" if found.disk < free else "warning")
     parts = f"{steps} steps of {found.step:.3g} s, records and pictures; processor time on one rank"
+    parts += "; stop_when may end it before" * (model.case.stop_when is not None)
     yield Row("expected run time", found.time, "s", parts)
 
 

@@ -31,11 +31,14 @@ class Parts:
     @contextmanager
     def one(self, name: str) -> Iterator[None]:
         """Measure a part inside; an error of the product, or a process that takes for ever, ends this part only."""
-        began = time.perf_counter()
+        began, known = time.perf_counter(), len(self.checks)
         try:
             yield
         except (RuptfxError, subprocess.TimeoutExpired) as error:
             self.checks.append(Check(f"{name}: was measured", 1.0, math.nan, source=str(error)[:300]))
         seconds = time.perf_counter() - began
         self.rows.append({"part": name, "seconds": seconds})
-        console(stderr=True).print(f"{name}: {seconds:.0f} s", highlight=False)
+        said = console(stderr=True)
+        said.print(f"{name}: {seconds:.0f} s", highlight=False)
+        for check in self.checks[known:]:  # whoever does not wait for the end has them
+            said.print(f"  {check.quantity}: {check.found:.4g}, expected {check.expected:.4g}", highlight=False)

@@ -2,7 +2,8 @@
 
 Both in processes of their own, on one rank, with all outputs and pictures; processor time, so that other programs count
 little, and memory together with the largest of the processes that draw. Demos of which more than some seconds are told
-are compared over the part of their duration that should take these. Where step sizes follow the state `check` tells
+are compared over the part of their duration that should take these, and none ends before, as a rule of `stop_when` may
+let it, which `check` cannot know. Where step sizes follow the state `check` tells
 no time; such demos are compared over a small part, by memory alone. Without `--fine`: the demos of a few seconds.
 """
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 QUICK = ("antiplane", "gmsh", "impact", "rate_state", "pressed_block")
 ALIKE = 0.3
-LONGEST = 12.0  # s of processor time that are told of a run
+LONGEST = 8.0  # s of processor time that are told of a run
 ADAPTIVE = 0.02  # of the duration, where only memory is compared
 UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
 # What check tells, as JSON; and what a run takes, in its last line.
@@ -92,7 +93,7 @@ def compared(path: Path) -> tuple[float, dict[str, float | None], dict[str, floa
     with tempfile.TemporaryDirectory() as folder:
 
         def told_of(part: float) -> tuple[list[str], dict[str, float | None]]:
-            changes = [f"duration={part * case.duration!r}"] * (part < 1)
+            changes = _changes(case, part)
             return changes, json.loads(_last_line([TOLD, str(path), *changes], folder))
 
         part = ADAPTIVE if case.stepper.adaptive else 1.0
@@ -105,6 +106,15 @@ def compared(path: Path) -> tuple[float, dict[str, float | None], dict[str, floa
         taken = json.loads(_last_line([TAKEN, "run", str(path), "--out", "run", "--quiet", *options], folder))
         size = sum(file.stat().st_size for file in Path(folder, "run").rglob("*") if file.is_file())
     return part, told, dict(zip(UNITS, [*taken, size / 1e6], strict=True))
+
+
+def _changes(case: Case, part: float) -> list[str]:
+    """What makes of a case that part of it, all stages as much shorter, and no end before."""
+    changes = ["stop_when={}"] * (case.stop_when is not None)
+    if part < 1:
+        changes.append(f"duration={part * case.duration!r}")
+        changes += [f"stages.{n}.duration={part * stage.duration!r}" for n, stage in enumerate(case.stages)]
+    return changes
 
 
 def _last_line(arguments: list[str], folder: str) -> str:

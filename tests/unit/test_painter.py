@@ -75,6 +75,11 @@ def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypat
     assert len(list((run / "figures").iterdir())) > 3
 
 
+def test_its_start_is_timed() -> None:
+    """It imports what draws: a tenth of a second would be Python alone."""
+    assert 0.2 < painter.start_up()() < 60
+
+
 def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) -> None:
     painter.prepare()  # what draws is imported
     assert painter._waiting is None
