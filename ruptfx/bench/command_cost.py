@@ -40,17 +40,16 @@ rows = {row.quantity: row.value for row in preflight(read_case(sys.argv[1], sys.
 print(json.dumps({name: rows.get(name) for name in ("expected run time", "memory", "files")}))
 """
 TAKEN = """
-import json, resource, runpy, time
+import atexit, json, resource, runpy, time
 from ruptfx import cost
-try:
-    runpy.run_module("ruptfx", run_name="__main__")
-except SystemExit as ended:
-    if ended.code:
-        raise
-others = resource.getrusage(resource.RUSAGE_CHILDREN)  # those that draw
-print(json.dumps([
-    time.process_time() + others.ru_utime + others.ru_stime, (cost.largest_memory() + 1024 * others.ru_maxrss) / 1e6
-]))
+
+def tell():
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)  # those that draw
+    seconds = time.process_time() + others.ru_utime + others.ru_stime
+    print(json.dumps([seconds, (cost.largest_memory() + 1024 * others.ru_maxrss) / 1e6]), flush=True)
+
+atexit.register(tell)  # the program ends without coming back
+runpy.run_module("ruptfx", run_name="__main__")
 """
 
 
