@@ -51,21 +51,25 @@ class ShearLag:
         """Over which a load goes into the matrix while nothing slides [m]."""
         return sqrt(self.young_modulus * self.radius / (2 * self.matrix_stiffness))
 
-    def pulled(self, strength: float, sliding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def pulled(self, strength: float, sliding: np.ndarray, energy: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Displacement of the loaded end [m] and force [N] when the fibre slides over some length at constant strength.
 
-        Where it ends the traction is the strength, in the sliding zone it is constant:
-        sigma_1 = E u_1 tanh((L - l) / lambda) / lambda with u_1 = strength / k at its end.
+        In the sliding zone the traction is the strength, and where it ends tau_1 = strength + sqrt(2 k energy): as the
+        bond breaks there, the matrix springs back and sets (tau_1 - strength)^2 / (2 k) free. Beyond it the load goes
+        into the matrix: sigma_1 = E u_1 tanh((L - l) / lambda) / lambda with u_1 = tau_1 / k. Of a long fibre without
+        friction the force is that of a debonding crack, pi R^2 sqrt(4 E energy / R).
 
         Parameters
         ----------
         strength : float
-            Of the interface [Pa].
+            Of the interface that slides, friction [Pa].
         sliding : ndarray
             Length l of the zone [m], from the loaded end.
+        energy : float
+            Fracture energy of the bond [J/m2].
         """
         E, R = self.young_modulus, self.radius
-        held = strength / self.matrix_stiffness
+        held = (strength + sqrt(2 * self.matrix_stiffness * energy)) / self.matrix_stiffness
         at_end = E * held * np.tanh((self.length - sliding) / self.decay_length) / self.decay_length
         moved = held + at_end * sliding / E + strength * sliding**2 / (E * R)
         return moved, pi * R**2 * (at_end + 2 * strength * sliding / R)

@@ -5,6 +5,9 @@ all of it then slides at 2 pi R L mu p, exactly but for radiation damping, which
 displacement, while a part of it slides under Coulomb friction, is compared with a bar in a matrix, which leaves out how
 the fibre is sheared and the matrix stretched; and whether it slides steadily under the ageing law with the length above
 which the bar does not.
+
+The glued fibre of `demos/fibre_debonding.toml`, without lateral contraction, too, is pulled out in explicit steps:
+the bond takes its energy times its area, and the figure has the force beside that of a bar whose crack takes it.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 SPEED = 10e-6  # m/s
 SHARES = (0.85, 1.25)  # of the critical length
 STRESS, MU, A, B, D_C = 20e6, 0.3, 0.01, 0.03, 2.5e-6
+ENERGY = 50.0  # J/m2, of the glue
 SOURCE = "shear lag, Cox (1952)"
 
 
@@ -87,6 +91,40 @@ def ageing(share: float, size: float) -> tuple[ShearLag, Pull]:
     return lag, pull(lag.length, 45.0, law, size)
 
 
+@dataclass(frozen=True)
+class Debonding(Pull):
+    """Besides, the energy of the bond and what was taken of it when it was broken [J]."""
+
+    bond: float
+    taken: float
+
+
+@cache
+def debonding(size: float) -> tuple[ShearLag, Debonding]:
+    """A glued fibre of 30 mm whose bond breaks under friction."""
+    table = tomllib.loads(files("ruptfx").joinpath("demos/fibre_debonding.toml").read_text())
+    table |= {"instruments": [], "output": {"figures": False}}
+    table["mesh"]["element_size"] = size
+    for material in table["materials"].values():
+        material["poisson_ratio"] = 0.0
+    case = parse_case(table)
+    assert isinstance(case, Case)
+    model = Model(case, fem.MPI.COMM_SELF)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    face, rows = model.faults[0].interface, []
+    speed, ramp = (abs(table["boundaries"][0]["velocity"]), 20e-6)
+    while state.time < case.duration * (1 - 1e-9):
+        motion.step(state)
+        if state.step % 20 == 0:
+            found = state.faults["main"]
+            force = abs(float(face.weight @ found["shear_traction"].reshape(-1)))
+            rows.append((state.time, speed * (state.time - 0.5 * ramp), force))
+    energy = table["faults"]["main"]["cohesion"]["G_IIc"]
+    bond = float(face.weight @ np.interp(face.position, energy["positions"], energy["values"]))
+    time, moved, force = np.array(rows).T
+    return bar(table["mesh"]["length"]), Debonding(time, moved, force, bond, model.energies(state)["fracture"])
+
+
 def swing(pulled: Pull) -> float:
     """Largest over smallest force of the last third, less one."""
     late = pulled.force[pulled.time > pulled.time[-1] * 2 / 3]
@@ -101,6 +139,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     moved, force = lag.pulled(MU * STRESS, lag.length * np.array([0.25, 0.5, 0.75]))
     found = np.interp(moved, sliding.moved, sliding.force)
     stable, unstable = (ageing(share, size) for share in SHARES)
+    debonded = debonding(size)[1]
     balance = "equilibrium"
     checks = [
         Check("Coulomb: force when all of it slides", friction * lag.length, sliding.force[-1], 1e-5, "N", balance,
@@ -109,6 +148,8 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
             Check(f"Coulomb: force when {part} of it slides", expected, got, 0.05, "N", SOURCE, relative=True)
             for part, expected, got in zip(("a quarter", "half", "three quarters"), force, found, strict=True)
         ),
+        Check("glued: energy that the bond took", debonded.bond, debonded.taken, 0.01, "J", "G_IIc times its area",
+              relative=True),
         Check("ageing law, 0.85 critical length: force in the end", friction * stable[0].length, stable[1].force[-1],
               1e-3, "N", balance, relative=True),
         Check("ageing law, 0.85 critical length: swing of force", 0.01, swing(stable[1]), 0, "1", SOURCE, "at most"),
@@ -118,21 +159,26 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def figure(size: float) -> Figure:
-    """Force against displacement of the three fibres."""
+    """Force against displacement of the four fibres."""
     from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled
     def draw() -> Figure:
-        picture, (axes,) = new_figure(1, 2, 2.7)
+        picture, (axes,) = new_figure(1, 3, 2.7)
         lag, sliding = coulomb(size)
         moved, force = lag.pulled(MU * STRESS, np.linspace(0, lag.length, 50))
         axes[0].plot(sliding.moved * 1e6, sliding.force, color=STEADY, label="finite elements")
         axes[0].plot(np.append(0, moved) * 1e6, np.append(0, force), "--", color="0.3", label="shear lag")
         axes[0].legend(title="Coulomb friction")
+        lag, debonded = debonding(size)
+        moved, force = lag.pulled(MU * STRESS, np.linspace(6e-3, lag.length, 50), ENERGY)
+        axes[1].plot(debonded.moved * 1e6, debonded.force, color=STEADY)
+        axes[1].plot(moved * 1e6, force, "--", color="0.3")
+        axes[1].legend(title="glued")
         for share, colour in zip(SHARES, (STEADY, STICK_SLIP), strict=True):
             lag, pulled = ageing(share, size)
-            axes[1].plot(pulled.moved * 1e6, pulled.force, color=colour, label=f"{share:g} critical length")
-        axes[1].legend(title="ageing law")
+            axes[2].plot(pulled.moved * 1e6, pulled.force, color=colour, label=f"{share:g} critical length")
+        axes[2].legend(title="ageing law")
         for ax in axes:
             ax.set(xlabel="Displacement of the loaded end (µm)", ylabel="Force (N)", xlim=(0, None), ylim=(0, None))
         letter(axes)

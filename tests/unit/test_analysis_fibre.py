@@ -52,6 +52,17 @@ def test_all_of_it_slides_at_the_strength_of_its_surface() -> None:
     assert force[0] == pytest.approx(2 * pi * FIBRE.radius * FIBRE.length * 6e6, rel=1e-12)
 
 
+def test_a_debonding_crack_releases_the_energy_of_the_bond() -> None:
+    """F^2 / 2 dC/dl = 2 pi R energy at any length of the crack, and sqrt(4 E energy / R) of a long fibre."""
+    energy, at, step = 50.0, 12e-3, 1e-6
+    moved, force = FIBRE.pulled(0.0, np.array([at - step, at, at + step]), energy)
+    compliance = moved / force
+    released = 0.5 * force[1] ** 2 * (compliance[2] - compliance[0]) / (2 * step)
+    assert released == pytest.approx(2 * pi * FIBRE.radius * energy, rel=1e-6)
+    _, long = replace(FIBRE, length=1.0).pulled(0.0, np.array([at]), energy)
+    assert long[0] == pytest.approx(pi * 1e-6 * np.sqrt(4 * 70e9 * energy / 1e-3), rel=1e-9)
+
+
 def test_critical_length_is_where_the_softest_mode_is_neutral() -> None:
     weakening = 1.6e11
     fibre = replace(FIBRE, length=FIBRE.critical_length(weakening))
