@@ -172,9 +172,9 @@ def figure(size: float) -> Figure:
         axes[0].legend(title="Coulomb friction")
         lag, debonded = debonding(size)
         moved, force = lag.pulled(MU * STRESS, np.linspace(6e-3, lag.length, 50), ENERGY)
-        axes[1].plot(debonded.moved * 1e6, debonded.force, color=STEADY)
+        axes[1].plot(debonded.moved * 1e6, debonded.force, color=STEADY, lw=0.7)
         axes[1].plot(moved * 1e6, force, "--", color="0.3")
-        axes[1].legend(title="glued")
+        axes[1].set_title("glued")
         for share, colour in zip(SHARES, (STEADY, STICK_SLIP), strict=True):
             lag, pulled = ageing(share, size)
             axes[2].plot(pulled.moved * 1e6, pulled.force, color=colour, label=f"{share:g} critical length")
