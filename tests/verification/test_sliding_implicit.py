@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from compare import largest_difference
+from scipy.integrate import solve_ivp
 from sliding_cases import STIFF, rough
 from small_cases import HOMALITE, merged, plates
 from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, stages
 from ruptfx.bench import westergaard
 from ruptfx.case import parse_case
 from ruptfx.implicit import ConvergenceError, condensed
@@ -244,6 +245,65 @@ def test_a_block_slides_down_a_slope() -> None:
     np.testing.assert_allclose(gained, G * (np.sin(SLOPE) - 0.1 * np.cos(SLOPE)), rtol=5e-3)
     assert mean(state.displacement) > 0.3e-3
     np.testing.assert_allclose(state.faults["main"]["slip"].mean(), mean(state.displacement), rtol=1e-2)
+
+
+def spring_slider(stiffness: float, law: dict[str, float], pressure: float, speed: float, age: float) -> list[float]:
+    """When a massless slider that is pulled from rest, tau = k (V t - s), slides 3, 10, 30 and 100 times as fast as it
+    is pulled [s]."""
+    a, b, D_c, f_0, V_0 = (law[name] for name in ("a", "b", "D_c", "f_0", "V_0"))
+
+    def log_rate(time: Any, slip: Any, log_age: Any) -> Any:
+        carried = stiffness * (speed * time - slip) / pressure
+        return np.log(V_0) + (carried - f_0 - b * (np.log(V_0 / D_c) + log_age)) / a
+
+    def slopes(time: float, y: np.ndarray) -> list[float]:
+        rate = np.exp(log_rate(time, *y))
+        return [rate, np.exp(-y[1]) - rate / D_c]
+
+    events = []
+    for times in (3, 10, 30, 100):
+        events.append(lambda time, y, times=times: log_rate(time, *y) - np.log(times * speed))
+    events[-1].terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(
+        slopes, (0, 100.0), [0.0, np.log(age)], "LSODA", events=events, rtol=1e-9, atol=1e-14, max_step=0.05
+    )
+    return [float(when[0]) for when in found.t_events]
+
+
+def test_slip_nucleates_as_in_the_spring_slider() -> None:
+    """A stiff block pressed on a base, which then moves away under it, held by springs of half the critical stiffness:
+    it is dragged along, and slips as the massless slider runs away. Bodies are 0.15 % as compliant as the springs."""
+    law = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-4}
+    pressure, speed, press, age = 5e6, 1e-4, 1.0, 0.1
+    stiffness = 0.5 * (law["b"] - law["a"]) * pressure / law["D_c"]
+    load = {"kind": "traction", "edge": "upper.top", "traction": [0.0, -pressure]}
+    base = {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": 0.0}
+    fixed = [*held("lower.bottom", "y"),
+             {"kind": "spring", "edge": "upper.top", "normal": 0.0, "tangential": stiffness}]  # fmt: skip
+    given = parse_case(flat({
+        "order": 1, "duration": 10.0, "mesh.upper.height": 0.05e-3,  # low, so that it does not tilt
+        "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.0,
+                                  "density": 1246.0}},
+        "faults.main.contact": {"kind": "compliant", "C_n": 1e13, "C_s": 1e13},
+        "faults.main.friction": {"kind": "rate_and_state_ageing", **law, "theta_initial": age},
+        "faults.main.initial_stress": {"normal": 0.0}, "boundaries": [],
+        "stages": [{"duration": press, "boundaries": [*fixed, base, {**load, "ramp": 0.5}]},
+                   {"duration": 9.0, "boundaries": [*fixed, {**base, "velocity": -speed}, load]}],
+        "stepper": {"kind": "quasi_static", "slip_tolerance": 5e-9, "rate_tolerance": 5e-3},
+    }))  # fmt: skip
+    motion = stages.bind(model := Model(given))  # type: ignore[arg-type]
+    state, times, rates = model.initial_state(), [0.0], [1e-300]
+    area, fault = model.faults[0].interface.weight, state.faults["main"]
+    while rates[-1] < 100 * speed and state.step < 400:
+        motion.step(state)
+        times.append(state.time - press)
+        rates.append(max(float(area @ fault["slip_rate"] / area.sum()), 1e-300))
+    growing = slice(int(np.argmax(np.array(rates) > speed)), None)
+    found = np.interp(np.log([3 * speed, 10 * speed, 30 * speed, 100 * speed]), np.log(rates[growing]), times[growing])
+    expected = np.array(spring_slider(stiffness, law, pressure, speed, age + press))
+    np.testing.assert_allclose(found, expected, rtol=3e-3)
+    # Its last decades take a thousandth of the time.
+    np.testing.assert_allclose(found[-1] - found[:-1], expected[-1] - expected[:-1], rtol=0.1)
 
 
 @every_contact
