@@ -56,7 +56,8 @@ class Follower:
         farthest = float(np.abs(slip - slip_then).max())
         self._room = face.limit - farthest
         slid = farthest > face.limit
-        moved = not face.covered.all() and np.abs((state.displacement - followed)[face.dofs]).max() > face.near
+        dofs = face.dofs
+        moved = not face.covered.all() and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
         if slid or moved:
             held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)
