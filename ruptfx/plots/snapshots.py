@@ -59,6 +59,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
              "normal_stress": ("Normal stress", "Pa")}
     figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
     axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
+    marked = False
     for column, (name, (title, unit)) in enumerate(names.items()):
         values = data[name].isel(time=rows).values * (1.0 if name == "normal_stress" else sign)
         size, printed = scale(values, unit)
@@ -69,7 +70,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
             if name == "shear_traction" and strengths is not None:
                 ax.plot(position / x_size, strengths[number] / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
             ax.set_ylabel(f"{title} ({printed})")
-            _marks(ax, record, saved[row], x_size, named=column > 0)
+            marked |= _marks(ax, record, saved[row], x_size, named=column > 0)
         middle, largest = values.mean() / size, np.abs(values).max() / size
         if name == "shear_traction":
             top = 0.0 if strengths is None else float(np.nanmax(strengths)) / size
@@ -88,12 +89,14 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     for ax, row in zip(axes[:, 0], rows, strict=True):
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
     known = "" if strengths is None else "Dotted beside the shear traction: the strength."
-    remark(figure, known, turned(record), whose_speeds(record))
+    remark(figure, known, turned(record), whose_speeds(record) if marked else "")
     letter(axes.ravel())
     return figure
 
 
-def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> None:
+def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> bool:
+    """How far waves have come; whether that is in sight."""
+    seen = False
     start, begin = rupture_origin(record)
     left, right = ax.get_xlim()
     labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other
@@ -102,8 +105,10 @@ def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> 
             place = (start + sign * speed * (time - begin)) / x_size
             if not (time > begin and left < place < right):
                 continue
+            seen = True
             ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
             if named and place > labelled + 0.08 * (right - left):
                 labelled = place
                 ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
                             textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
+    return seen
