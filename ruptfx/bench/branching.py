@@ -64,9 +64,11 @@ def _draw(found: dict[str, Broken]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 2.6, 6)
-    for number, each in enumerate(found.values()):
+    for number, (kind, each) in enumerate(found.items()):
         for ends in each.ends:
             ax.plot(*(1e3 * ends.T), color=f"C{number}", lw=1)
+        ax.plot([], [], f"C{number}", lw=1, label=kind)
     ax.plot([-50, 0], [0, 0], "k", lw=1.5)
     ax.set(xlim=(-50, 50), ylim=(-20, 20), aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
+    ax.legend(frameon=False, fontsize=7, loc="upper left")
     return figure

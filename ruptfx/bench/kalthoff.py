@@ -60,9 +60,11 @@ def _draw(found: dict[str, list[Broken]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.4, 4)
-    for number, plates in enumerate(found.values()):
+    for number, (kind, plates) in enumerate(found.items()):
         for ends in np.concatenate([each.ends for each in plates]):
             ax.plot(*(1e3 * ends.T), color=f"C{number}", lw=1)
+        ax.plot([], [], f"C{number}", lw=1, label=kind)
     ax.plot([0, 50], [25, 25], "k", lw=1.5)
     ax.set(xlim=(0, 100), ylim=(0, 100), aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
+    ax.legend(frameon=False, fontsize=7, loc="upper left")
     return figure

@@ -183,5 +183,6 @@ def _draw(known: Spalled, found: dict[str, Spalled]) -> Figure:
         right.plot(np.arange(1, PLANES + 1), 1e6 * each.openings, f"C{number}{'ox'[number]}", mfc="none")
     left.set(xlabel="Time (µs)", ylabel="Velocity of the free end (m/s)")
     left.legend(frameon=False, fontsize=7)
-    right.set(xlabel="Plane", ylabel="Opening (µm)")
+    right.set(xlabel="Plane", ylabel="Opening (µm)", xlim=(0, PLANES + 1), ylim=(0, None))
+    right.set_xticks(range(1, PLANES + 1))
     return figure

@@ -84,23 +84,26 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         strain, stress, budget = curve(c, pressure, size, alpha, kind)
         late = stress[int(0.75 * len(stress)) :]  # several passages of the waves that sliding sends out
         known = strength(c, pressure)
-        name = f"{kind}, c = {c / 1e6:g}, sigma_3 = {pressure / 1e6:g} MPa"
+        laws = f"c = {c / 1e6:g}, sigma_3 = {pressure / 1e6:g} MPa"
         checks += [
-            Check(f"{name}: stress while it slides", known, float(late.mean()), 0.01, "Pa", "Jaeger (1960)",
+            Check(f"{kind}, {laws}: stress while it slides", known, float(late.mean()), 0.01, "Pa", "Jaeger (1960)",
                   relative=True),
             budget,
         ]
-        curves.append((name, strain, stress, known))
+        curves.append((kind, laws, strain, stress, known))
     return Outcome(checks, lambda: _draw(curves))
 
 
-def _draw(curves: list[tuple[str, np.ndarray, np.ndarray, float]]) -> Figure:
+def _draw(curves: list[tuple[str, str, np.ndarray, np.ndarray, float]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
-    figure, ((ax,),) = new_figure(1, 1, 3.0, 5)
-    for number, (name, strain, stress, known) in enumerate(curves):
-        ax.plot(100 * strain, stress / 1e6, f"C{number}", lw=1, label=name)
-        ax.axhline(known / 1e6, color=f"C{number}", ls=":", lw=0.8)
-    ax.set(xlabel="Strain (%)", ylabel="Axial stress (MPa)")
-    ax.legend(frameon=False, fontsize=7)
+    figure, axes = new_figure(1, 2, 3.0, 7)
+    for ax, chosen in zip(axes[0], ("everywhere", "on_strength"), strict=True):
+        of_kind = [curve for curve in curves if curve[0] == chosen]
+        for number, (_, laws, strain, stress, known) in enumerate(of_kind):
+            ax.plot(100 * strain, stress / 1e6, f"C{number}", lw=1, label=laws)
+            ax.axhline(known / 1e6, color=f"C{number}", ls=":", lw=0.8)
+        ax.set(xlabel="Strain (%)", title=chosen)
+    axes[0, 0].set_ylabel("Axial stress (MPa)")
+    axes[0, 1].legend(frameon=False, fontsize=7)
     return figure

@@ -83,6 +83,21 @@ def test_check_says_what_the_mesh_resolves() -> None:
     assert 50 < fine.value < 60 and lost.value == pytest.approx(1e-3 * fine.value) and "refine" in lost.note
 
 
+def test_check_says_how_far_waves_go_between_two_looks_at_the_strength() -> None:
+    """Nothing about springs, which are not there; 40 steps are too many."""
+
+    def rows(every: int) -> dict[str, Any]:
+        given = {"kind": "on_strength", "check_every": every, "default": {"cohesion": WEAK, "friction": RUBS}}
+        return {row.quantity: row for row in preflight(case({"fracture": given, "duration": 1e-6}))}
+
+    name = "fracture: way of a wave between two looks at the strength"
+    often, seldom = rows(1), rows(40)
+    assert often[name].verdict == "ok" and seldom[name].verdict == "warning"
+    assert seldom[name].value == pytest.approx(40 * often[name].value)
+    assert "reduce fracture.check_every" in seldom[name].note
+    assert not any("stiffness of cells" in quantity for quantity in often)
+
+
 def test_compensated_springs_leave_the_moduli_alone() -> None:
     """A patch of cells and springs under uniform stress: mean strain as the case has it, in both directions.
 
