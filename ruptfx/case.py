@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from ruptfx import Table
 from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.cohesion import AnyCohesion
+from ruptfx.collisions import AnyCollisions
 from ruptfx.contact import AnyContact
 from ruptfx.cracks import AnyFracture
 from ruptfx.friction import AnyFriction
@@ -45,8 +46,8 @@ if TYPE_CHECKING:
     from ruptfx.lumped import LumpedModel
 
 FOLDERS = [
-    "meshes", "materials", "contact", "friction", "cohesion", "cracks", "nucleation", "boundaries", "steppers",
-    "instruments", "profiles", "phases",
+    "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
+    "steppers", "instruments", "profiles", "phases",
 ]  # fmt: skip
 
 
@@ -179,6 +180,8 @@ class Case(CaseFile):
     """Interfaces by name; the meshes made here call theirs `main`."""
     fracture: AnyFracture | None = None
     """How the bodies break, along the facets of a mesh of triangles; without it, they do not."""
+    collisions: AnyCollisions | None = None
+    """How pieces and bodies meet that were no neighbours; without it they pass through each other."""
     initial_velocity: dict[Name, Velocity] = {}
     """Of bodies that fly when the run begins, by body, where bodies may break; the others are at rest."""
     boundaries: list[AnyBoundary] = []
@@ -290,6 +293,15 @@ class Case(CaseFile):
             raise ValueError("large_rotations: damping.kelvin_voigt would resist rotation; use damping.mass, or none")
 
     def _check_fracture(self) -> None:
+        if self.collisions is not None:
+            if self.fracture is None or not self.large_rotations:
+                raise ValueError(
+                    "collisions: what moves far may turn and break; add the table [fracture], and large_rotations = "
+                    "true before the first table"
+                )
+            if self.fracture.kind() != "everywhere":
+                raise ValueError(f"collisions: fracture.kind = '{self.fracture.kind()}' has no springs to go by; use "
+                                 "'everywhere'")
         if self.fracture is None:
             if self.initial_velocity:
                 raise ValueError(

@@ -16,6 +16,7 @@ from ruptfx import RuptfxError, axisymmetry, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
+from ruptfx.collisions._step import FIELD, CollisionStep
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
@@ -102,6 +103,9 @@ class Model:
         self.materials = self._materials()
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations
+        )  # fmt: skip
+        self.collisions = None if case.collisions is None or self.cracks is None else CollisionStep(
+            self.cracks, self.bodies, case.collisions, self.materials, case.plane
         )  # fmt: skip
         of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
         self.bulk = operators.Bulk(
@@ -339,6 +343,9 @@ class Model:
         state = State(zero, self._initial_velocity(), self.force.array, faults, cracks=cracks)
         sliding = [fault.name for fault in self.faults if fault.slides]
         state.energy |= {f"{fault}.{name}": 0.0 for fault in sliding for name in TAKEN_IN_SLIDING}
+        if self.collisions is not None:
+            cracks[FIELD] = np.zeros(len(cracks["damage"]))
+            state.pairs = self.collisions.initial_state()
         # What is there at the start counts as given.
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         return state
@@ -402,6 +409,8 @@ class Model:
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         if self.cracks is not None:
             held += self.cracks.stored(state.cracks, half * state.velocity, state.at_faults()[1])
+        if self.collisions is not None:
+            held += self.collisions.stored(state, half * state.velocity)
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {
             "kinetic": kinetic,

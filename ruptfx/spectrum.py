@@ -67,6 +67,8 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     for fault, springs_of in stiffness:
         nodes, lengths = fault.interface.without_partner()
         later[nodes] += 2 * springs_of.max() * lengths
+    if springs and model.collisions is not None:
+        later += model.collisions.without_partner()
     later = np.repeat(later, model.components) if later.any() else later[:0]
     work = np.empty_like(root)  # all else that is as long is made once, too: new memory costs more than arithmetic
 

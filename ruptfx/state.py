@@ -35,6 +35,8 @@ class State:
         Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
     points : dict of str to dict of ndarray, shape (n,)
         Fields of points that it carries, by fault.
+    pairs : dict of ndarray, shape (n,)
+        What friction holds between cells that collide; empty where none may.
     watched : bool
         Whether energies will be asked for after the next step, which may then sum them on its way.
     unseen : bool
@@ -57,6 +59,7 @@ class State:
     watched: bool = False
     cracks: FaultState = field(default_factory=dict)
     points: dict[str, FaultState] = field(default_factory=dict)
+    pairs: FaultState = field(default_factory=dict)
     unseen: bool = False
     behind: Callable[[State], None] | None = field(default=None, repr=False)
 

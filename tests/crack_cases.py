@@ -32,5 +32,24 @@ def block(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(table, changes or {})
 
 
+def meeting_blocks(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A brittle block that hits another one obliquely and breaks to pieces, which rub against each other."""
+    brittle = {"kind": "linear", "f_t": 4e6, "c": 6e6, "G_Ic": 1.0, "G_IIc": 3.0}
+    table = {
+        "plane": "strain", "order": 1, "duration": 1.2e-5, "large_rotations": True,
+        "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": {
+            "plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 10e-3, "height": 2e-3},
+            "stone": {"kind": "rectangle", "center": [0.3e-3, 2.95e-3], "width": 3e-3, "height": 3e-3, "angle": 20.0},
+        }},
+        "materials": {"default": GRANITE},
+        "fracture": {"kind": "everywhere", "unresolved": True, "default": {"cohesion": brittle, "friction": RUBS}},
+        "collisions": {"kind": "potential", "hand_over": 0.1},
+        "initial_velocity": {"stone": [30.0, -60.0]},
+        "boundaries": [{"kind": "driven", "edge": "plate.bottom", "component": "y", "velocity": 0.0}],
+        "output": {"figures": False, "interface_interval": 2e-6, "bulk_interval": 1e-5},
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
 def case(changes: dict[str, Any] | None = None) -> Case:
     return parse_case(block(changes), HERE)

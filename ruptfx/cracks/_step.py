@@ -94,6 +94,8 @@ class CrackStep:
         What the cells of every body are made of.
     edge : float
         Mean length of facets [m].
+    weight, half_length : ndarray, shape (facets,)
+        Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
 
     Raises
     ------
@@ -105,7 +107,7 @@ class CrackStep:
         self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, fracture: Fracture,
         materials: Sequence[Material], plane: Plane, large_rotations: bool = False,
     ) -> None:  # fmt: skip
-        self.fracture, self.large_rotations = fracture, large_rotations
+        self.space, self.fracture, self.large_rotations = space, fracture, large_rotations
         for key, laws in fracture.all_laws():
             _check(key, laws)
         self.network = net = CrackNetwork(space, bodies, fracture.rigid)
@@ -138,7 +140,8 @@ class CrackStep:
             self.stiffness = (2 / (1 / of_body[net.bodies]).sum(axis=1))[self.order]
         self.corners = net.corners[self.order]
         self.owned = owned[self.order]
-        self.weight = 0.5 * net.length[self.order]
+        self.half_length = 0.5 * net.length[self.order]
+        self.weight = self.half_length.copy()
         self.normal = net.normal[self.order]
         along = (net.ends[:, 1] - net.ends[:, 0])[self.order]
         self.along = np.sum(along * self.tangent, axis=1)  # length, with the sign of its sense along the tangent
@@ -211,6 +214,12 @@ class CrackStep:
     def counted(self, nodes: np.ndarray) -> np.ndarray:
         """Of local nodes those that this rank counts in sums over all ranks."""
         return np.asarray(nodes[nodes < self._owned_nodes])
+
+    def release(self, facets: np.ndarray) -> None:
+        """Leave some facets to somebody else, shape (facets,) of bool: from now on they exert nothing."""
+        self.weight[:] = np.where(facets, 0.0, self.half_length)
+        for kernel in self._kernels:
+            kernel.weigh(self.weight)
 
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Add the forces of all springs, none of which has yielded, at the nodes this rank owns [N]."""
@@ -352,10 +361,16 @@ class _Kernel:
         corners = cracks.corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
         rows = [*cracks.normal.T, cracks.weight, cracks.stiffness, *([cracks.along] * cracks.large_rotations)]
         columns = np.stack([row[facets] for row in rows])[:, fill]
-        columns[2, self._count :] = 0  # what fills up the last block exerts no force
         self._node = np.ascontiguousarray(2 * corners.reshape(2, -1, 2 * width).transpose(1, 0, 2), np.int32)
         self._fixed = np.ascontiguousarray(columns.reshape(len(rows), -1, width).transpose(1, 0, 2))
         self._owned = cracks.owned[facets].astype(float)
+        self.weigh(cracks.weight)
+
+    def weigh(self, weight: np.ndarray) -> None:
+        """Set the length that ends stand for, of all facets [m]; what fills up the last block exerts no force."""
+        lengths = np.zeros(self._fixed[:, 2].size)
+        lengths[: self._count] = weight[self._facets]
+        self._fixed[:, 2] = lengths.reshape(len(self._fixed), -1)
 
     def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:
         if not self._count:

@@ -220,6 +220,10 @@ void update(long facets, double since, double time, const int *node, const doubl
             AT_ENDS(shear_traction) = shear;
         } else {
             for (int l = 0; l < count; l++) {
+                if (weight[l] == 0) {  // somebody else cares for it
+                    OLD(normal_traction) = OLD(shear_traction) = 0;
+                    continue;
+                }
                 if (fine[l]) {
                     OLD(normal_traction) = normal[l], OLD(shear_traction) = shear[l];
                     continue;

@@ -75,6 +75,7 @@ class Checkpoints:
             slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
             faults = {fault.name: recorder.gather_fault(fault, state) for fault in model.faults}
             cracks = {} if model.cracks is None else model.cracks.gather(state.cracks)
+            pairs = {} if model.collisions is None else model.collisions.gather(state)
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
             samples = recorder.samples.table()
@@ -83,7 +84,7 @@ class Checkpoints:
         folder = recorder.out / FOLDER
         temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
         recorder.meet(lambda: _make_anew(temporary) if first else None)
-        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks)))
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks, pairs)))
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
@@ -93,7 +94,7 @@ class Checkpoints:
 
     def _write_files(
         self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]],
-        cracks: dict[str, np.ndarray],
+        cracks: dict[str, np.ndarray], pairs: dict[str, np.ndarray],
     ) -> dict[str, str]:  # fmt: skip
         """This rank's part of the state, and a copy of its history files; their checksums by name."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
@@ -103,6 +104,7 @@ class Checkpoints:
                 for fault, fields in faults.items():
                     file.whole.create_group(f"faults/{fault}").update(fields)
                 file.whole.create_group("cracks").update(cracks)
+                file.whole.create_group("pairs").update(pairs)
         written = list(file.paths)
         for path in self._recorder.settle():
             written.append(folder / path.name)
@@ -182,7 +184,7 @@ class Checkpoint:
             On all ranks: it cannot be read.
         """
         error, slabs, faults = None, dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
-        cracks = dict[str, np.ndarray]()
+        cracks, pairs = dict[str, np.ndarray](), dict[str, np.ndarray]()
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
                 slabs = {name: rows[model.layout.slabs.here] for name, rows in file["nodes"].items()}
@@ -191,6 +193,7 @@ class Checkpoint:
                     names = [*state.faults[fault.name], *self.manifest["points"].get(fault.name, [])]
                     faults[fault.name] = {name: saved[name][()] for name in names}
                 cracks = {name: file[f"cracks/{name}"][()] for name in state.cracks}
+                pairs = {name: file[f"pairs/{name}"][()] for name in state.pairs}
         except (OSError, KeyError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
         parallel.raise_on_all(model.comm, error)
@@ -205,6 +208,7 @@ class Checkpoint:
         if model.cracks is not None:
             for name, values in state.cracks.items():
                 values[:] = cracks[name][model.cracks.number]
+        state.pairs = pairs  # of all ranks; each looks for its own
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:

@@ -239,9 +239,9 @@ class LeapfrogMotion:
         plain : ndarray, shape (2,)
             What the kernel summed over plain nodes.
         internal : ndarray, shape (held degrees of freedom,)
-            Internal and viscous force and that of elastic supports and cracks, before anything else acts [N].
+            Internal and viscous force, that of elastic supports, cracks and collisions, before anything else acts [N].
         between : ndarray, shape (nodes * components,), optional
-            That of cracks alone, at the nodes this rank owns [N].
+            That of cracks and collisions alone, at the nodes this rank owns [N].
         stored : float, optional
             Strain energy at the displacement before, where it is no quadratic form [J]: half a step later it is
             W(u_n) - f . v dt / 2, which is u_(n+1)' K u_n / 2 where it is one.
@@ -293,7 +293,7 @@ class LeapfrogMotion:
         state.force[dofs] += force[dofs]
 
     def _cracks(self, state: State, kick: _Kick) -> np.ndarray | None:
-        """Add the forces of cracks at the nodes this rank owns; a copy of them where energies are watched.
+        """Add the forces of cracks and collisions at the nodes this rank owns; a copy where energies are watched.
 
         They come before those of the cells: sums have the same order on any number of ranks.
         """
@@ -304,6 +304,8 @@ class LeapfrogMotion:
             self._pieces.part(state)
             return None
         cracks(state, self.model.mass, kick.since)
+        if self.model.collisions is not None:
+            self.model.collisions(state, kick.since)
         return state.force.copy() if state.watched else None
 
     def _viscous_work(self, state: State, kick: _Kick) -> float:

@@ -1,0 +1,118 @@
+"""Blocks that collide, slide and lean on each other: momentum, energy and friction of potential contact.
+
+Head-on and oblique: two elastic blocks of triangles that do not match fly at each other and away again. Momentum and
+angular momentum are those of the beginning to rounding; energy has an error of second order in the step, here at half of
+the usual one. Incline: a block lies on a plate that is turned by theta, under gravity; it must stay where
+tan(theta) < mu, and otherwise slide by (sin(theta) - mu cos(theta)) g t^2 / 2. There g is 1e5 m/s^2, so that fractions of
+a millisecond are enough. It begins at a distance of nothing without load, so that it bounces a little at first.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.bench import Check, Outcome
+from ruptfx.case import Case, parse_case
+from ruptfx.model import Model
+
+DENSITY = 2600.0
+NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e9, "G_IIc": 1e9}
+
+
+def pair(bodies: dict[str, Any], mu: float, duration: float, changes: dict[str, Any]) -> Case:
+    """Two bodies that do not break, of triangles of 1 mm."""
+    found = parse_case({
+        "plane": "strain", "order": 1, "duration": duration, "large_rotations": True,
+        "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": bodies},
+        "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25,
+                                  "density": DENSITY}},
+        "fracture": {"kind": "everywhere", "default": {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": mu}}},
+        "collisions": {"kind": "potential"}, **changes,
+    })  # fmt: skip
+    assert isinstance(found, Case)
+    return found
+
+
+class Flight:
+    """A case on its way, with what is conserved."""
+
+    def __init__(self, case: Case) -> None:
+        self.model = Model(case, fem.MPI.COMM_SELF)
+        self.motion, self.state = case.stepper.bind(self.model), self.model.initial_state()
+        self.mass, self.x = self.model.mass.reshape(-1, 2), self.model.coordinates[:, :2]
+        self._steps = int(np.ceil(case.duration / self.motion.dt))
+
+    def momentum(self) -> np.ndarray:
+        """x, y, and angular momentum over a length of 1 mm."""
+        v, now = self.state.velocity.reshape(-1, 2), self.x + self.state.at_faults()[1].reshape(-1, 2)
+        spin = np.sum(self.mass[:, 0] * (now[:, 0] * v[:, 1] - now[:, 1] * v[:, 0]))
+        return np.array([*(self.mass * v).sum(axis=0), spin / 1e-3])
+
+    def fly(self) -> tuple[float, float]:
+        """Largest change of the momenta over that of one body, and energy that is missing in the end over all."""
+        first = self.momentum()
+        one, changed = np.abs(self.mass * self.state.velocity.reshape(-1, 2)).sum() / 2, 0.0
+        for step in range(self._steps):
+            self.motion.step(self.state)
+            if one > 0 and (step % 100 == 0 or step == self._steps - 1):
+                changed = max(changed, np.abs(self.momentum() - first).max() / one)
+        energy = self.motion.energies(self.state)
+        given = energy.pop("boundary_work")
+        return float(changed), float(abs(given - sum(energy.values())) / given)
+
+    def middle(self, body: str) -> np.ndarray:
+        """Of the mass of a body, moved since the start [m]."""
+        cells = self.model.bodies.cell_body == self.model.bodies.names.index(body)
+        nodes = self.model.space.dofmap.list[cells].ravel()
+        return np.average(self.state.displacement.reshape(-1, 2)[nodes], axis=0, weights=self.mass[nodes, 0])
+
+
+def collide(angle: float, safety: float) -> tuple[float, float]:
+    """Change of momentum and missing energy; angle [degree] of one of the blocks."""
+    bodies = {
+        "a": {"kind": "rectangle", "center": [0.0, 0.0], "width": 4e-3, "height": 3e-3},
+        "b": {"kind": "rectangle", "center": [4.05e-3 if angle == 0 else 4.5e-3, 0.4e-3], "width": 4e-3, "height": 3e-3,
+              "angle": angle},
+    }  # fmt: skip
+    flight = Flight(pair(bodies, 0.0, 2e-5 if angle == 0 else 6e-5, {
+        "initial_velocity": {"a": [5.0, 0.0], "b": [-5.0, 0.5]}, "stepper": {"safety": safety},
+    }))  # fmt: skip
+    return flight.fly()
+
+
+def slide(theta: float, mu: float, duration: float) -> tuple[float, float]:
+    """Way down the incline [m], and what a rigid block would slide [m]; gravity is turned instead of the plate."""
+    g, c, s = 1e5, np.cos(np.deg2rad(theta)), np.sin(np.deg2rad(theta))
+    flight = Flight(pair(
+        {"plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 12e-3, "height": 2e-3},
+         "block": {"kind": "rectangle", "center": [-2e-3, 2e-3], "width": 4e-3, "height": 2e-3}},
+        mu, duration,
+        {"boundaries": [
+            {"kind": "gravity", "acceleration": [g * s, -g * c]},
+            *({"kind": "driven", "edge": "plate.bottom", "component": axis, "velocity": 0.0} for axis in "xy"),
+        ]},
+    ))  # fmt: skip
+    flight.fly()
+    way = max(s - mu * c, 0.0) * g * flight.state.time**2 / 2
+    return float(flight.middle("block")[0]), float(way)
+
+
+def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
+    del comm
+    checks = []
+    for name, angle in (("head-on", 0.0), ("oblique", 25.0)):
+        momentum, lost = collide(angle, 0.45)
+        checks += [
+            Check(f"{name}: change of momentum and angular momentum", 0.0, momentum, 1e-10, "1", "exact"),
+            Check(f"{name}: energy missing, half a step", 0.0, lost, 1e-3, "1", "second order in the step"),
+        ]
+    duration = 4e-4 if fine else 2e-4
+    way, rigid = slide(20.0, 0.2, duration)
+    checks.append(Check("incline, tan = 0.364, mu = 0.2: way", rigid, way, 0.02, "m", "rigid block", relative=True))
+    way, _ = slide(20.0, 0.5, duration)
+    free = float(np.sin(np.deg2rad(20.0))) * 1e5 * duration**2 / 2
+    checks.append(Check("incline, mu = 0.5: way over that without friction", 0.0, way / free, 0.01, "1", "it stays"))
+    return Outcome(checks)

@@ -1,0 +1,443 @@
+"""Who touches whom, and the forces between them in an explicit step; `collide.c` has the formulas.
+
+All ranks know the cells at surfaces, those with a side on an edge of the bodies or on a facet that has failed, and the
+pairs of them that are close: found with a margin, again when somebody has moved by half of it. Pairs that do not touch
+exert nothing, so that it does not matter when they were found. A rank computes the pairs of its own cells, in the order
+of their numbers in the input: forces are the same bits on any number of ranks.
+
+Cells that still hang together at a vertex, through facets that are not handed over, leave each other alone there.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import fem, native, parallel
+from ruptfx.collisions import Collisions
+from ruptfx.cracks._step import CrackStep
+from ruptfx.materials import Material, Plane
+from ruptfx.meshes import FACETS
+from ruptfx.schema import CaseError
+from ruptfx.state import FaultState, State
+from ruptfx.tracing import depends, record, symbol
+
+if TYPE_CHECKING:
+    from ruptfx.bodies import Bodies
+    from ruptfx.friction import FrictionLaw
+
+EVERY = 16  # steps between two looks at which facets have failed or may be handed over
+MARGIN = 0.3  # of the mean edge: how close pairs are that are looked at
+MEMORY = ("traction", "overlap")
+MOST = 2**31  # above any number of a cell
+FIELD = "hand_over"
+FAILED, HANDED = 1.0, 2.0  # values of that field of facets
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Cells at surfaces of all ranks, sorted by their numbers in the input.
+
+    Attributes
+    ----------
+    number, body : ndarray of int, shape (cells,)
+    vertices : ndarray of int, shape (cells, 3)
+    label : ndarray of int, shape (cells, 3)
+        Of the corners: those that hang together at a vertex have the same.
+    order : ndarray of int, shape (cells,)
+        From the rows of all ranks, one below the other, to this order.
+    owned : ndarray of bool, shape (cells,)
+    cells : ndarray of int
+        Local cells of this rank, in its order.
+    counts : list of int
+        Cells of every rank.
+    rest : ndarray, shape (cells,)
+        Twice the area at rest [m2].
+    """
+
+    number: np.ndarray
+    body: np.ndarray
+    vertices: np.ndarray
+    label: np.ndarray
+    order: np.ndarray
+    owned: np.ndarray
+    cells: np.ndarray
+    counts: list[int]
+    rest: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Pairs that are close, of which this rank owns a cell, sorted; arrays as `collide.c` wants them.
+
+    Attributes
+    ----------
+    pair : ndarray of int32, shape (n, 2)
+        Places of the cells at surfaces.
+    modulus, friction, counted : ndarray, shape (n,)
+        Of the potential [Pa], coefficient, and 1 where this rank accounts for the energy.
+    overlap, traction : ndarray, shape (n,)
+        Energy of the overlap that is at rest [J/m], and the force of friction [N/m].
+    """
+
+    pair: np.ndarray
+    modulus: np.ndarray
+    friction: np.ndarray
+    counted: np.ndarray
+    overlap: np.ndarray
+    traction: np.ndarray
+
+
+class CollisionStep:
+    """Contact between all cells at surfaces of a model.
+
+    Parameters
+    ----------
+    cracks : CrackStep
+    bodies : Bodies
+    collisions : Collisions
+    materials : sequence of Material
+        Of the bodies.
+    plane : str
+
+    Raises
+    ------
+    CaseError
+        On all ranks: a friction law that depends on more than pressure.
+    """
+
+    def __init__(
+        self, cracks: CrackStep, bodies: Bodies, collisions: Collisions, materials: Sequence[Material], plane: Plane
+    ) -> None:
+        self._cracks, self._collisions, self._network = cracks, collisions, cracks.network
+        net = self._network
+        self._space = cracks.space
+        mesh = self._space.mesh
+        self.comm, self._body = mesh.comm, bodies.cell_body
+        index_map = mesh.topology.index_map(2)
+        self._owned, count = index_map.size_local, index_map.size_local + index_map.num_ghosts
+        self._number = np.asarray(mesh.topology.original_cell_index)[:count]
+        geometry = mesh.geometry
+        self._vertices = geometry.input_global_indices[geometry.dofmap[:count]]
+        self._nodes = self._space.dofmap.list
+        self._x = self._space.tabulate_dof_coordinates()[:, :2]
+        corner = self._x[self._nodes[: self._owned]]
+        side = corner[:, 1:] - corner[:, :1]
+        self._rest = np.abs(side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0])
+        inner = np.zeros(count, dtype=int)
+        np.add.at(inner, net.cells.ravel(), 1)
+        self._outer = inner[: self._owned] < len(FACETS["triangle"])
+        spring = np.array([cracks.fracture.stiffness(material, plane, cracks.edge) for material in materials])
+        both = 2 / (1 / spring[:, None] + 1 / spring)
+        self._modulus = np.vectorize(lambda k: collisions.modulus(k, cracks.edge))(both)
+        laws, names = cracks.fracture.laws_by_pair(bodies.names), bodies.names
+        self._friction = np.array([
+            [_coefficient(laws[min(a, b), max(a, b)].friction, f"{min(a, b)}-{max(a, b)}") for b in names]
+            for a in names
+        ])  # fmt: skip
+        self._library = native.load("collide", files("ruptfx.collisions").joinpath("collide.c").read_text())
+        self._made: State | None = None
+        self._surface: _Surface | None = None
+        self._pairs: _Pairs | None = None
+        self._then = np.zeros((0, 6))
+
+    @staticmethod
+    def initial_state() -> FaultState:
+        """Pairs with a memory: numbers of both cells, the force of friction [N/m], the overlap at rest [J/m]."""
+        return {name: np.zeros(0) for name in ("first", "second", *MEMORY)}
+
+    def without_partner(self) -> np.ndarray:
+        """Stiffness of contact that a node may meet later, at sides on edges of the bodies, shape (nodes,) [N/m].
+
+        That of a flush side, half to each end, twice: where the other one is as light.
+        """
+        found = np.zeros((len(self._x), 2))
+        known = {tuple(facet) for facet in self._network.vertices.tolist()}
+        modulus = self._modulus.max(axis=1)
+        for cell in np.flatnonzero(self._outer):
+            for places in map(list, FACETS["triangle"]):
+                if tuple(sorted(self._vertices[cell, places].tolist())) not in known:
+                    nodes = self._nodes[cell, places]
+                    length = float(np.hypot(*(self._x[nodes[1]] - self._x[nodes[0]])))
+                    # 3 p (2 / h) on half of the length, with h = rest / length.
+                    found[nodes] += 2 * 3 * modulus[self._body[cell]] * length**2 / self._rest[cell]
+        return np.asarray(fem.from_owners(self._space, found)[:, 0])
+
+    def __call__(self, state: State, since: float) -> None:
+        """Add the forces at the displacement at the nodes this rank owns; collective.
+
+        Parameters
+        ----------
+        state : State
+        since : float
+            Time since the last forces [s].
+        """
+        x, moved = self._arrange(state, since)
+        pairs, surface = self._pairs, self._surface
+        assert pairs is not None and surface is not None
+        force, taken = np.zeros_like(x), np.zeros(1)
+        self._library.collide(
+            ctypes.c_long(len(pairs.pair)),
+            *map(_pointer, (pairs.pair, x, moved, surface.rest, pairs.modulus, pairs.friction, pairs.counted,
+                            pairs.overlap, pairs.traction, force, taken)),
+        )  # fmt: skip
+        rows = state.force.reshape(-1, 2)
+        rows[self._nodes[surface.cells]] += self._mine(force).reshape(-1, 3, 2)
+        state.energy["frictional_dissipation"] += float(taken[0])
+        self._remember(state)
+
+    def stored(self, state: State, added: np.ndarray) -> float:
+        """Energy of pairs of this rank at the last forces, and what these do over a displacement since [J]; collective.
+
+        Parameters
+        ----------
+        added : ndarray, shape (nodes * components,)
+            That displacement [m].
+        """
+        self._prepare(state)
+        surface = self._surface
+        assert surface is not None
+        x, way = self._corners(self._places(state.at_faults()[1]), added)
+        return self._potential(x) - float(np.sum((self._elastic_forces(x) * way)[surface.owned]))
+
+    # -- who touches whom ----------------------------------------------------------------------------------------------
+
+    def _prepare(self, state: State) -> None:
+        """Find everything anew where a run begins or goes on; collective."""
+        if self._made is state:
+            return
+        self._cracks.release(state.cracks[FIELD] == HANDED)
+        self._surface, self._made = self._find_surface(state), state
+        self._find_pairs(state, *self._corners(self._places(state.displacement)))
+
+    def _arrange(self, state: State, since: float) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of all cells at surfaces, and how they have moved since, shapes (cells, 6); pairs are up to date."""
+        self._prepare(state)
+        fields = self._places(state.displacement), state.velocity
+        x, velocity = self._corners(*fields)
+        if state.step % EVERY == 0 and self._look(state):
+            before, known = self._potential(x), self._numbers()
+            self._surface = self._find_surface(state)
+            x, velocity = self._corners(*fields)
+            self._find_pairs(state, x)
+            # Pairs that become so where they overlap: that is where they are at rest.
+            assert self._pairs is not None
+            self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
+            state.energy["impact"] += before - self._potential(x)
+        elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
+            self._find_pairs(state, x)
+        return x, velocity * since
+
+    def _look(self, state: State) -> bool:
+        """Whether facets have failed or been handed over since the last look, on any rank; collective."""
+        cracks, field = state.cracks, state.cracks[FIELD]
+        failed = (cracks["damage"] >= 1).all(axis=1)
+        far = np.maximum(cracks["inelastic_opening"], np.abs(cracks["slip"])).max(axis=1)
+        handed = failed & (far > 2 * self._collisions.hand_over * self._cracks.half_length)
+        now = np.where(handed | (field == HANDED), HANDED, np.where(failed, FAILED, 0.0))
+        changed = not np.array_equal(now, field)
+        if not parallel.anywhere(self.comm, changed):
+            return False
+        held = self._cracks.stored(cracks, np.zeros_like(state.displacement))
+        self._cracks.release(now == HANDED)
+        # What the springs of a facet still held when it was handed over.
+        state.energy["impact"] += held - self._cracks.stored(cracks, np.zeros_like(state.displacement))
+        field[:] = now
+        return True
+
+    def _find_surface(self, state: State) -> _Surface:
+        """Collective."""
+        net, order = self._network, self._cracks.order
+        status = np.zeros(len(order))
+        status[order] = state.cracks[FIELD]
+        chosen = np.zeros(len(self._number), dtype=bool)
+        chosen[: self._owned] = self._outer
+        chosen[net.cells[status >= FAILED].ravel()] = True
+        cells = np.flatnonzero(chosen[: self._owned])
+        rows = np.column_stack([self._number[cells], self._body[cells], self._vertices[cells], self._rest[cells]])
+        rank = np.full((len(rows), 1), float(self.comm.rank))
+        rows = parallel.share_rows(self.comm, np.column_stack([rows, rank]).astype(float))
+        sorted_ = np.argsort(rows[:, 0], kind="stable")
+        rows = rows[sorted_]
+        number, body, vertices = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:5].astype(int)
+        # Facets that hold corners together at vertices of these cells.
+        near = np.isin(net.vertices, np.unique(vertices)).any(axis=1) & net.owned & (status < HANDED)
+        held = np.column_stack([self._number[net.cells[near]], net.vertices[near]])
+        held = parallel.share_rows(self.comm, held.astype(np.int64))
+        return _Surface(
+            number, body, vertices, _labels(number, vertices, held), sorted_, rows[:, 6] == self.comm.rank, cells,
+            np.bincount(rows[:, 6].astype(int), minlength=self.comm.size).tolist(), np.ascontiguousarray(rows[:, 5]),
+        )  # fmt: skip
+
+    def _find_pairs(self, state: State, x: np.ndarray) -> None:
+        """Pairs within the margin, with what friction held."""
+        from scipy.spatial import cKDTree  # a run without collisions starts without it
+
+        surface = self._surface
+        assert surface is not None
+        self._then = x
+        corners = x.reshape(-1, 3, 2)
+        middle = corners.mean(axis=1)
+        margin = MARGIN * self._cracks.edge
+        radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(initial=0.0))
+        pair = cKDTree(middle).query_pairs(2 * radius + margin, output_type="ndarray").astype(np.int32)
+        low, high = corners.min(axis=1) - 0.5 * margin, corners.max(axis=1) + 0.5 * margin
+        a, b = pair.T
+        keep = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1) & (surface.owned[a] | surface.owned[b])
+        pair = pair[keep]
+        label = surface.label[pair]
+        joined = (label[:, 0, :, None] == label[:, 1, None, :]).any(axis=(1, 2))
+        pair = pair[~joined | self._parted(state, pair)]
+        pair = np.ascontiguousarray(pair[np.lexsort([pair[:, 1], pair[:, 0]])])
+        of = surface.body[pair].T
+        self._pairs = _Pairs(
+            pair, self._modulus[of[0], of[1]], self._friction[of[0], of[1]],
+            surface.owned[pair[:, 0]].astype(float), np.zeros(len(pair)), np.zeros(len(pair)),
+        )  # fmt: skip
+        self._recall(state)
+
+    def _parted(self, state: State, pair: np.ndarray) -> np.ndarray:
+        """Which pairs are the two sides of a facet that was handed over."""
+        surface = self._surface
+        assert surface is not None
+        handed = self._network.cells[self._cracks.order[state.cracks[FIELD] == HANDED]]
+        known = np.sort(self._number[handed], axis=1)
+        return np.isin(surface.number[pair] @ [MOST, 1], known @ [MOST, 1])
+
+    def _numbers(self) -> np.ndarray:
+        """Of both cells in the input, one number for a pair."""
+        pairs, surface = self._pairs, self._surface
+        assert pairs is not None and surface is not None
+        return np.asarray(surface.number[pairs.pair] @ [MOST, 1])
+
+    def _recall(self, state: State) -> None:
+        """Give pairs the memory that their cells have."""
+        pairs, held = self._pairs, state.pairs
+        assert pairs is not None
+        theirs = held["first"].astype(int) * MOST + held["second"].astype(int)
+        _, mine, place = np.intersect1d(self._numbers(), theirs, return_indices=True)
+        for name in MEMORY:
+            getattr(pairs, name)[mine] = held[name][place]
+
+    def _remember(self, state: State) -> None:
+        """Leave in the state what pairs have of a memory."""
+        pairs, surface = self._pairs, self._surface
+        assert pairs is not None and surface is not None
+        holds = (pairs.traction != 0) | (pairs.overlap != 0)
+        first, second = surface.number[pairs.pair[holds]].T.astype(float)
+        state.pairs = {"first": first, "second": second} | {name: getattr(pairs, name)[holds] for name in MEMORY}
+
+    def gather(self, state: State) -> FaultState:
+        """What friction holds, of all ranks on rank 0, no rows elsewhere; collective."""
+        numbers = self._number[: self._owned]
+        counted = np.isin(state.pairs["first"], numbers)
+        rows = parallel.gather_rows(self.comm, np.column_stack([*state.pairs.values()])[counted])
+        if rows is None:
+            rows = np.zeros((0, len(state.pairs)))
+        rows = rows[np.lexsort([rows[:, 1], rows[:, 0]])]
+        return {name: np.ascontiguousarray(column) for name, column in zip(state.pairs, rows.T, strict=True)}
+
+    # -- arrays of all ranks -------------------------------------------------------------------------------------------
+
+    def _corners(self, *fields: np.ndarray) -> list[np.ndarray]:
+        """Of fields of all local nodes the values at the corners of all cells at surfaces, (cells, 6); collective."""
+        surface = self._surface
+        assert surface is not None
+        nodes = self._nodes[surface.cells]
+        rows = np.concatenate([field.reshape(-1, 2)[nodes].reshape(-1, 6) for field in fields], axis=1)
+        if self.comm.size > 1:
+            width, mine = rows.shape[1], np.ascontiguousarray(rows)
+            rows = np.empty((sum(surface.counts), width))
+            self.comm.Allgatherv(mine, (rows, [width * count for count in surface.counts]))
+        return [np.ascontiguousarray(part) for part in np.split(rows[surface.order], len(fields), axis=1)]
+
+    def _places(self, displacement: np.ndarray) -> np.ndarray:
+        """Where nodes are, shape (nodes * 2,) [m]."""
+        return self._x.ravel() + displacement
+
+    def _mine(self, rows: np.ndarray) -> np.ndarray:
+        """Rows of the cells of this rank, in its own order."""
+        surface = self._surface
+        assert surface is not None
+        back = np.empty_like(rows)
+        back[surface.order] = rows
+        mine = np.zeros(len(rows), dtype=bool)
+        mine[surface.order] = surface.owned
+        return back[mine]
+
+    def _overlaps(self, x: np.ndarray) -> np.ndarray:
+        """Energies of the overlaps of all pairs, as if none were at rest [J/m]."""
+        pairs, surface = self._pairs, self._surface
+        assert pairs is not None and surface is not None
+        energy = np.zeros(len(pairs.pair))
+        self._library.overlaps(
+            ctypes.c_long(len(energy)), *map(_pointer, (pairs.pair, x, surface.rest, pairs.modulus, energy))
+        )
+        return energy
+
+    def _potential(self, x: np.ndarray) -> float:
+        """Energy of the pairs of this rank, with what springs of friction hold [J/m]."""
+        pairs = self._pairs
+        assert pairs is not None
+        beyond = np.maximum(np.sqrt(self._overlaps(x)) - np.sqrt(pairs.overlap), 0.0)
+        return float(pairs.counted @ (beyond**2 + 0.5 * pairs.traction**2 / pairs.modulus))
+
+    def _elastic_forces(self, x: np.ndarray) -> np.ndarray:
+        """Of the potential and of what friction holds, where nothing moves."""
+        pairs, surface = self._pairs, self._surface
+        assert pairs is not None and surface is not None
+        force, still, taken = np.zeros_like(x), np.zeros_like(x), np.zeros(1)
+        overlap, traction = pairs.overlap.copy(), pairs.traction.copy()
+        self._library.collide(
+            ctypes.c_long(len(pairs.pair)),
+            *map(_pointer, (pairs.pair, x, still, surface.rest, pairs.modulus, pairs.friction, pairs.counted, overlap,
+                            traction, force, taken)),
+        )  # fmt: skip
+        return force
+
+
+def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Labels of corners, shape (cells, 3), from facets that hold: numbers of both cells, and both vertices."""
+    from scipy import sparse
+
+    own = np.stack([np.repeat(number, 3), vertices.ravel()], axis=1)
+    sides = [np.concatenate([held[:, [side, 2]], held[:, [side, 3]]]) for side in (0, 1)]
+    rows = np.concatenate([own, *sides])
+    names, place = np.unique(rows, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    first, second = np.split(place[len(own) :], 2)
+    graph = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(len(names),) * 2)
+    label = sparse.csgraph.connected_components(graph, directed=False)[1]
+    return np.asarray(label[place[: len(own)]].reshape(-1, 3))
+
+
+def _coefficient(law: FrictionLaw, pair: str) -> float:
+    """Of a law whose strength is proportional to pressure.
+
+    Raises
+    ------
+    CaseError
+        Any other.
+    """
+    state = {name: symbol(f"s_{name}") for name in law.all_state_fields()}
+    sigma = symbol("normal_stress")
+    if depends(record(law.strength, symbol("slip_rate"), sigma, state), list(state.values())):
+        raise CaseError(
+            f"collisions: friction of {pair}, kind = '{law.kind()}', has a memory of its interface, and what meets has "
+            "none; use 'coulomb'"
+        )
+    zero = np.zeros(1)
+    one, two = (float(np.ravel(law.strength(zero, pressure + zero, {}))[0]) for pressure in (1.0, 2.0))
+    if abs(two - 2 * one) > 1e-12 * abs(one):
+        raise CaseError(f"collisions: friction of {pair} is not proportional to pressure; use 'coulomb'")
+    return one
+
+
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    assert array.flags.c_contiguous and array.dtype in (np.float64, np.int32)
+    return ctypes.c_void_p(array.ctypes.data)

@@ -1,0 +1,47 @@
+"""Pieces that meet: the same bits on 1, 2 and 3 ranks, and of a run that was stopped and resumed on others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from crack_cases import meeting_blocks
+from whole_runs import run_of, run_on, starts_jobs, stopped
+
+from ruptfx import fem
+from ruptfx.case import read_case
+from ruptfx.record import Record
+from ruptfx.recording.checkpoint import Checkpoint
+
+pytestmark = starts_jobs
+
+
+def same(first: Path, second: Path) -> None:
+    """Cracks and motion, to the last bit; energy to the error of the step."""
+    with Record(first) as a, Record(second) as b:
+        assert a.cracks.identical(b.cracks)
+        for name in ("points", "displacement", "velocity"):
+            assert np.array_equal(a.bulk[name].values, b.bulk[name].values), name
+        for record in (a, b):
+            assert float(record.energy["frictional_dissipation"][-1]) > 0
+            assert abs(record.energy.closure).max() < 1e-3
+
+
+case_file, alone = run_of(meeting_blocks({"output.checkpoint_steps": 300}))
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_ranks_do_not_change_a_bit(ranks: int, case_file: Path, alone: Path, tmp_path: Path) -> None:
+    same(alone, run_on(ranks, case_file, tmp_path / "run"))
+
+
+@pytest.mark.faults
+def test_a_run_goes_on_from_its_checkpoint_to_the_same_bits(case_file: Path, alone: Path, tmp_path: Path) -> None:
+    out = stopped(alone, tmp_path / "run")
+    found = Checkpoint.latest(fem.MPI.COMM_WORLD, out, read_case(case_file).hash)
+    assert found is not None
+    with h5py.File(found.path / "state.h5") as file:
+        assert len(file["pairs/traction"]) > 0 and (file["cracks/hand_over"][()] == 2).any()
+    same(alone, run_on(2, case_file, out, "--resume"))
