@@ -144,7 +144,7 @@ class CollisionStep:
         self._made: State | None = None
         self._surface: _Surface | None = None
         self._pairs: _Pairs | None = None
-        self._then = np.zeros((0, 6))
+        self._then = self._now = np.zeros((0, 6))
 
     @staticmethod
     def initial_state() -> FaultState:
@@ -168,8 +168,25 @@ class CollisionStep:
                     found[nodes] += 2 * 3 * modulus[self._body[cell]] * length**2 / self._rest[cell]
         return np.asarray(fem.from_owners(self._space, found)[:, 0])
 
+    def find(self, state: State) -> None:
+        """See who may touch whom at the displacement, before facets and pairs exert anything; collective."""
+        self._prepare(state)
+        (x,) = self._corners(self._places(state.displacement))
+        if state.step % EVERY == 0 and self._look(state):
+            before, known = self._potential(x), self._numbers()
+            self._surface = self._find_surface(state)
+            (x,) = self._corners(self._places(state.displacement))
+            self._find_pairs(state, x)
+            # Pairs that become so where they overlap: that is where they are at rest.
+            assert self._pairs is not None
+            self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
+            state.energy["impact"] += before - self._potential(x)
+        elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
+            self._find_pairs(state, x)
+        self._now = x
+
     def __call__(self, state: State, since: float) -> None:
-        """Add the forces at the displacement at the nodes this rank owns; collective.
+        """Add the forces at the displacement, where `find` has been, at the nodes this rank owns; collective.
 
         Parameters
         ----------
@@ -177,7 +194,7 @@ class CollisionStep:
         since : float
             Time since the last forces [s].
         """
-        x, moved = self._arrange(state, since)
+        x, moved = self._now, since * self._corners(state.velocity)[0]
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         force, taken = np.zeros_like(x), np.zeros(1)
@@ -214,24 +231,6 @@ class CollisionStep:
         self._cracks.release(state.cracks[FIELD] == HANDED)
         self._surface, self._made = self._find_surface(state), state
         self._find_pairs(state, *self._corners(self._places(state.displacement)))
-
-    def _arrange(self, state: State, since: float) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of all cells at surfaces, and how they have moved since, shapes (cells, 6); pairs are up to date."""
-        self._prepare(state)
-        fields = self._places(state.displacement), state.velocity
-        x, velocity = self._corners(*fields)
-        if state.step % EVERY == 0 and self._look(state):
-            before, known = self._potential(x), self._numbers()
-            self._surface = self._find_surface(state)
-            x, velocity = self._corners(*fields)
-            self._find_pairs(state, x)
-            # Pairs that become so where they overlap: that is where they are at rest.
-            assert self._pairs is not None
-            self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
-            state.energy["impact"] += before - self._potential(x)
-        elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
-            self._find_pairs(state, x)
-        return x, velocity * since
 
     def _look(self, state: State) -> bool:
         """Whether facets have failed or been handed over since the last look, on any rank; collective."""

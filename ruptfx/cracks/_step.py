@@ -368,9 +368,10 @@ class _Kernel:
 
     def weigh(self, weight: np.ndarray) -> None:
         """Set the length that ends stand for, of all facets [m]; what fills up the last block exerts no force."""
-        lengths = np.zeros(self._fixed[:, 2].size)
+        blocks = self._fixed[:, 2]
+        lengths = np.zeros(blocks.size)
         lengths[: self._count] = weight[self._facets]
-        self._fixed[:, 2] = lengths.reshape(len(self._fixed), -1)
+        blocks[:] = lengths.reshape(blocks.shape)
 
     def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:
         if not self._count:

@@ -303,9 +303,12 @@ class LeapfrogMotion:
         if self._pieces:  # their tractions come with those of other rigid contact
             self._pieces.part(state)
             return None
+        collisions = self.model.collisions
+        if collisions is not None:
+            collisions.find(state)
         cracks(state, self.model.mass, kick.since)
-        if self.model.collisions is not None:
-            self.model.collisions(state, kick.since)
+        if collisions is not None:
+            collisions(state, kick.since)
         return state.force.copy() if state.watched else None
 
     def _viscous_work(self, state: State, kick: _Kick) -> float:
