@@ -7,9 +7,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 import tomli_w
 from compare import largest_difference
@@ -76,6 +79,28 @@ def run_on(ranks: int, case: Path, out: Path, *options: str, limit: float = 120.
     code, text = finish(start(case, out, ranks, "--quiet", *options), limit)
     assert code == 0, text
     return out
+
+
+def killed(case: Path, out: Path, ranks: int, limit: float = 120.0) -> Path:
+    """A run that was killed once it had written a checkpoint; one that was over before is an error."""
+    process = start(case, out, ranks, "--quiet")
+    deadline = time.monotonic() + limit
+    while not list((out / "checkpoints").glob("step_*")):
+        assert process.poll() is None and time.monotonic() < deadline, "over before it could be killed"
+        time.sleep(0.005)
+    kill_all(process)
+    process.communicate(timeout=limit)
+    assert not (out / "summary.json").exists(), "over before it could be killed"
+    return out
+
+
+def kill_all(process: subprocess.Popen[Any], limit: float = 120.0) -> None:
+    """The launcher and the ranks, which Open MPI puts into groups of their own."""
+    family = [*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)]
+    for member in family:
+        with suppress(psutil.NoSuchProcess):
+            member.kill()
+    psutil.wait_procs(family, timeout=limit)
 
 
 def stopped(whole: Path, out: Path) -> Path:

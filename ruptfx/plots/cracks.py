@@ -1,4 +1,4 @@
-"""Figure of the cracks of a body that breaks, and of the force that it resisted."""
+"""Figure of the cracks of a body that breaks, how fast they spread, and the force that it resisted."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from pydantic import TypeAdapter
 
-from ruptfx.figure_style import MUTED, letter, new_figure, note, remark, scale, styled
+from ruptfx.figure_style import GUIDE, MUTED, WIDTH, blank_figure, letter, note, remark, scale, styled
+from ruptfx.materials import AnyMaterial
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.record import Data, Files
 
 COLOURS = {"tensile": "#c0392b", "shear": "#2a6099", "mixed": "#8e44ad"}
@@ -22,16 +25,19 @@ def suits(record: Files) -> bool:
 
 @styled
 def cracks(record: Files) -> Figure:
-    """Facets that failed until the last snapshot, and the force at the edge with the largest one.
+    """Facets that failed until the last snapshot, the force at the edge with the largest one, and how far cracks were.
 
     Failed facets have the colour of their mode, damaged ones are grey. Notches are black. Lines are where nothing has
-    moved yet.
+    moved yet. Points are distances of failed facets from the first one, when they failed; a front that runs from there
+    at the Rayleigh wave speed of the slowest body is dashed.
     """
     data, events = record.cracks, record.events
     lines = data["points"].values[data["lines"].values]
     status = data["status"].values[-1]
     (size, unit) = scale(np.ptp(lines.reshape(-1, 2), axis=0), "m")
-    figure, ((ax, right),) = new_figure(1, 2, 3.4, width_ratios=[1, 1.1])
+    figure = blank_figure(WIDTH, 4.2)
+    panels = figure.subplot_mosaic([["cracks", "force"], ["cracks", "front"]], width_ratios=[1, 1.1])
+    ax = panels["cracks"]
     ax.add_collection(LineCollection(list(lines / size), colors="#ececec", linewidths=0.2))
     middle = {tuple(np.round(line.mean(axis=0), 12)): mode for line, mode in zip(
         _at(events), events["mode"].values, strict=True)}  # fmt: skip
@@ -48,8 +54,9 @@ def cracks(record: Files) -> Figure:
         ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles))
     else:
         note(ax, "nothing has failed")
-    _force(right, record)
-    letter(np.array([ax, right]))
+    _force(panels["force"], record)
+    _front(panels["front"], record)
+    letter(panels.values())
     time = float(data["time"].values[-1])
     size, unit = scale(time, "s")
     when = f"{time / size:.4g} {unit}"
@@ -78,3 +85,30 @@ def _force(ax: Axes, record: Files) -> None:
     edge, _, component = name.rpartition(".force_")
     ax.set(xlabel=f"Displacement {component} of {edge} ({x_unit})")
     ax.set(ylabel=f"Force {component} per thickness ({y_unit})")
+
+
+def _front(ax: Axes, record: Files) -> None:
+    """Distance of failed facets from the first one against the time since its failure."""
+    x, y, when, mode = (record.events[name].values for name in ("x", "y", "time_of_failure", "mode"))
+    if len(when) < 2:
+        note(ax, "no crack has spread")
+        ax.set(xlabel="Time since the first failure (µs)", ylabel="Distance from it (mm)")
+        return
+    first = int(np.argmin(when))
+    away, since = np.hypot(x - x[first], y - y[first]), when - when[first]
+    (far, far_unit), (size, unit) = scale(away, "m"), scale(since, "s")
+    for name, colour in COLOURS.items():
+        ax.plot(since[mode == name] / size, away[mode == name] / far, ".", ms=3, color=colour)
+    ax.set(xlim=(0, 1.05 * since.max() / size), ylim=(0, 1.1 * away.max() / far))
+    speed = _rayleigh(record)
+    if speed is not None:
+        ax.plot([0, 2 * away.max() / speed / size], [0, 2 * away.max() / far], "--", color=GUIDE, lw=0.8, label="$c_R$")
+        ax.legend(loc="lower right")
+    ax.set(xlabel=f"Time since the first failure ({unit})", ylabel=f"Distance from it ({far_unit})")
+
+
+def _rayleigh(record: Files) -> float | None:
+    """Speed of the Rayleigh wave in the slowest body [m/s]; None where none is isotropic."""
+    bodies = [TypeAdapter(AnyMaterial).validate_python(each) for each in record.case.get("materials", {}).values()]
+    speeds = [each.wave_speeds(record.case["plane"]).c_R for each in bodies if isinstance(each, IsotropicElastic)]
+    return min(speeds, default=None)

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 import tomllib
-from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -19,6 +18,7 @@ import pytest
 import tomli_w
 from compare import largest_difference
 from small_cases import INSTRUMENTS, impact
+from whole_runs import kill_all
 
 pytest.importorskip("dolfinx")
 
@@ -78,15 +78,6 @@ def stop_after(case: Path, out: Path, ranks: int, checkpoints: int, number: sign
         os.killpg(process.pid, number)
     process.wait(timeout=LIMIT)
     return process.returncode
-
-
-def kill_all(process: subprocess.Popen[bytes]) -> None:
-    """The launcher and the ranks, which Open MPI puts into groups of their own."""
-    family = [*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)]
-    for member in family:
-        with suppress(psutil.NoSuchProcess):
-            member.kill()
-    psutil.wait_procs(family, timeout=LIMIT)
 
 
 @pytest.mark.faults
