@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from pydantic import TypeAdapter
+from scipy.optimize import brentq
 
+from ruptfx.analysis.fracture import rayleigh_function
 from ruptfx.figure_style import GUIDE, MUTED, WIDTH, blank_figure, letter, note, remark, scale, styled
-from ruptfx.materials import AnyMaterial
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.record import Data, Files
 
 COLOURS = {"tensile": "#c0392b", "shear": "#2a6099", "mixed": "#8e44ad"}
@@ -109,6 +108,12 @@ def _front(ax: Axes, record: Files) -> None:
 
 def _rayleigh(record: Files) -> float | None:
     """Speed of the Rayleigh wave in the slowest body [m/s]; None where none is isotropic."""
-    bodies = [TypeAdapter(AnyMaterial).validate_python(each) for each in record.case.get("materials", {}).values()]
-    speeds = [each.wave_speeds(record.case["plane"]).c_R for each in bodies if isinstance(each, IsotropicElastic)]
+    speeds = []
+    for each in record.case.get("materials", {}).values():
+        if each["kind"] == "isotropic_elastic":
+            nu = each["poisson_ratio"]
+            c_s = float(np.sqrt(each["young_modulus"] / (2 * (1 + nu) * each["density"])))
+            ratio = 2 / (1 - nu) if record.case["plane"] == "stress" else (2 - 2 * nu) / (1 - 2 * nu)
+            c_p = c_s * float(np.sqrt(ratio))
+            speeds.append(float(brentq(rayleigh_function, 0.5 * c_s, (1 - 1e-9) * c_s, args=(c_p, c_s))))
     return min(speeds, default=None)
