@@ -15,7 +15,7 @@ from ruptfx.schema import CaseError, Name, Part, Unit
 from ruptfx.units import Length
 
 
-class Rectangle(Part):
+class RectanglePiece(Part):
     """A rectangle."""
 
     kind: Literal["rectangle"] = "rectangle"
@@ -50,7 +50,7 @@ class Rectangle(Part):
         }  # fmt: skip
 
 
-class Disc(Part):
+class DiscPiece(Part):
     """A disc."""
 
     kind: Literal["disc"] = "disc"
@@ -84,7 +84,7 @@ class Pieces(MeshSource):
         'ball = { kind = "disc", center = [0.0, 3e-3], diameter = 3e-3 } } }'
     )
 
-    bodies: dict[Name, Annotated[Rectangle | Disc, Field(discriminator="kind")]]
+    bodies: dict[Name, Annotated[RectanglePiece | DiscPiece, Field(discriminator="kind")]]
     """By name."""
     element_size: Length
     """Mean edge of the triangles."""
@@ -108,7 +108,7 @@ class Pieces(MeshSource):
                 raw.edges[f"{name}.{side}"] = outer[nearest == number]
         return raw
 
-    def _mesh(self, name: str, body: Rectangle | Disc) -> tuple[Floats, Ints]:
+    def _mesh(self, name: str, body: RectanglePiece | DiscPiece) -> tuple[Floats, Ints]:
         """Points and triangles of one body."""
         size = body.element_size or self.element_size
         if body.area / (np.sqrt(3) / 4 * size**2) > MOST_CELLS:
