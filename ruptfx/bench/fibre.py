@@ -180,7 +180,7 @@ def figure(size: float) -> Figure:
             axes[2].plot(pulled.moved * 1e6, pulled.force, color=colour, label=f"{share:g} critical length")
         axes[2].legend(title="ageing law")
         for ax in axes:
-            ax.set(xlabel="Displacement of the loaded end (µm)", ylabel="Force (N)", xlim=(0, None), ylim=(0, None))
+            ax.set(xlabel="Displacement (µm)", ylabel="Force (N)", xlim=(0, None), ylim=(0, None))
         letter(axes)
         return picture
 
