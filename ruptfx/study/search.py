@@ -101,7 +101,7 @@ def _generations(study: Study, search: Search) -> Iterator[tuple[list[Any], Call
     try:
         import cma
     except ImportError as error:
-        raise RuptfxError(f"a search needs cma ({error}): pip install 'ruptfx[study]'") from None
+        raise RuptfxError(f"a search needs cma ({error}): pip install 'ruptfx[search]'") from None
     random = np.random.default_rng(study.seed)
     start = study.start(search)
     begin = [axis.part(start[axis.column]) for axis in study.sampled]
