@@ -204,7 +204,7 @@ def test_a_search_is_not_refined_and_says_what_it_lacks(tmp_path, monkeypatch):
     with pytest.raises(RuptfxError, match="a search has none"):
         run_study(search(tmp_path, 8), tmp_path / "out", show=False, refined=True)
     monkeypatch.setitem(sys.modules, "cma", None)
-    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[study\]'"):
+    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[search\]'"):
         run_study(search(tmp_path, 8), tmp_path / "out", show=False)
 
 
@@ -220,7 +220,7 @@ def test_a_scheduler_elsewhere(tmp_path):
 
 def test_missing_dask_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[study\]'"):
+    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[search\]'"):
         run(tmp_path, [2.0])
 
 
