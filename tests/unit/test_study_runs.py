@@ -220,7 +220,7 @@ def test_a_scheduler_elsewhere(tmp_path):
 
 def test_missing_dask_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[search\]'"):
+    with pytest.raises(RuptfxError, match=r"pip install 'ruptfx\[study\]'"):
         run(tmp_path, [2.0])
 
 
