@@ -5,7 +5,8 @@
 `ruptfx mesh`,
 `rough_rupture.png` and `contact_fringes.png` are what these scripts save, `sliding_start.png` and `slow_sliding.png`
 are `forces.png` of these demos, `measured_surface.png` is `surfaces.png`, `stress_barrier.png` `front.png` of that
-one, `spring_block.png` is `onset_of_sliding.png`, `rough_sliding.png` is `surfaces.png`, `brazilian.png` `cracks.png`.
+one, `spring_block.png` is `onset_of_sliding.png`, `rough_sliding.png` is `surfaces.png`, `brazilian.png` `cracks.png`,
+`ball.png` `wavefield.png`.
 """
 
 from __future__ import annotations

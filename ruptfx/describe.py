@@ -37,10 +37,11 @@ from ruptfx.schema import (
 )
 from ruptfx.stopping import StopWhen
 from ruptfx.study.definition import Axis, Mark, Refine, Study
+from ruptfx.study.goals import Goal, Search
 
 FOLDERS = (
-    "friction", "cohesion", "cracks", "nucleation", "boundaries", "contact", "materials", "meshes", "phases",
-    "steppers", "operators", "instruments", "profiles", "lumped",
+    "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "contact", "materials", "meshes",
+    "phases", "steppers", "operators", "instruments", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},
@@ -52,7 +53,9 @@ TABLES: dict[str, dict[str, type[Part]]] = {
     "output": {"output": Output},
     "stop_when": {"stop_when": StopWhen},
     "damping": {"damping": Damping, "damping.kelvin_voigt": KelvinVoigt},
-    "study": {"study": Study, "axes": Axis, "refine": Refine, "marks": Mark},
+    "study": {
+        "study": Study, "axes": Axis, "refine": Refine, "marks": Mark, "search": Search, "search.goals": Goal,
+    },
 }
 """Tables of a case or a study that have no kind, by what asks for them and by their own keys."""
 TOPICS = (*TABLES, *FOLDERS, "histories", "summary")

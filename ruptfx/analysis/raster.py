@@ -22,10 +22,14 @@ class Raster:
         Corners of the cells, in order around each; quadrilaterals are cut along a diagonal.
     pixels : int
         Number of pixels along the longer side.
+    corners : (ndarray, ndarray), each of shape (2,), optional
+        Lower left and upper right of what is shown, which holds all points. Default: as tight as it can.
     """
 
-    def __init__(self, points: Array, cells: Array, pixels: int = PIXELS) -> None:
-        low, high = points.min(axis=0), points.max(axis=0)
+    def __init__(
+        self, points: Array, cells: Array, pixels: int = PIXELS, corners: tuple[Array, Array] | None = None
+    ) -> None:
+        low, high = corners or (points.min(axis=0), points.max(axis=0))
         pixel = (high - low).max() / pixels
         self.shape = tuple(np.maximum(np.round((high - low) / pixel), 1).astype(int)[::-1])
         self.extent = (low[0], high[0], low[1], high[1])

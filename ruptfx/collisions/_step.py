@@ -123,7 +123,7 @@ class CollisionStep:
         self._owned, count = index_map.size_local, index_map.size_local + index_map.num_ghosts
         self._number = np.asarray(mesh.topology.original_cell_index)[:count]
         geometry = mesh.geometry
-        self._vertices = geometry.input_global_indices[geometry.dofmap[:count]]
+        self._vertices = geometry.input_global_indices[fem.geometry_dofmap(mesh)[:count]]
         self._nodes = self._space.dofmap.list
         self._x = self._space.tabulate_dof_coordinates()[:, :2]
         corner = self._x[self._nodes[: self._owned]]

@@ -67,11 +67,10 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
     ax.axvline(b.completeness, color=MUTED, lw=0.6, ls=":", label=f"M_c = {b.completeness:.2f}")
     ax.legend(loc="lower left")
     against = b_against_completeness(catalogue.magnitude)
-    inset = ax.inset_axes((0.6, 0.6, 0.38, 0.36))
+    inset = ax.inset_axes((0.6, 0.58, 0.38, 0.34))
     inset.errorbar([e.completeness for e in against], [e.b for e in against], [e.error for e in against],
                    fmt="-", color=GUIDE, lw=0.7, elinewidth=0.4)
-    inset.set_xlabel("M_c", fontsize=6, labelpad=0)
-    inset.set_ylabel("b", fontsize=6, labelpad=0)
+    inset.set_title("b against M_c", fontsize=6, pad=2)
     inset.tick_params(labelsize=5)
 
 

@@ -29,14 +29,17 @@ def panels(
     rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
     if not len(rows):
         return without("no snapshot was saved")
-    points, raster = bulk["points"].values, raster_of(record)
-    images = [picture(int(row), raster) for row in rows]
+    rasters = _displaced(record, rows)
+    moved = "" if rasters is None else ", displaced"
+    rasters = rasters or [raster_of(record)] * len(rows)
+    images = [picture(int(row), raster) for row, raster in zip(rows, rasters, strict=True)]
+    raster = rasters[0]
     extend = "neither"
     if "vmax" not in look:
         # A few bright pixels at the tip must not darken the waves.
         look["vmax"] = max(np.nanquantile(image, 0.998) for image in images) or 1.0
         extend = "max"
-    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(points, axis=0), "m"), scale(saved, "s")
+    (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(bulk["points"].values, axis=0), "m"), scale(saved, "s")
     columns = min(len(rows), 2)
     lines = -(-len(rows) // columns)
     width = (WIDTH - 0.6) / columns
@@ -51,10 +54,10 @@ def panels(
             ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
     for ax in axes.ravel()[:len(rows)][-columns:]:
-        ax.set_xlabel(f"x ({x_unit})")
+        ax.set_xlabel(f"x{moved} ({x_unit})")
         ax.tick_params(labelbottom=True)
     for ax in axes[:, 0]:
-        ax.set_ylabel(f"y ({x_unit})")
+        ax.set_ylabel(f"y{moved} ({x_unit})")
     for ax in axes.ravel()[len(rows):]:
         ax.set_visible(False)
     figure.colorbar(
@@ -70,6 +73,16 @@ def raster_of(record: Files) -> Raster:
     if not _last or not all(map(np.array_equal, mesh, _last[0][:2])):
         _last[:] = [(*mesh, Raster(*mesh))]
     return _last[0][2]
+
+
+def _displaced(record: Files, rows: Array) -> list[Raster] | None:
+    """Pixels of every row where pieces move far, all of the same part of the plane; else None."""
+    if not record.case.get("large_rotations") or "displacement" not in record.bulk:
+        return None
+    start, cells = record.bulk["points"].values, record.bulk["cells"].values
+    places = [start + record.bulk["displacement"].isel(time=int(row)).values for row in rows]
+    corners = np.min(places, axis=(0, 1)), np.max(places, axis=(0, 1))
+    return [Raster(points, cells, corners=corners) for points in places]
 
 
 def without(text: str) -> Figure:

@@ -50,7 +50,7 @@ def cracks(record: Files) -> Figure:
     names = [mode for mode in COLOURS if mode in modes]
     handles = [Line2D([], [], color=COLOURS[mode], lw=1.3, label=f"{mode} ({modes.count(mode)})") for mode in names]
     if handles:
-        ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles))
+        ax.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
     else:
         note(ax, "nothing has failed")
     _force(panels["force"], record)
@@ -72,11 +72,12 @@ def _force(ax: Axes, record: Files) -> None:
     """Force against displacement at the edge with the largest force, along the axis of that."""
     edges = record.edges
     forces = [str(column) for column in edges if ".force_" in str(column)]
-    if not forces or edges.sizes["time"] < 2:
-        note(ax, "no edge was moved or loaded")
+    largest = {column: float(np.abs(edges[column].values).max(initial=0.0)) for column in forces}
+    if not any(largest.values()) or edges.sizes["time"] < 2:
+        note(ax, "no force at any edge" if forces else "no edge was moved or loaded")
         ax.set(xlabel="Displacement (m)", ylabel="Force per thickness (N/m)")
         return
-    name = max(forces, key=lambda column: float(np.abs(edges[column].values).max()))
+    name = max(forces, key=largest.__getitem__)
     force, moved = edges[name].values, edges[name.replace(".force_", ".displacement_")].values
     (x_size, x_unit), (y_size, y_unit) = scale(np.ptp(moved), "m"), scale(force, "N/m")
     ax.plot(moved / x_size, force / y_size, color="#1a1a1a")

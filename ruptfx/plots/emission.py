@@ -68,6 +68,7 @@ def _magnitudes(ax: Axes, found: Emission) -> None:
         note(ax, "no seismic event")
     M = np.sort(found.seismic.magnitude)
     ax.plot(M, np.arange(len(M), 0, -1), ".", color=COLOURS["shear"], ms=2, label="single facets")
+    ax.set_ylim(top=50 * max(len(M), 1))  # room for the inset
     ax.legend(loc="lower left", fontsize=6)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import synthetic
 import tomli_w
+import xarray
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -18,6 +19,7 @@ from ruptfx import RuptfxError, plots
 from ruptfx.analysis import summarise
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import edges, save, scale, style
+from ruptfx.plots._panels import _displaced
 from ruptfx.plots._record import default_times
 from ruptfx.plots.cycles import ruptures
 from ruptfx.record import Record, RecordError
@@ -321,6 +323,21 @@ def test_raster_of_a_mesh_with_triangles_and_a_hole():
         assert np.isnan(image[:, 10:20]).all() and np.isfinite(image[:, :10]).all()
         # Pixel (row 2, column 25) has its centre at (2.55, 0.25).
         assert image[2, 25] == pytest.approx(2.55 + 2.5)
+
+
+def test_pieces_that_move_far_are_drawn_where_they_are():
+    points = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    moved = np.stack([np.zeros((4, 2)), np.broadcast_to([2.0, 0.0], (4, 2))])
+    bulk = xarray.Dataset({
+        "points": (("node", "axis"), points), "cells": (("cell", "corner"), np.array([[0, 1, 2, 3]])),
+        "displacement": (("time", "node", "axis"), moved),
+    })  # fmt: skip
+    first, last = _displaced(SimpleNamespace(case={"large_rotations": True}, bulk=bulk), [0, 1])
+    for raster, filled in ((first, slice(0, 333)), (last, slice(667, 1000))):
+        shown = np.isfinite(raster(points[:, 0]))
+        assert raster.extent == (0, 3, 0, 1) and shown[:, filled].all()
+        assert shown.mean() == pytest.approx(1 / 3, abs=2e-3)
+    assert _displaced(SimpleNamespace(case={}, bulk=bulk), [0, 1]) is None
 
 
 @pytest.mark.parametrize(
