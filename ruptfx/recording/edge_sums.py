@@ -47,13 +47,15 @@ class EdgeSums:
         The force is that of the bodies, without the inertia of the nodes of the edge.
         """
         model = self._model
-        cracks = model.cracks
-        assert cracks is not None
         _, displacement = state.at_faults()
-        force = model.internal_force(displacement)
-        cracks.add_force(state.cracks, force)
+        force, counted = model.internal_force(displacement), self._nodes
+        if model.cracks is None:
+            counted = [nodes[nodes < model.owned_nodes] for nodes in counted]
+        else:
+            model.cracks.add_force(state.cracks, force)
+            counted = [model.cracks.counted(nodes) for nodes in counted]
         rows = np.stack([displacement.reshape(-1, 2), -force.reshape(-1, 2)], axis=1)
-        sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in map(cracks.counted, self._nodes)]
+        sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in counted]
         totals = parallel.total(model.comm, np.array(sums).reshape(-1, 5))
         totals[:, :2] /= totals[:, 4:]
         return [float(value) for total in totals for value in total[:4]]
