@@ -45,10 +45,10 @@ def program() -> None:
     except SystemExit as ended:
         if ended.code or not fem.is_loaded():
             raise
-        sys.stdout.flush()
-        sys.stderr.flush()
         fem.finish()
         atexit._run_exitfuncs()
+        sys.stdout.flush()  # what those said, too
+        sys.stderr.flush()
         os._exit(0)
 
 
