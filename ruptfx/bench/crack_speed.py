@@ -9,7 +9,6 @@ was found, 5.8 and 3.9 on a busy one, to notice when a step becomes slower again
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,7 @@ import numpy as np
 from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._broken import demo
+from ruptfx.bench.speed import median_time
 from ruptfx.model import Model
 from ruptfx.operators.ufl_form import UflForm
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 # Element size [m], and the aim in million triangles per second: 24 thousand and 0.9 million triangles.
 SIZES, FINE_SIZES = [(0.5e-3, 20.0)], [(0.5e-3, 20.0), (0.08e-3, 10.0)]
-SAMPLES, UPDATES = 9, 500_000  # triangles of a sample, at least
 BROKEN, DAMAGE = 0.1, 0.5  # part of the facets, and their damage
 SOURCE = "aim, processor with two 512-bit pipes"
 
@@ -58,7 +57,7 @@ def _costs(size: float) -> Table:
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     triangles = len(model.bodies.cell_body)
-    step = _seconds(lambda: motion.step(state), triangles)
+    step = median_time(lambda: motion.step(state))
     force = np.zeros_like(state.force)
 
     def cells() -> None:
@@ -66,8 +65,8 @@ def _costs(size: float) -> Table:
             model.operator.add_internal_force(vector, force)
 
     form = _weak_form(model, state)
-    alone, weak = _seconds(cells, triangles), _seconds(form, triangles)
-    broken = _seconds(_with_damage(model, motion, state), triangles)
+    alone, weak = median_time(cells), median_time(form)
+    broken = median_time(_with_damage(model, motion, state))
     return {
         "triangles": triangles, "steps": triangles / step / 1e6, "over_cells": step / alone, "weak_form": weak / step,
         "damaged": broken / step,
@@ -103,15 +102,3 @@ def _with_damage(model: Model, motion: Motion, state: State) -> Callable[[], Non
     state.cracks["damage"][chosen] = DAMAGE
     state.cracks["largest_opening"][chosen] = DAMAGE * law.opening_at_failure
     return lambda: motion.step(state)
-
-
-def _seconds(call: Callable[[], None], triangles: int) -> float:
-    """Median processor time of a call."""
-    repeat = max(1, UPDATES // triangles)
-    times = []
-    for _ in range(SAMPLES):
-        began = time.process_time()
-        for _ in range(repeat):
-            call()
-        times.append((time.process_time() - began) / repeat)
-    return float(np.median(times))
