@@ -15,7 +15,7 @@ import numpy as np
 from ruptfx import read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import letter, new_figure
+from ruptfx.figure_style import letter, new_figure, save, style
 
 path = Path(__file__).with_name("contact_fringes.toml")
 records = {
@@ -38,14 +38,15 @@ for name, record in records.items():
 # %%
 case = records["rough"].case
 thickness, constant = case["output"]["plate_thickness"], case["materials"]["default"]["fringe_constant"]
-figure, axes = new_figure(1, 2, 3.4, sharey=True)
-for ax, (name, record) in zip(axes[0], records.items(), strict=True):
-    bulk = record.bulk
-    raster = Raster(bulk["points"].values, bulk["cells"].values)
-    order = fringe_order(raster(bulk["fringe"].isel(time=-1).values), constant, thickness)
-    extent = [1e3 * value for value in raster.extent]
-    ax.imshow(intensity(order), origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
-    ax.set(title=f"{name}: up to {np.nanmax(order):.1f} fringes", xlabel="x (mm)")
-axes[0, 0].set_ylabel("y (mm)")
-letter(axes[0])
-figure.savefig(records["rough"].path / "figures" / "pair.png", dpi=200)
+with style():
+    figure, axes = new_figure(1, 2, 3.2, sharey=True)
+    for ax, (name, record) in zip(axes[0], records.items(), strict=True):
+        bulk = record.bulk
+        raster = Raster(bulk["points"].values, bulk["cells"].values)
+        order = fringe_order(raster(bulk["fringe"].isel(time=-1).values), constant, thickness)
+        extent = [1e3 * value for value in raster.extent]
+        ax.imshow(intensity(order), origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
+        ax.set(title=f"{name}: up to {np.nanmax(order):.1f} fringes", xlabel="x (mm)")
+    axes[0, 0].set_ylabel("y (mm)")
+    letter(axes[0])
+save(figure, records["rough"].path / "figures" / "pair.png", "png")

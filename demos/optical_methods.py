@@ -1,7 +1,8 @@
 # # The shear impact through a polariscope, and the light of its contacts
 #
 # The first 20 us of `impact.toml` on a coarser mesh, as a camera with pixels of 0.4 mm sees it: isochromatics with
-# their orders, what a long exposure leaves of them, isoclinics, and the real contact area along the interface.
+# their orders in a dark and in a light field, what a long exposure leaves of them, isoclinics, contours of the largest
+# shear stress, and the real contact area along the interface.
 #
 # Run this file with `python demos/optical_methods.py`; the picture is `runs/optical_methods/figures/optics.png`.
 
@@ -9,47 +10,35 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ruptfx import read_case, simulate
 from ruptfx.analysis.contact_light import contact_light
-from ruptfx.analysis.photoelasticity import principal_difference
-from ruptfx.analysis.polariscope import Camera
-from ruptfx.analysis.raster import Raster
+from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
+from ruptfx.figure_style import letter, new_figure, styled
 
 changes = ["duration=20e-6", "mesh.element_size=2e-3", "output.bulk_interval=0.25e-6", "output.figures=false"]
 record = simulate(read_case(Path(__file__).with_name("impact.toml"), changes), out="runs/optical_methods")
+PIXEL, SHOWN = 0.4e-3, 15e-6  # m, s
 
 # %% [markdown]
 # Frames every 5 us; the one at 15 us is shown. The polariser of the plane polariscope stands at 20 degrees.
 
 # %%
 cameras = {
-    "Isochromatics, 0.1 µs": Camera(2e5, 0.1e-6, 0.4e-3),
-    "The same, exposed for 4 µs": Camera(2e5, 4e-6, 0.4e-3),
-    "Isoclinics at 20 degrees": Camera(2e5, 0.1e-6, 0.4e-3, "plane", polariser=np.radians(20)),
+    "dark, 0.1 µs": Camera(2e5, 0.1e-6, PIXEL),
+    "light, 0.1 µs": Camera(2e5, 0.1e-6, PIXEL, "light"),
+    "dark, 4 µs": Camera(2e5, 4e-6, PIXEL),
+    "isoclinics at 20°": Camera(2e5, 0.1e-6, PIXEL, "plane", polariser=np.radians(20)),
 }
-figure = Figure(figsize=(7.2, 6.2), layout="constrained")
-axes = figure.subplots(2, 2)
-for ax, (name, camera) in zip(axes.ravel(), cameras.items(), strict=False):
-    frame = camera.film(record).isel(time=3)
-    ax.pcolormesh(1e3 * frame.x, 1e3 * frame.y, frame, cmap="gray", vmin=0, vmax=1, rasterized=True)
-    ax.set(title=name, xlabel="x (mm)", ylabel="y (mm)", xlim=(0, 60))
-    ax.axhline(0, color="#d9480f", lw=0.5)
-    ax.set_aspect("equal")
+frames = {name: camera.film(record).sel(time=SHOWN, method="nearest") for name, camera in cameras.items()}
 
 # %% [markdown]
-# Lines of equal fringe order on the first picture: 9.5 mm of Homalite, 22.6 kN/m.
+# Lines of equal fringe order on the first pictures (9.5 mm of Homalite, 22.6 kN/m: 2.4 MPa per fringe), and contours of
+# the largest shear stress in the plane, half a difference of principal stresses.
 
 # %%
-bulk, case = record.bulk.sel(time=float(frame.time), method="nearest"), record.case
-raster = Raster(bulk.points.values, bulk.cells.values, pixels=400)
-per_fringe = case["materials"]["default"]["fringe_constant"] / case["output"]["plate_thickness"]
-order = principal_difference(*(raster(part) for part in bulk.stress.values.T)) / per_fringe
-left, right, bottom, top = raster.extent
-places = [1e3 * np.linspace(*ends, n) for ends, n in (((left, right), order.shape[1]), ((bottom, top), order.shape[0]))]
-lines = axes[0, 0].contour(*places, order, np.arange(0.5, np.nanmax(order), 0.5), colors="#1769aa", linewidths=0.6)
-axes[0, 0].clabel(lines, fmt="%g", fontsize=6)
+orders = fringe_orders(record, PIXEL).sel(time=SHOWN, method="nearest")
+shear = 1e-6 * max_shear(record, PIXEL).sel(time=SHOWN, method="nearest")
 
 # %% [markdown]
 # Contacts of hardness 0.6 GPa whose area grows by 5 % of itself with every factor e of their age, from 1 us on. The
@@ -57,9 +46,38 @@ axes[0, 0].clabel(lines, fmt="%g", fontsize=6)
 
 # %%
 area = contact_light(record, hardness=0.6e9, growth=0.05, cutoff=1e-6)
-shown = axes[1, 1].pcolormesh(1e3 * area.position, 1e6 * area.time, 100 * area, cmap="inferno", rasterized=True)
-axes[1, 1].set(title="Contact light", xlabel="x (mm)", ylabel="Time (µs)", xlim=(0, 60))
-figure.colorbar(shown, ax=axes[1, 1], label="Real contact area (% of the nominal one)")
+
+
+@styled
+def picture():
+    """All of it at the time, and the contact light in space and time."""
+    figure, axes = new_figure(2, 3, 5.8)
+    for ax, (name, frame) in zip(axes.ravel(), frames.items(), strict=False):
+        ax.pcolormesh(1e3 * frame.x, 1e3 * frame.y, frame, cmap="gray", vmin=0, vmax=1, rasterized=True)
+        ax.set_title(name, loc="right")
+    for ax in axes[0, :2]:
+        lines = ax.contour(
+            1e3 * orders.x, 1e3 * orders.y, orders, np.arange(0.5, float(orders.max()), 0.5), colors="#1769aa",
+            linewidths=0.6,
+        )  # fmt: skip
+        ax.clabel(lines, fmt="%g", fontsize=6)
+    *optics, stress, light = axes.ravel()
+    levels = np.arange(0.25, 4.0, 0.5)  # not the 3 MPa of the initial stress
+    lines = stress.contour(1e3 * shear.x, 1e3 * shear.y, shear, levels, cmap="viridis", linewidths=0.8)
+    stress.clabel(lines, fmt="%g", fontsize=6)
+    stress.set_title("largest shear (MPa)", loc="right")
+    for ax in (*optics, stress):
+        ax.axhline(0, color="#d9480f", lw=0.5)
+        ax.set(xlabel="x (mm)", ylabel="y (mm)", xlim=(0, 60), aspect="equal")
+    shown = light.pcolormesh(1e3 * area.position, 1e6 * area.time, 100 * area, cmap="inferno", rasterized=True)
+    light.set(xlabel="x (mm)", ylabel="Time (µs)", xlim=(0, 60))
+    figure.colorbar(shown, ax=light, label="Real contact area (%)")
+    light.set_title("contact light", loc="right")
+    letter(axes.ravel())
+    return figure
+
+
 Path("runs/optical_methods/figures").mkdir(exist_ok=True)
-figure.savefig("runs/optical_methods/figures/optics.png", dpi=200)
+picture().savefig("runs/optical_methods/figures/optics.png", dpi=200)
+print(f"fringe orders up to {float(orders.max()):.3g}, largest shear stress {float(shear.max()):.3g} MPa")
 print(f"contact area from {100 * float(area.min()):.3g} to {100 * float(area.max()):.3g} %")

@@ -9,10 +9,10 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ruptfx import read_case, simulate
 from ruptfx.analysis.image_correlation import errors, experiment
+from ruptfx.figure_style import letter, new_figure, save, style
 
 record = simulate(read_case(Path(__file__).with_name("pressed_block.toml")), out="runs/pressed_block")
 slipped = float(np.abs(record.interface.slip).max())
@@ -26,25 +26,27 @@ print(f"largest slip {slipped:.3g} m; the base carries {float(base.force_y[-1]) 
 # %%
 pressed = experiment(record, 0, pixel=0.25e-3, subset=21, noise=1.0)
 pushed = experiment(record, 1, pixel=0.25e-3, subset=21, noise=1.0, since=0)
-figure = Figure(figsize=(7.2, 6.6), layout="constrained")
-axes = figure.subplots(2, 2, sharex=True, sharey=True)
-shown = ((pressed, "xy", "$E_{xy}$, pressed"), (pushed, "xx", "$E_{xx}$ added by the push"))
-for row, (data, component, name) in zip(axes, shown, strict=True):
-    largest = 100 * float(np.nanquantile(np.abs(data[f"true_{component}"]), 0.99))
-    for ax, which in zip(row, ("true", "measured"), strict=True):
-        picture = ax.pcolormesh(
-            1e3 * data.x, 1e3 * data.y, 100 * data[f"{which}_{component}"], cmap="RdBu_r", vmin=-largest, vmax=largest,
-            rasterized=True,
-        )  # fmt: skip
-        ax.axhline(0, color="black", lw=0.5)
-        ax.set_title(f"{name}, {which if which == 'true' else 'by image correlation'}", fontsize=9)
-        ax.set_aspect("equal")
-    figure.colorbar(picture, ax=row, label="Strain (%)", extend="both")
-    bias, noise = errors(data, component, np.array([0.0, 2.5e-3, 5e-3, 10e-3, 40e-3]))
-    for low, high, b, n in zip((0, 2.5, 5, 10), (2.5, 5, 10, 40), bias, noise, strict=True):
-        print(f"E_{component}, {low:4} to {high:4} mm from the interface: bias {100 * b:7.4f} %, noise {100 * n:.4f} %")
-for ax in axes[-1]:
-    ax.set_xlabel("x (mm)")
-for ax in axes[:, 0]:
-    ax.set_ylabel("y (mm)")
-figure.savefig("runs/pressed_block/figures/strains.png", dpi=200)
+shown = ((pressed, "xy", "pressed"), (pushed, "xx", "added by the push"))
+with style():
+    figure, axes = new_figure(2, 2, 6.2, 6.6, sharex=True, sharey=True)
+    for row, (data, component, when) in zip(axes, shown, strict=True):
+        largest = 100 * float(np.nanquantile(np.abs(data[f"true_{component}"]), 0.99))
+        for ax, which in zip(row, ("true", "measured"), strict=True):
+            picture = ax.pcolormesh(
+                1e3 * data.x, 1e3 * data.y, 100 * data[f"{which}_{component}"], cmap="RdBu_r", vmin=-largest,
+                vmax=largest, rasterized=True,
+            )  # fmt: skip
+            ax.axhline(0, color="black", lw=0.5)
+            ax.set_title("true" if which == "true" else "by image correlation")
+            ax.set_aspect("equal")
+        figure.colorbar(picture, ax=row, label=f"$E_{{{component}}}$, {when} (%)", extend="both")
+        bias, noise = errors(data, component, np.array([0.0, 2.5e-3, 5e-3, 10e-3, 40e-3]))
+        for low, high, b, n in zip((0, 2.5, 5, 10), (2.5, 5, 10, 40), bias, noise, strict=True):
+            place = f"{low:4} to {high:4} mm from the interface"
+            print(f"E_{component}, {place}: bias {100 * b:7.4f} %, noise {100 * n:.4f} %")
+    for ax in axes[-1]:
+        ax.set(xlabel="x (mm)", xticks=[0, 25, 50, 75, 100])
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (mm)")
+    letter(axes.ravel())
+save(figure, record.path / "figures" / "strains.png", "png")

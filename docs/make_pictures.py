@@ -1,11 +1,13 @@
 """Draws the pictures of the site that no demo leaves: `python docs/make_pictures.py` (three minutes of processor time).
 
-`tpv205.png`, `time_order.png`, `self_similar.png` and `bp1.png` are the figures of `ruptfx bench NAME --fine`;
+`tpv205.png`, `time_order.png`, `self_similar.png`, `smooth_rupture.png` and `bp1.png` are the figures of
+`ruptfx bench NAME --fine`;
 `antiplane.png`, `bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of
 `ruptfx mesh`,
-`rough_rupture.png` and `contact_fringes.png` are what these scripts save, `sliding_start.png` and `slow_sliding.png`
-are `forces.png` of these demos, `measured_surface.png` is `surfaces.png`, `stress_barrier.png` `front.png` of that
-one, `spring_block.png` is `onset_of_sliding.png`, `rough_sliding.png` is `surfaces.png`, `brazilian.png` `cracks.png`,
+`rough_rupture.png`, `contact_fringes.png` and `pushed_block.png` are what these scripts save, `sliding_start.png` and
+`slow_sliding.png` are `forces.png` of these demos, `measured_surface.png` is `surfaces.png`, `stress_barrier.png`
+`front.png` of that one, `spring_block.png` is `onset_of_sliding.png`, `rough_sliding.png` is `surfaces.png`,
+`brazilian.png` `cracks.png`,
 `ball.png` `wavefield.png`.
 """
 
@@ -21,8 +23,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ruptfx import plots, read_case, simulate
+from ruptfx.analysis.along_interface import body_stress
+from ruptfx.analysis.asperities import first_slip
 from ruptfx.analysis.modes import classify
-from ruptfx.figure_style import RATE_MAP, styled
+from ruptfx.case import parse_case, read_toml
+from ruptfx.figure_style import RATE_MAP, letter, new_figure, styled
 
 PICTURES = Path(__file__).with_name("pictures")
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -130,6 +135,70 @@ def damping() -> Figure:
     return figure
 
 
+def smooth_stress() -> Figure:
+    """Stress before and after a patch fails: the demo of rough bodies without its waves, in equilibrium."""
+    table = read_toml(DEMOS / "rough_rupture.toml")
+    for body in ("upper", "lower"):
+        table["mesh"][body] |= {"profile": 0.0, "element_size": 0.1e-3}
+    table["stepper"] = {"kind": "quasi_static", "first_step": 0.5e-6, "largest_step": 1e-6}
+    table["faults"]["main"]["contact"] = {"kind": "augmented_lagrangian"}
+    table["faults"]["main"]["nucleation"][0]["half_width"] = 0.0625e-3
+    for stage in table["stages"]:
+        del stage["damping"]
+    table["output"] = {"figures": False, "interface_interval": 1e-6}
+    with tempfile.TemporaryDirectory() as folder:
+        record = simulate(parse_case(table), out=Path(folder, "run"))
+        return plots.snapshots(record, [17.5e-6, 20e-6])
+
+
+def smooth_waves() -> Figure:
+    """Waves of the benchmark `smooth_rupture`: the demo of two materials with its patch, load, law and elements."""
+    given = [
+        "mesh.left=-2.25e-3", "mesh.length=4.5e-3", "mesh.height=1.5e-3", "mesh.element_size=0.05e-3",
+        "faults.main.friction={kind = 'coulomb', mu_d = 1.0}", "faults.main.initial_stress.shear=4.65e6",
+        "faults.main.nucleation=[{kind = 'friction_drop', center = 0.0, half_width = 0.0625e-3}]",
+        "duration=0.8e-6", "output.bulk_interval=0.1e-6", "output.figures=false",
+    ]  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        record = simulate(read_case(DEMOS / "bimaterial.toml", overrides=given), out=Path(folder, "run"))
+        return plots.wavefield(record, [0.4e-6, 0.7e-6])
+
+
+@styled
+def chamfered_block() -> Figure:
+    """Stresses in the block of the demo along its base, and when points slip first: pressed unevenly, and evenly."""
+    times = {"held": 1.2e-3, "before": 0.0, "after": 0.15e-3}  # s, the last two from the first slip on
+    figure, axes = new_figure(4, 2, 6.4, sharex=True, sharey="row")
+    labels = (r"$\sigma_{xx}$ (MPa)", r"$\sigma_{yy}$ (MPa)", r"$\tau$ / pressure", "First slip (ms)")
+    with tempfile.TemporaryDirectory() as folder:
+        for column, (name, given) in enumerate((("uneven", []), ("even", ["stages.0.boundaries.0.profile=1.0"]))):
+            case = read_case(DEMOS / "chamfered_block.toml", overrides=["output.figures=false", *given])
+            record = simulate(case, out=Path(folder, name))
+            data = record.interface
+            x = data["position"].values
+            arrival = first_slip(data["time"].values, data["slip_rate"].values, times["held"], 1e-3)
+            began = float(np.nanmin(arrival))
+            for colour, (when, wanted) in zip(("0.6", BLUE, ORANGE), times.items(), strict=True):
+                at = wanted if when == "held" else began + wanted - 5e-5 * (when == "before")
+                at, stress = body_stress(record, at)
+                pressure = -stress["yy"]
+                ratio = np.where(pressure > 0, stress["xy"] / np.maximum(pressure, 1.0), np.nan)
+                text = f"{1e3 * at:.2f} ms, {when}" if when == "held" else f"{1e3 * at:.2f} ms, {when} first slip"
+                for ax, values in zip(axes[:3, column], (1e-6 * stress["xx"], -1e-6 * pressure, ratio), strict=True):
+                    ax.plot(1e3 * x, values, color=colour, label=text)
+            axes[3, column].plot(1e3 * x, 1e3 * arrival, ".", ms=3, color="black")
+            axes[0, column].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=6,
+                                   title=f"pressed {name}ly", title_fontsize=7)
+            axes[3, column].set_xlabel("x (mm)")
+    axes[0, 0].set_ylim(-8, 2)
+    axes[1, 0].set_ylim(-12, 0)
+    axes[2, 0].set_ylim(-0.4, 0.8)
+    for ax, label in zip(axes[:, 0], labels, strict=True):
+        ax.set_ylabel(label)
+    letter(axes.ravel())
+    return figure
+
+
 def impact() -> None:
     """Figures of the impact demo that the site shows, on a mesh twice as coarse."""
     with tempfile.TemporaryDirectory() as folder:
@@ -140,7 +209,11 @@ def impact() -> None:
                 figure.savefig(PICTURES / f"impact_{name}.png", dpi=130)
 
 
-DRAWINGS = {"modes": modes, "signs": signs, "damping": damping}
+DRAWINGS = {
+    "modes": modes, "signs": signs, "damping": damping,
+    "smooth_stress": smooth_stress, "smooth_waves": smooth_waves,
+    "chamfered_block": chamfered_block,
+}  # fmt: skip
 
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)

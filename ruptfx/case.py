@@ -40,7 +40,7 @@ from ruptfx.schema import (
 from ruptfx.sliding import Sliding
 from ruptfx.steppers import AnyStepper, able
 from ruptfx.stopping import StopWhen
-from ruptfx.units import Duration, Fraction, Length, Rate, Speed, VaryingGap
+from ruptfx.units import Duration, Fraction, Length, Rate, Speed, Time, VaryingGap
 
 if TYPE_CHECKING:
     from ruptfx.lumped import LumpedModel
@@ -104,7 +104,11 @@ class Output(Part):
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
     """Steps between checkpoints, instead."""
     rupture_threshold: Speed = 1e-3
-    """Slip rate whose first passing is the rupture time; what is slower sticks, where states of contact are told."""
+    """Slip rate whose first passing by a closed point is its rupture time; what is slower sticks, where states of
+    contact are told."""
+    rupture_after: Time | None = None
+    """Rupture times count from then on; what slips or opens before, while bodies are pressed and sheared, is none.
+    Without it, from the first nucleation of the interface that begins after zero, or from zero."""
     figures: bool = True
     """Whether a run ends with its pictures."""
     plate_thickness: Length | None = None

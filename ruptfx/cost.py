@@ -21,7 +21,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, painter
 from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
-from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING
+from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING, stress_entries
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.crack_files import SNAPSHOTS
 from ruptfx.recording.recorder import Recorder
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.steppers import Motion
 
+NEVER = {"interface": 10**9, "bulk": 10**9, "forces": 10**9}  # when the next records are due, by number
 SECONDS, FEWEST = 0.5, 6  # steps of the rehearsal: processor time that is enough, and how many there are at least
 LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`)
 # Bytes per node of a model in its first step, by components of the motion: the least that a run takes. Two components
@@ -132,7 +133,7 @@ class _Beginning:
         self._record("bulk")
 
     def _step(self, watched: bool) -> None:
-        self.recorder.next = {"interface": 10**9, "bulk": 10**9}
+        self.recorder.next = dict(NEVER)
         self.recorder.expects(self.state)
         self.state.watched = watched
         self.motion.step(self.state)
@@ -141,7 +142,7 @@ class _Beginning:
 
     def _record(self, what: str) -> None:
         """Make the recorder believe that this is due."""
-        self.recorder.next = {"interface": 10**9, "bulk": 10**9, what: 0}
+        self.recorder.next = NEVER | {what: 0}
         self.recorder.last = -1.0
         self.recorder.record(self.state)
         self.recorder.meet()
@@ -177,7 +178,7 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     for instrument, channels in measured(model, 0.0) if case.instruments else []:
         numbers += case.duration / instrument.interval * (1 + len(channels))
     dim, c = model.coordinates.shape[1], model.components
-    columns = {"velocity": c, "displacement": c, "stress": {1: 2, 2: 3, 3: 6}[c], "fringe": 1}
+    columns = {"velocity": c, "displacement": c, "stress": len(stress_entries(case.plane, c)), "fringe": 1}
     of_snapshot = sum(columns[name] for name in case.output.bulk_fields) * BYTES[case.output.bulk_precision]
     mesh = 8 * (dim + 2**dim)  # points, and about as many cells between them
     if model.cracks is not None:

@@ -42,6 +42,8 @@ class Fault:
         Opening where nothing has moved [m].
     cohesion : CohesiveLaw or None
         What holds it together besides friction, until it has failed.
+    rupture_after : float
+        When ruptures begin to count [s].
     """
 
     name: str
@@ -53,6 +55,7 @@ class Fault:
     nucleation: tuple[Nucleation, ...] = ()
     gap: np.ndarray | None = None
     cohesion: CohesiveLaw | None = None
+    rupture_after: float = 0.0
 
     @property
     def slides(self) -> bool:
@@ -125,6 +128,10 @@ class Fault:
             columns = values[field.name].T if field.tangential else values[field.name][None]
             state |= {name: np.array(v, float) for name, v in zip(field.names(self.tangents), columns, strict=True)}
         return state
+
+    def threshold_at(self, time: float, threshold: float) -> float:
+        """Slip rate whose first passing is a rupture [m/s], infinite before ruptures count."""
+        return threshold if time >= self.rupture_after else np.inf
 
     def opening(self, jump: np.ndarray) -> np.ndarray:
         """Distance of the two sides from their normal displacement jump [m], negative where they would overlap."""

@@ -53,7 +53,7 @@ class FaultStep:
         As for `impedances`.
     clock : Clock
     threshold : float
-        Slip rate [m/s] whose first passing is the rupture time.
+        Slip rate [m/s] whose first passing is a rupture.
 
     Attributes
     ----------
@@ -82,6 +82,7 @@ class FaultStep:
         self._library = self._code.compile("fault_step", self.sources, known, macros)
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
+        self._threshold = threshold
         self._result = np.zeros(3 + len(FAILURE))
         self._held = (np.zeros(0), np.zeros(0))  # tension and opening before
         self._bound: tuple[object, ...] = ()
@@ -150,7 +151,7 @@ class FaultStep:
             first = component_names("mean_slip_rate", fault.tangents)[0]
             load, rate_old = fault.load(time), state[first] * (since > 0)
             self._code.put("shear_traction_0", fault.shear_traction_0[:, 0] + load)  # the others stay
-        self._times[-1] = time
+        self._times[-2:] = fault.threshold_at(time, self._threshold), time
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
         self._library.update(*self._pointers)

@@ -54,11 +54,14 @@ class Moment:
         Of the traction, and since the one before.
     speed, speed_then : [m/s]
         Slip rate now and at the traction before.
-    normal_stress : [Pa]
+    normal_stress, normal_stress_then : [Pa]
+        Now and at the traction before.
+    closed : bool
+        Whether the two sides touch, or cohesion holds them.
     power, duration : [W/m2], [s]
         Of friction, and how long: their product is what friction took since the last update.
     threshold : [m/s]
-        `output.rupture_threshold`.
+        `output.rupture_threshold`; infinite before `output.rupture_after`.
     """
 
     time: Array
@@ -66,6 +69,8 @@ class Moment:
     speed: Array
     speed_then: Array
     normal_stress: Array
+    normal_stress_then: Array
+    closed: Array
     power: Array
     duration: Array
     threshold: Array
@@ -86,6 +91,9 @@ class Monitor(Field):
     update: Callable[[Array, Moment], Array] = lambda old, _: old
 
 
+_NEVER = 1e300  # m/s
+
+
 def _peak(old: Array, at: Moment) -> Array:
     # Where it opens a compliant interface lets its traction go within one step: not a rate of sliding.
     return np.maximum(old, np.where(at.normal_stress > 0, at.speed, 0.0))
@@ -95,11 +103,13 @@ def _work(old: Array, at: Moment) -> Array:
     return old + at.power * at.duration
 
 
-def _first_passing(old: Array, at: Moment) -> Array:
-    """Linear between two tractions."""
+def _first_rupture(old: Array, at: Moment) -> Array:
+    """Sides that have not met move past each other without a rupture; what held is ruptured when it opens."""
     beyond, rise = at.speed - at.threshold, at.speed - at.speed_then
     part = np.where(at.speed_then < at.threshold, beyond / np.where(rise > 0, rise, 1.0), 0.0)
-    return np.where((old != old) & (beyond > 0), at.time - at.since * part, old)
+    slipped = np.where(beyond > 0, at.time - at.since * part, np.nan)
+    opened = np.where((at.normal_stress_then != 0) & (at.threshold < _NEVER), at.time, np.nan)
+    return np.where(old != old, np.where(at.closed, slipped, opened), old)
 
 
 FIELDS = (
@@ -124,8 +134,9 @@ OF_SLIDING = (
 MONITORS = (
     Monitor("peak_slip_rate", "m/s", "largest slip rate of all steps while closed", update=_peak),
     Monitor(
-        "rupture_time", "s", "first time the slip rate passed rupture_threshold, linear between steps", start=np.nan,
-        update=_first_passing,
+        "rupture_time", "s",
+        "first time the slip rate passed rupture_threshold while closed, linear between steps, or a contact opened",
+        start=np.nan, update=_first_rupture,
     ),
     Monitor("friction_work", "J/m2", "work of friction per area in all steps", update=_work),
 )  # fmt: skip
@@ -135,14 +146,32 @@ ENERGIES = {
     "frictional_dissipation": "frictional dissipation", "fracture": "taken by cracks until they have failed",
     "damping": "taken by damping",
     "impact": "taken by plastic impacts, and by the work of the normal stress where what is faced is frozen",
+    "collisions": "energy held where pieces meet that were no neighbours, [collisions]",
+    "collision_loss": "taken there by the finite step, and when facets are handed over",
     "facing": "taken from springs in contact when what they face is found again",
     "boundary_work": "work of boundaries, initial stress and nucleation, and what bodies that fly begin with",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
-ACCUMULATED = ("frictional_dissipation", "fracture", "damping", "impact", "facing", "boundary_work")
-"""Energies that steps add up."""
+ACCUMULATED = (
+    "frictional_dissipation", "fracture", "damping", "impact", "collisions", "collision_loss", "facing",
+    "boundary_work",
+)  # fmt: skip
+"""Energies that steps add up or keep."""
 TAKEN_IN_SLIDING = ("frictional_dissipation", "impact", "facing")
 """Those of them that are also known of each interface that slides."""
+
+
+STRESSES = {
+    1: {"xz": (0, 0), "yz": (1, 0)},
+    2: {"xx": (0, 0), "yy": (1, 1), "xy": (0, 1)},
+    3: {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)},
+}
+"""Stresses and strains that files have, by the components of the displacement; in antiplane axis and component."""
+
+
+def stress_entries(plane: str, components: int) -> dict[str, tuple[int, int]]:
+    """Stresses and strains that files have, by name; in bodies of revolution zz, which goes round the axis, is last."""
+    return STRESSES[components] | ({"zz": (2, 2)} if plane == "axisymmetric" else {})
 
 
 def component_names(name: str, tangents: int) -> list[str]:

@@ -39,10 +39,10 @@ TIME_MAP = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1,
 WAVE_MAP = "inferno"
 
 _PREFIXES = {
-    "m": [(1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
+    "m": [(1e-12, "pm"), (1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
     "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s")],
-    "Pa": [(1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
-    "m/s": [(1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
+    "Pa": [(1.0, "Pa"), (1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
+    "m/s": [(1e-9, "nm/s"), (1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
     "N": [(1.0, "N"), (1e3, "kN"), (1e6, "MN")],
     "N/m": [(1.0, "N/m"), (1e3, "kN/m"), (1e6, "MN/m"), (1e9, "GN/m")],
     "J/m": [(1e-3, "mJ/m"), (1.0, "J/m"), (1e3, "kJ/m"), (1e6, "MJ/m"), (1e9, "GJ/m"), (1e12, "TJ/m")],

@@ -276,7 +276,10 @@ class Model:
         except CaseError as caught:  # of a profile, at the points of this rank
             error = CaseError(f"faults.{name}: {caught}")
         parallel.raise_on_all(self.comm, error)
-        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion)
+        after = self.case.output.rupture_after
+        if after is None:
+            after = min((each.onset for each in fault.nucleation if each.onset > 0), default=0.0)
+        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after)
 
     def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
         """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.
@@ -409,8 +412,6 @@ class Model:
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         if self.cracks is not None:
             held += self.cracks.stored(state.cracks, half * state.velocity, state.at_faults()[1])
-        if self.collisions is not None:
-            held += self.collisions.stored(state, half * state.velocity)
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {
             "kinetic": kinetic,
@@ -420,6 +421,8 @@ class Model:
             "fracture": state.energy["fracture"],
             "damping": state.energy["damping"],
             "impact": state.energy["impact"],
+            "collisions": 0.0 if self.collisions is None else self.collisions.stored(state),
+            "collision_loss": state.energy["collision_loss"],
             "facing": state.energy["facing"],
             "boundary_work": state.energy["boundary_work"] + preload,
         }

@@ -52,7 +52,8 @@ def _parts_in(key: str, value: object) -> list[tuple[str, Part]]:
 
 def _row(name: str, text: str, meaning: str, given: bool = True) -> str:
     style = "text-align:left" if given else "text-align:left;opacity:.55"
-    cells = f'<td style="{style}" title="{escape(meaning)}">{escape(name)}</td><td style="{style}">{escape(text)}</td>'
+    title = escape(" ".join(meaning.split()))
+    cells = f'<td style="{style}" title="{title}">{escape(name)}</td><td style="{style}">{escape(text)}</td>'
     return f"<tr>{cells}</tr>"
 
 

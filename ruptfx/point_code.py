@@ -19,6 +19,7 @@ from ruptfx.bond import STATE
 from ruptfx.contact import Array, Point, Trial
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment
+from ruptfx.friction import AT_REST
 from ruptfx.projection import BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
 from ruptfx.state import FaultState
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
@@ -114,7 +115,7 @@ class PointCode:
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._bond is not None),
-            "TOLERANCE": TOLERANCE, "MAX_ITERATIONS": MAX_ITERATIONS, "BISECT_EVERY": BISECT_EVERY,
+            "TOLERANCE": TOLERANCE, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS, "BISECT_EVERY": BISECT_EVERY,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:

@@ -1,7 +1,7 @@
 // What a step does at the points of an interface, LANES of them at a time: point (trial and projection) and settle (what
 // is written back). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py
 // writes in front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END,
-// TOLERANCE, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
+// TOLERANCE, AT_REST, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
 // monitors, BONDED and the formulas of cohesion, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
 // `guess` a slip rate to begin with.
 #include <math.h>
@@ -222,14 +222,15 @@ INLINE void point(const struct times *times, const double *number, struct points
                 steep = mean * sum;
             }
             const double lo = residual > 0 ? slip_rate : low[l], hi = residual > 0 ? high[l] : slip_rate;
-            const double done = fabs(residual) <= TOLERANCE * points->size[l] || hi - lo <= 1e-15 * hi;
+            const int rests = hi <= AT_REST && residual == residual;  // its traction is the trial one
+            const double done = fabs(residual) <= TOLERANCE * points->size[l] || hi - lo <= 1e-15 * hi || rests;
             const double go = active[l] != 0 && done == 0;
             const double next = next_rate(slip_rate, lo, hi, residual, steep, mean_z[l], rate_now / rate_slope, bisect);
             low[l] = active[l] != 0 ? lo : low[l];
             high[l] = active[l] != 0 ? hi : high[l];
             // A strength that is not a number must not be taken for a converged one.
             const double moved = residual == residual ? next : (double)NAN;
-            points->rate[l] = go != 0 ? moved : slip_rate;
+            points->rate[l] = go != 0 ? moved : rests && active[l] != 0 ? 0 : slip_rate;
             active[l] = go != 0 && residual == residual;
             any += active[l];
         }
@@ -275,7 +276,8 @@ INLINE void settle(int count, const struct times *times, const double *number, s
         NEW(opening) = AT_END ? (normal_stress - points->trial_normal[l]) * points->compliance[l]
                               : OLD(normal_stress) > 0 || apart < 0 ? 0 : apart;
         NEW(normal_stress) = normal_stress;
-        (void)whole;
+        const double normal_stress_then = OLD(normal_stress);
+        (void)whole, (void)normal_stress_then;
 #if BONDED
         const double part = whole > points->bond[l] * points->bond[l] ? points->bond[l] / sqrt(whole) : 1;
         points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;

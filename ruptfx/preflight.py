@@ -39,6 +39,7 @@ from ruptfx.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
+FAR_COARSER = 4.0  # of the spacing of nodes that are faced, over that of those that carry points
 STEEP = 0.2
 STIFF = 1.5  # of the stable step without the springs of an interface over that with them
 FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
@@ -106,6 +107,9 @@ def preflight(case: Case) -> Iterator[Row]:
         yield from _instrument_rows(model, motion.dt)
     if model.cracks is not None:
         yield from _crack_rows(model, model.cracks, motion.dt)
+    if model.collisions is not None:
+        yield Row("collisions: cells that may meet", model.collisions.cells(), "",
+                  f"of {model.mesh.topology.index_map(2).size_global}, at the start; every facet that fails adds two")
     yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps, started, built)
 
@@ -120,7 +124,9 @@ def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
               f"{cracks.edge:.4g} m")  # fmt: skip
     young = {name: _young(material) for name, material in zip(model.bodies.names, model.materials, strict=True)}
     moduli = {"-".join(pair): min(young[name] for name in pair) for pair in fracture.laws_by_pair(model.bodies.names)}
+    here = {"-".join(sorted(model.bodies.names[body] for body in pair)) for pair in cracks.network.pairs().tolist()}
     of_pairs = {"-".join(pair): laws for pair, laws in fracture.laws_by_pair(model.bodies.names).items()}
+    of_pairs = {pair: laws for pair, laws in of_pairs.items() if pair in here}
     for pair, laws in (of_pairs | fracture.laws_of_joints(model.bodies.joints)).items():
         law = laws.cohesion
         if law is None:
@@ -414,6 +420,9 @@ def _sliding_rows(
     sides = face.geometry.plus, face.geometry.minus
     ratio = sides[0].spacing / sides[1].spacing
     coarse = "; the finer side had better carry the points: swap plus and minus" if ratio > COARSER else ""
+    if ratio < 1 / FAR_COARSER:
+        coarse = f"; the facing side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not " \
+                 "resolved, refine it"
     spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
     chord = sides[0].points[-1] - sides[0].points[0]
@@ -546,7 +555,8 @@ def _breakdown_rows(
 ) -> Iterator[Row]:
     """S, critical lengths and process zone, for laws that lose strength with slip."""
     if law.drop <= 0:
-        yield Row(f"{label}: strength drop", law.drop, "Pa", "does not weaken")
+        why = "does not weaken" if law.residual > 0 else "no strength at the start"
+        yield Row(f"{label}: strength drop", law.drop, "Pa", why)
         return
     yield Row(f"{label}: fracture energy", law.energy, "J/m2", note)
     if tau > law.residual:

@@ -26,7 +26,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.fields import Array
-from ruptfx.friction import FrictionLaw
+from ruptfx.friction import AT_REST, FrictionLaw
 from ruptfx.schema import Part
 from ruptfx.tracing import Expression, constant, derivative, record, symbol, to_numpy
 
@@ -476,7 +476,9 @@ def _solve(
         residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
         low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
         done = (np.abs(residual) <= TOLERANCE * size[todo]) | (high - low <= 1e-15 * high)
-        rate[todo[done]] = v[done]
+        rests = (high <= AT_REST) & np.isfinite(residual)
+        done |= rests
+        rate[todo[done]] = np.where(rests, 0.0, v)[done]
         go = ~done & np.isfinite(residual)
         rate[todo[~done & ~go]] = np.nan
         spread = (found.rate_now / found.rate_slope)[go]

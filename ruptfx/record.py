@@ -20,6 +20,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.columns import Column, Columns, Stored
+from ruptfx.fields import STRESSES, stress_entries
 
 if TYPE_CHECKING:
     import xarray  # imported on first use: it takes longer than the end of a run to read
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 # Labels of the last axis of a bulk quantity, by its length: antiplane, in plane or 3D.
 _LABELS = {
     "component": {1: ["z"], 2: ["x", "y"], 3: ["x", "y", "z"]},
-    "stress_component": {2: ["xz", "yz"], 3: ["xx", "yy", "xy"], 6: ["xx", "yy", "zz", "xy", "yz", "xz"]},
+    "stress_component": {len(n): list(n) for n in (*STRESSES.values(), stress_entries("axisymmetric", 2))},
 }
 _MESH = {"points": ("point", "axis"), "cells": ("cell", "corner"), "body": ("point",), "time": ("time",)}
 _AGAIN = "if the run is still going, try again in a moment; if it was killed, run the case again"

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ruptfx import parallel
 from ruptfx.edges import Edge
-from ruptfx.fields import FIELDS
+from ruptfx.fields import FIELDS, STRESSES, stress_entries
 from ruptfx.inside import Inside
 from ruptfx.instruments import Channel, Share
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.schema import CaseError, nearest
 
 if TYPE_CHECKING:
+    from ruptfx.fault import Fault
     from ruptfx.fem import Expr
+    from ruptfx.interface import Interface
     from ruptfx.model import Model
 
 Stresses = Callable[[np.ndarray], np.ndarray]
-_ENTRIES = {
-    1: {"xz": (0, 0), "yz": (1, 0)},
-    2: {"xx": (0, 0), "yy": (1, 1), "xy": (0, 1)},
-    3: {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)},
-}
+OFF = 1e-6  # of an element, by which a point of an interface may be off it
 
 
 class Sensed:
@@ -49,7 +48,7 @@ class Sensed:
     def __init__(self, model: Model, initial_stress: Stresses) -> None:
         self.model, self._initial_stress = model, initial_stress
         self.axes = {"z": 0} if model.components == 1 else {name: i for i, name in enumerate("xyz"[: model.components])}
-        self.entries = _ENTRIES[model.components]
+        self.entries = stress_entries(model.case.plane, model.components)
         self.force_unit = "N" if model.case.plane in ("solid", "axisymmetric") else "N/m"
 
     def unit_vector(self, component: int) -> np.ndarray:
@@ -69,21 +68,46 @@ class Sensed:
         """
         return SensedPoint(self, Inside(self.model, point, body, key, field), point)
 
-    def at_fault(self, name: str, position: float, key: str) -> list[Channel]:
-        """Every field of an interface at a position [m], linear between its points; collective.
+    def at_fault(self, name: str, place: float | Sequence[float], key: str) -> list[Channel]:
+        """Every field of an interface at a place of it; collective.
+
+        Parameters
+        ----------
+        name : str
+        place : float or sequence of float
+            In 2D the position [m], linear between its points; in 3D the coordinates [m] of a point of it, by the shape
+            functions of its elements.
+        key : str
 
         Raises
         ------
         CaseError
-            On all ranks: no such interface, one in 3D, or a position beyond its ends.
+            On all ranks: no such interface, or a place that is not on it.
         """
         known = {fault.name: fault for fault in self.model.faults}
         if name not in known:
             raise CaseError(f"{key}.fault = '{name}': no such interface, {nearest(name, list(known))}")
         fault = known[name]
         face = fault.interface
-        if fault.tangents > 1:
-            raise CaseError(f"{key}.fault = '{name}': in 3D a position is a line; put a receiver on either side of it")
+        weights = self._along(face, place, key) if isinstance(place, float) else self._on(fault, place, key)
+        here = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
+        mine = np.array([weights[int(number)] for number in face.number[here]])
+        found = []
+        for field in FIELDS:
+            for number, label in enumerate(field.names(fault.tangents) if field.recorded else ()):
+                text = field.long_name
+                if label != field.name:
+                    # A rank that has no point of it adds nothing.
+                    tangent = parallel.total(self.model.comm, mine @ face.frame[here, 1 + number])
+                    along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
+                    text += f" along tangent {number + 1}, ({along})"
+                found.append(Channel(label, field.unit, text, [Share((name, label), here, mine)]))
+        for label, unit in fault.state_fields().items():
+            found.append(Channel(label, unit, f"state variable {label}", [Share((name, label), here, mine)]))
+        return found
+
+    def _along(self, face: Interface, position: float, key: str) -> dict[int, float]:
+        """Weights of points of an interface in 2D, by number; collective."""
         slack = 1e-9 * face.line.length
         if not face.line.first - slack <= position <= face.line.last + slack:
             raise CaseError(
@@ -94,16 +118,31 @@ class Sensed:
         numbers, positions = rows[np.argsort(rows[:, 0])].T
         after = int(np.clip(np.searchsorted(positions, position), 1, len(positions) - 1))
         part = (position - positions[after - 1]) / (positions[after] - positions[after - 1])
-        weights = {int(numbers[after - 1]): 1 - part, int(numbers[after]): part}
-        here = np.flatnonzero(face.owned & np.isin(face.number, list(weights)))
-        mine = np.array([weights[int(number)] for number in face.number[here]])
-        described = {field.name: (field.unit, field.long_name) for field in FIELDS if field.recorded}
-        described |= {
-            state: (unit, f"state variable {state}") for state, unit in fault.state_fields().items()
-        }
-        return [
-            Channel(field, unit, text, [Share((name, field), here, mine)]) for field, (unit, text) in described.items()
-        ]
+        return {int(numbers[after - 1]): 1 - part, int(numbers[after]): part}
+
+    def _on(self, fault: Fault, point: Sequence[float], key: str) -> dict[int, float]:
+        """Weights of points of an interface in 3D, by number: shape functions of its plus side; collective."""
+        model, face, comm = self.model, fault.interface, self.model.comm
+        numbers = dict(zip(face.plus.tolist(), face.number.tolist(), strict=True))
+        value = np.zeros((1 + len(point), model.components))
+        value[0, 0] = 1.0
+        rows = [np.zeros((0, 2))]
+        for body in np.unique(parallel.share_rows(comm, model.layout.body[face.plus])):
+            with suppress(CaseError):  # another body has it
+                dofs, weights = Inside(model, point, model.bodies.names[body], key).weights(value)
+                chosen = slice(None, None, model.components)
+                nodes = [numbers.get(int(dof), -1) for dof in dofs[chosen] // model.components]
+                rows.append(np.column_stack([nodes, weights[chosen]]))
+        shared = parallel.share_rows(comm, np.concatenate(rows))
+        on = shared[:, 0] >= 0
+        if not on.any() or np.abs(shared[~on, 1]).sum() > OFF:
+            points = parallel.share_rows(comm, face.points[face.owned])
+            near = points[np.argmin(np.linalg.norm(points - np.asarray(point), axis=1))]
+            here, there = ("(" + ", ".join(f"{value:.6g}" for value in each) + ") m" for each in (point, near))
+            raise CaseError(f"{key}.point = {here}: is not on interface '{fault.name}', whose nearest node is {there}")
+        which, place = np.unique(shared[on, 0], return_inverse=True)
+        sums = np.bincount(place, weights=shared[on, 1])
+        return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True))
 
     def forces(self, name: str, key: str) -> list[tuple[str, list[Share], float]]:
         """Force from outside on an edge, along every axis [N, in 2D N/m]; collective.
@@ -143,7 +182,7 @@ class Sensed:
         """Nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
         c, stresses = self.model.components, self._initial_stress(self.model.coordinates)
         force = np.zeros((self.model.nodes, c))
-        for (i, j), stress in zip(self.entries.values(), stresses.T, strict=True):
+        for (i, j), stress in zip(STRESSES[c].values(), stresses.T, strict=False):
             for row, column in sorted({(i, j), (j, i)}) if c > 1 else [(0, i)]:
                 weights = edge.integral(_component(row, column))
                 force[:, row] += stress * weights.reshape(-1, c)[:, row]
@@ -185,6 +224,9 @@ class SensedPoint:
     def strain(self, entry: tuple[int, int]) -> Share:
         """A component of the strain."""
         (i, j), coefficients = entry, np.zeros(self._shape)
+        if self._plates.model.case.plane == "axisymmetric" and i == 2:
+            self._add_around(coefficients, 1.0)
+            return self.reading(coefficients)
         coefficients[1 + i, j] += 0.5
         if self._shape[1] > 1:
             coefficients[1 + j, i] += 0.5
@@ -193,13 +235,20 @@ class SensedPoint:
     def stress(self, entry: tuple[int, int]) -> Share:
         """A component of the stress beyond the initial one [Pa]."""
         model, coefficients = self._plates.model, np.zeros(self._shape)
-        stiffness = tangent_stiffness(model.materials[self._place.body], model.case.plane)
-        coefficients[1:] = stiffness[entry[0]][:, None] if stiffness.ndim == 2 else stiffness[entry].T
-        if model.case.plane == "axisymmetric":
-            around = tangent_stiffness(model.materials[self._place.body], "solid")[(*entry, 2, 2)]
-            radius = self._point[1]  # on the axis u_r / r is du_r/dr
-            coefficients[(0, 1) if radius > 0 else (2, 1)] += around / (radius or 1.0)
+        material, plane = model.materials[self._place.body], model.case.plane
+        if plane == "axisymmetric":
+            stiffness = tangent_stiffness(material, "solid")[entry]
+            coefficients[1:] = stiffness[:2, :2].T
+            self._add_around(coefficients, stiffness[2, 2])
+        else:
+            stiffness = tangent_stiffness(material, plane)
+            coefficients[1:] = stiffness[entry[0]][:, None] if stiffness.ndim == 2 else stiffness[entry].T
         return self.reading(coefficients)
+
+    def _add_around(self, coefficients: np.ndarray, factor: float) -> None:
+        """Add the strain around the axis, u_r / r, times a factor."""
+        radius = self._point[1]  # on the axis u_r / r is du_r/dr
+        coefficients[(0, 1) if radius > 0 else (2, 1)] += factor / (radius or 1.0)
 
     def initial_stress(self, label: str) -> float:
         """A component of the initial stress of the bodies [Pa]."""

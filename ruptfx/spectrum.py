@@ -98,11 +98,9 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
         return float(parallel.total(model.comm, np.multiply(once, a, out=work) @ b))
 
     # A start that every partition makes alike: pseudo-random in the coordinates.
-    x = np.repeat(
-        model.coordinates @ (np.array([12.9898, 78.233, 37.719])[: model.coordinates.shape[1]]), model.components
-    )
+    x = model.coordinates @ (np.array([12.9898, 78.233, 37.719])[: model.coordinates.shape[1]])
     scale = parallel.total(model.comm, np.abs(x[: model.owned_nodes]).sum()) / model.total_nodes
-    vector = np.sin(4.3758e4 * x / scale) * (root > 0)
+    vector = np.repeat(np.sin(4.3758e4 * x / scale), model.components) * (root > 0)
     model.layout.equalise(vector)
     vector /= np.sqrt(dot(vector, vector))
     before, w, beta = np.zeros_like(vector), np.empty_like(vector), 0.0

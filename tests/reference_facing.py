@@ -1,62 +1,24 @@
-"""Who faces whom written with arrays: what the compiled search and quadrature are compared to."""
+"""Who faces whom written with arrays: what the compiled search and quadrature are compared to.
+
+The dual basis itself is that of the product; its identities are tested without a reference.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER
+from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER, Coupling, Facing, Mortar, dual_basis
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 
-@dataclass(frozen=True)
-class FacingReference:
-    """Who faces whom at one time.
-
-    Attributes
-    ----------
-    coupling : csr_matrix, shape (n, facing nodes)
-        B; empty rows where nothing is faced.
-    weight : ndarray, shape (n,)
-        Length of every point [m]; where nothing is faced that of its nodes.
-    tangent : ndarray, shape (n, 2)
-        Of the facing surface, a unit vector.
-    covered : ndarray of bool, shape (n,)
-        Whether the point faces something.
-    """
-
-    coupling: sparse.csr_matrix
-    weight: Floats
-    tangent: Floats
-    covered: NDArray[np.bool_]
-
-
-class MortarReference:
-    """The coupling of two surfaces.
-
-    Parameters
-    ----------
-    plus, minus : Surface
-    """
+class MortarReference(Mortar):
+    """The coupling of two surfaces."""
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
-        self.plus, self.minus = plus, minus
-        basis = plus.basis
-        corners = plus.points[plus.numbers]
-        # The same points here and on what faces one facet alone: nodes that match then face each other exactly.
-        self._gauss = at, weights = legendre.leggauss(plus.order + -(-minus.order // 2) + 2)
-        table = basis.values(at)
-        metric = self._metric(np.arange(plus.facets), np.broadcast_to(at, (plus.facets, len(at)))) * weights
-        mass = np.einsum("fg,ga,gb->fab", metric, table, table)
-        length = np.einsum("fg,ga->fa", metric, table)
-        self._dual = length[:, :, None] * np.linalg.inv(mass)
-        slopes = np.einsum("gb,fbc->fgc", basis.slopes(basis.points), corners)
-        self._nodal = basis.weights * np.linalg.norm(slopes, axis=2)
+        super().__init__(plus, minus)
+        self._dual = dual_basis(plus, *self._gauss)
 
     def _metric(self, facet: Integers, at: Floats) -> Floats:
         """ds / dxi of facets of the plus side where nothing has moved, at places of shape (facets, ...)."""
@@ -64,7 +26,7 @@ class MortarReference:
         found: Floats = np.linalg.norm(np.einsum("f...b,fbc->f...c", self.plus.basis.slopes(at), corners), axis=-1)
         return found
 
-    def find(self, plus: Floats, minus: Floats) -> FacingReference:
+    def find(self, plus: Floats, minus: Floats) -> Facing:
         """Who faces whom where the nodes are at these places.
 
         Parameters
@@ -104,14 +66,14 @@ class MortarReference:
             (block.ravel(), (np.repeat(rows, other + 1), np.repeat(columns, order + 1, axis=0).ravel())), shape=(n, m)
         )
         weight = np.asarray(coupling.sum(axis=1)).ravel()
-        turned, nodal = np.zeros((n, 2)), np.zeros(n)
+        turned, nodal = np.zeros((n, 2)), self.plus.lengths
         np.add.at(turned, rows, tangent)
-        np.add.at(nodal, self.plus.numbers, self._nodal)
         covered = weight > SLIVER * nodal
         turned[~covered] = self._own_tangent(plus)[~covered]
         scale = sparse.diags(np.where(covered, 1 / np.where(covered, weight, 1.0), 0.0))
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-        return FacingReference((scale @ coupling).tocsr(), np.where(covered, weight, nodal), turned, covered)
+        rows_of = Coupling(np.zeros(n, dtype=np.int64), (scale @ coupling).toarray(), m)
+        return Facing(rows_of, np.where(covered, weight, nodal), turned, covered)
 
     def _overlaps(
         self, corners: Floats, facing: Floats, along: Floats, length: Floats
@@ -149,10 +111,3 @@ class MortarReference:
         counted = np.where(inside, self._nodal[own] / np.maximum(times[own], 1), 0.0)
         places = np.broadcast_to(self.plus.basis.points, here.shape)
         return places, counted[:, :, None] * np.eye(self.plus.order + 1)
-
-    def _own_tangent(self, plus: Floats) -> Floats:
-        """Mean tangent of the plus side at its nodes, not normalised."""
-        slopes = np.einsum("gb,fbc->fgc", self.plus.basis.slopes(self.plus.basis.points), plus[self.plus.numbers])
-        tangent = np.zeros_like(plus)
-        np.add.at(tangent, self.plus.numbers, slopes)
-        return tangent

@@ -103,7 +103,7 @@ def settle(
     Parameters
     ----------
     threshold : float
-        Slip rate [m/s] whose first passing is the rupture time.
+        Slip rate [m/s] whose first passing is a rupture.
     """
     trial, done = found
     since, mean_before = clock.since, fault.components(old, "mean_slip_rate")
@@ -129,7 +129,13 @@ def settle(
         part = np.where(whole > of_bond.shear, of_bond.shear / np.where(whole > 0, whole, 1.0), 1.0)
         power, fractured = (1 - part) * power, part * power
         new |= {"damage": damage, "largest_opening": largest, "damaging_slip": slid}
-    at = Moment(time, since, speed, then, done.normal_stress, power, duration, threshold)
+    closed = done.normal_stress > 0
+    if fault.cohesion is not None:
+        closed |= held(fault, old, jump, trial, clock).intact
+    at = Moment(
+        time, since, speed, then, done.normal_stress, old["normal_stress"], closed, power, duration,
+        fault.threshold_at(time, threshold),
+    )
     new |= {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
     change = [done.shear_traction - fault.driving_shear(time)]
     if fault.interface.has_normal:

@@ -14,7 +14,10 @@ from ruptfx.analysis.resolution import peak_is_resolved
 if TYPE_CHECKING:
     from ruptfx.record import Data, Files
 
-__all__ = ["UNITS", "UNITS_OF_FRACTURE", "Modes", "classify", "modes_of", "rupture_origin", "summarise"]
+__all__ = [
+    "UNITS", "UNITS_OF_FRACTURE", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
+    "sliding_rate", "summarise",
+]
 
 UNITS_OF_FRACTURE = {
     "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
@@ -27,16 +30,45 @@ UNITS = {
 }  # of the summary; everything else is a name or a pure number
 
 
+OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
+
+
+def sliding_rate(record: Files) -> np.ndarray:
+    """Slip rate along the first interface [m/s], shape (times, points): zero where bodies that slide far do not touch.
+
+    There the surfaces pass each other without friction, which is no sliding of contacts.
+    """
+    data = record.interface
+    rate = np.asarray(data["slip_rate"].values)
+    if "contact" not in data:
+        return rate
+    return np.where(np.isin(data["contact"].values, (OPEN, UNCOVERED)), 0.0, rate)
+
+
+def nucleation(record: Files, data: Data) -> tuple[float, float]:
+    """When [s] and where [m] the case starts a rupture of an interface after it has loaded it; else never, nowhere."""
+    of_fault = record.case.get("faults", {}).get(str(data.attrs.get("fault", "")), {})
+    started = [
+        (float(each["time"]), float(each["center"]))
+        for each in of_fault.get("nucleation", [])
+        if all(isinstance(each.get(key), int | float) for key in ("time", "center")) and each["time"] > 0
+    ]
+    return min(started, default=(-np.inf, np.nan))
+
+
 def rupture_origin(record: Files) -> tuple[float, float]:
     """Position [m] and time [s] from which the rupture runs.
 
-    After an impact, the driven end of the interface at time zero. Otherwise, also where a slow drive makes the
-    interface slide later than a shear wave needs to run along it, where and when sliding began: the median of
-    the points that slid in the first hundredth of the time that the rupture took.
+    Where the case starts one, there and then. After an impact, the driven end of the interface at time zero. Otherwise,
+    also where a slow drive makes the interface slide later than a shear wave needs to run along it, where and when
+    sliding began: the median of the points that slid in the first hundredth of the time that the rupture took.
     """
     data = record.interface
     position = data["position"].values
-    arrival = np.asarray(data["rupture_time"].values, dtype=float)
+    since, center = nucleation(record, data)
+    if np.isfinite(since):
+        return center, since
+    arrival = data["rupture_time"].values
     end = float(data.attrs.get("loaded_end", position[0]))
     if not np.isfinite(arrival).any():
         return end, 0.0
@@ -53,7 +85,7 @@ def modes_of(record: Files) -> Modes:
     if "c_p_of_bodies" in data.attrs:
         known["c_p"] = np.max(data.attrs["c_p_of_bodies"])
     known["loaded_end"] = rupture_origin(record)[0]
-    return classify(data["slip_rate"].values, data["time"].values, data["position"].values, **known)
+    return classify(sliding_rate(record), data["time"].values, data["position"].values, **known)
 
 
 def summarise(record: Files) -> Table:

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 PARTS = (
-    "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact", "facing",
+    "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact",
+    "collisions", "collision_loss", "facing",
 )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 """Fracture energy of a moving front, from the fields around it and from what happens at the interface.
 
-`j_integral` counts the energy that flows through a contour to the tip, `breakdown` the work of the stress above
-its residual at a point; both are the fracture energy of a front with a process zone that is small. `process_zone` is
-how long the traction of a point falls, as a length; `slides_like` tells a crack from a pulse by how long points slide.
+`j_integral` counts the energy that flows through a contour to the tip of a steady front, `domain_integral` that to the
+tip of any front, `breakdown` the work of the stress above its residual at a point; all are the fracture energy of a
+front with a process zone that is small. `process_zone` is how long the traction of a point falls, as a length;
+`slides_like` tells a crack from a pulse by how long points slide.
 """
 
 from __future__ import annotations
@@ -63,19 +64,67 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
     return float(2 * flow / speed)
 
 
-def at_tip(sizes: Array, energies: Array) -> float:
-    """Energy release at the tip from J integrals on contours of some sizes: a line through them, at size zero [J/m2].
+@dataclass(frozen=True)
+class Moment:
+    """Motion in one instant at points above the interface, in plane strain or stress.
 
-    Where a front is not steady, what flows into a contour feeds the energy inside of it, too, which changes in
-    proportion to its size over the distance in which the energy release changes. Contours must be larger than the
-    process zone.
+    Attributes
+    ----------
+    point : ndarray, shape (n, 2)
+        [m]
+    area : ndarray, shape (n,)
+        That each point stands for [m2].
+    gradient : ndarray, shape (n, 2, 2)
+        du_i/dx_j as [n, j, i], also that of the stress before, less what remains behind the front [1].
+    velocity, acceleration : ndarray, shape (n, 2)
+        [m/s], [m/s2]
+    spin : ndarray, shape (n, 2)
+        dv_i/dx [1/s].
+    """
+
+    point: Array
+    area: Array
+    gradient: Array
+    velocity: Array
+    acceleration: Array
+    spin: Array
+
+
+def domain_integral(moment: Moment, tip: float, half_width: float, medium: Medium) -> float:
+    """Energy release of a front at any speed, steady or not, from what moves in a box around its tip [J/m2].
+
+    G = 2 int [(sigma_ij u_i,x - (U + T) delta_xj) q_,j + rho (a_i u_i,x - v_i v_i,x) q] dA above the interface, with a
+    weight q that is one in the inner half of the box and falls to zero at its sides: `j_integral` on all contours
+    between, less what feeds the energy inside of each (Source: Nakamura, Shih and Freund 1985, Int. J. Fract. 27, 229).
 
     Parameters
     ----------
-    sizes, energies : ndarray, shape (contours,)
-        Two or more [m], and what `j_integral` finds on them [J/m2].
+    moment : Moment
+        With points that fill the box.
+    tip, half_width : float
+        Middle of the box, half its length and its height [m]; the inner half must hold the process zone.
+    medium : Medium
     """
-    return float(np.polyfit(sizes, energies, 1)[1])
+    away = (moment.point - [tip, 0.0]) / half_width
+    side, top = np.clip(2 * (1 - np.abs(away)), 0.0, 1.0).T
+    slope = np.where((np.abs(away) > 0.5) & (np.abs(away) < 1), -2 * np.sign(away), 0.0) / half_width
+    weight, q_x, q_y = side * top, slope[:, 0] * top, side * slope[:, 1]
+    along = moment.gradient[:, 0]  # u_i,x
+    stress, strain_energy = _stress(moment.gradient, medium)
+    total = strain_energy + 0.5 * medium.density * np.sum(moment.velocity**2, axis=1)
+    flow_x = stress[:, 0] * along[:, 0] + stress[:, 2] * along[:, 1] - total
+    flow_y = stress[:, 2] * along[:, 0] + stress[:, 1] * along[:, 1]
+    fed = np.sum(moment.acceleration * along - moment.velocity * moment.spin, axis=1)
+    return float(2 * moment.area @ (flow_x * q_x + flow_y * q_y + medium.density * fed * weight))
+
+
+def _stress(gradient: Array, medium: Medium) -> tuple[Array, Array]:
+    """xx, yy, xy [Pa] and the density of strain energy [J/m3]."""
+    xx, yy, shear = gradient[:, 0, 0], gradient[:, 1, 1], gradient[:, 0, 1] + gradient[:, 1, 0]
+    lame = medium.shear_modulus * ((medium.c_p / medium.c_s) ** 2 - 2)
+    parts = 2 * medium.shear_modulus * np.column_stack([xx, yy, 0.5 * shear])
+    parts[:, :2] += (lame * (xx + yy))[:, None]
+    return parts, 0.5 * (parts[:, 0] * xx + parts[:, 1] * yy + parts[:, 2] * shear)
 
 
 @dataclass(frozen=True)

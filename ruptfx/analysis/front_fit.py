@@ -2,9 +2,10 @@
 
 While a front passes, gauges at heights of some millimetres see the field of `near_tip` at x - v (t - t_0). Speed v,
 passage t_0 and the length of the process zone are found by least squares, with numbers that enter linearly: K_II and
-its rate, the two potentials that grow with sqrt(r) (two, as they are free of each other where K_II changes), the stress
-along the interface, which no traction tells, and the shear stress left behind. Samples count while the tip is within
-2.5 a_s heights of the gauge, a_s = sqrt(1 - v^2 / c_s^2), where the singular field is large: fields contract with a_s.
+its rate (`mode_II_rate`: near c_R the field of a K_II that grows with the way is another one than that of a constant
+K_II, by 9 % of the fracture energy at 0.95 c_R and 80 mm), the field that grows with sqrt(r), the stress along the
+interface, which no traction tells, and the shear stress left behind. Samples count while the tip is within 2.5 a_s
+heights of the gauge, a_s = sqrt(1 - v^2 / c_s^2), where the singular field is large: fields contract with a_s.
 Gauges at several places along the interface tell the speed best; near c_R an error of 1 % in it is one of 10 % in the
 fracture energy. Gauges at several heights tell the process zone.
 Source: Svetlizky and Fineberg (2014), who found the fracture energy of such traces; sqrt(r) after Freund (1990).
@@ -20,7 +21,7 @@ from scipy.optimize import least_squares
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.fracture import A_II, slowness_factors
-from ruptfx.analysis.near_tip import Medium, mode_II, pressure_field
+from ruptfx.analysis.near_tip import Medium, mode_II, mode_II_rate
 
 Array = np.ndarray
 
@@ -30,9 +31,10 @@ SLOWEST, FASTEST = 0.01, 0.995  # c_R
 STARTS, WINDOWS = 3, 3
 MOST = 1000  # samples in the search for a start
 REACH = 2.5  # a_s heights of the gauge, on either side of the tip
-LONGEST = 2.0  # heights: a longer process zone is not seen as one
+SHORTEST, LONGEST = 0.02, 2.0  # heights: no shorter and no longer process zone is seen as one
 EXPLAINED = 0.9  # of the variance of the samples, at least
 DOUBT = 0.3  # of the fracture energy, the largest standard error
+LARGEST = 0.1  # strain; what is larger is not in m/m
 FEWEST = 12  # samples of a component of a gauge within reach
 
 
@@ -47,7 +49,8 @@ class Trace:
     time : ndarray, shape (times,)
         Increasing [s].
     strain : mapping of ndarray, shape (times,)
-        Changes of strain since before the rupture, by component: some of ``xx``, ``yy``, ``xy`` (of the tensor).
+        Changes of strain since before the rupture [m/m], by component: some of ``xx``, ``yy``, ``xy`` (of the tensor).
+        Arrays of xarray, of times too, need the `units` "1" and "s".
     """
 
     x: float
@@ -58,7 +61,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class FrontFit:
-    """A front that explains the traces; errors are standard errors, as if the residuals were independent.
+    """A front that explains the traces, with standard errors.
+
+    Errors are the larger of two: as if what the front does not explain were independent from sample to sample, and as
+    if it were so from trace to trace only, which it is where the field lacks something (Source: Liang and Zeger 1986,
+    Biometrika 73, 13). What all traces have in common, such as wrong elastic constants, is in neither.
 
     Attributes
     ----------
@@ -101,16 +108,17 @@ class FrontFit:
 
 @dataclass(frozen=True)
 class _Samples:
-    """All samples in one column: place, time, which component, value."""
+    """All samples in one column: place, time, which component, value, and of which gauge."""
 
     x: Array
     y: Array
     time: Array
     component: Array
     value: Array
+    gauge: Array
 
     def part(self, chosen: Array | slice) -> _Samples:
-        return _Samples(*(getattr(self, name)[chosen] for name in ("x", "y", "time", "component", "value")))
+        return _Samples(*(getattr(self, name)[chosen] for name in ("x", "y", "time", "component", "value", "gauge")))
 
     def spread(self) -> float:
         """Sum of squares about the mean of each component."""
@@ -118,22 +126,25 @@ class _Samples:
         return sum(float(np.sum((part - part.mean()) ** 2)) for part in parts if len(part))
 
     def columns(self, numbers: Array, medium: Medium) -> Array:
-        """Strains per unit of each coefficient, shape (samples, 5 or 6); the numbers are speed, passage and zone.
+        """Strains per unit of each coefficient, shape (samples, 4 or 5); the numbers are speed, passage and zone.
 
-        Coefficients are K_II, its rate, those of sqrt(r), and the uniform stresses along x and in shear as far as the
+        Coefficients are K_II, its rate, that of sqrt(r), and the uniform stresses along x and in shear as far as the
         components have them.
         """
         speed, passage, zone = (float(value) for value in numbers)
         late = self.time - passage
         ahead = self.x - speed * late
-        singular, growing = (mode_II(ahead, self.y, speed, medium, 1.0, power, zone) for power in (-0.5, 0.5))
-        pressure = pressure_field(ahead, self.y, speed, medium, 0.5)
         fields = np.array([
-            np.choose(self.component, [field.xx, field.yy, field.xy]) for field in (singular, growing, pressure)
+            np.choose(self.component, [field.xx, field.yy, field.xy])
+            for field in (
+                mode_II(ahead, self.y, speed, medium, 1.0, -0.5, zone),
+                mode_II_rate(ahead, self.y, late, speed, medium, 1.0, zone),
+                mode_II(ahead, self.y, speed, medium, 1.0, 0.5, zone),
+            )
         ])
         along = 1 / medium.modulus
         ratio = 1 - 2 * (medium.c_s / medium.c_p) ** 2  # -e_yy / e_xx of a stress along x alone
-        columns = [fields[0], fields[0] * late, *fields[1:], np.choose(self.component, [along, -ratio * along, 0.0])]
+        columns = [*fields, np.choose(self.component, [along, -ratio * along, 0.0])]
         columns.append(np.where(self.component == 2, 0.5 / medium.shear_modulus, 0.0))
         return np.stack([column for column in columns if column.any()], axis=1)
 
@@ -170,7 +181,7 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
     # A slow front is so long in the window that it may be fitted to anything weak; the strongest strains are the front.
     best = max(good or tried, key=lambda each: each.gained if good else each.explained, default=None)
     if best is None:
-        raise RuptfxError("front_fit: no front explains anything of the traces; was there one in this time?")
+        raise RuptfxError("front_fit: no front explains anything of the traces; was there one in this time, in s?")
     speed, passage, zone = (float(value) for value in best.values[:3])
     return _judged(_solve(samples, speed, passage, zone, medium, reach), samples, medium, position)
 
@@ -182,9 +193,10 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
     if not traces:
         raise RuptfxError("front_fit: no trace was given")
     position = float(np.mean([trace.x for trace in traces]))
-    columns: list[list[Array]] = [[], [], [], [], []]
+    columns: list[list[Array]] = [[], [], [], [], [], []]
     for number, trace in enumerate(traces, 1):
-        name, time = f"front_fit: trace {number}", np.asarray(trace.time, dtype=float)
+        name = f"front_fit: trace {number}"
+        time = _in_units(trace.time, "s", f"{name}: time")
         if trace.y <= 0:
             raise RuptfxError(f"{name}: y = {trace.y:g} m: the gauge must be above the interface, where y > 0")
         if len(time) < FEWEST or not np.all(np.diff(time) > 0):
@@ -196,17 +208,33 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
                 raise RuptfxError(f"{name}: strain '{component}': must be one of {', '.join(COMPONENTS)}")
             if np.shape(values) != time.shape or not np.isfinite(values).all():
                 raise RuptfxError(f"{name}: strain '{component}': {len(time)} finite numbers are needed, one per time")
+            strain = _in_units(values, "1", f"{name}: strain '{component}'")
+            if np.abs(strain).max() > LARGEST:
+                raise RuptfxError(
+                    f"{name}: strain '{component}' is up to {np.abs(strain).max():.3g}: more than {LARGEST:g} m/m is "
+                    "not elastic; is it in microstrain or per cent?"
+                )
             sign = direction if component == "xy" else 1  # a mirror turns the shear
             full = np.full(len(time), 1.0)
             columns[0].append(direction * (trace.x - position) * full)
             columns[1].append(trace.y * full)
             columns[2].append(time)
             columns[3].append(np.full(len(time), COMPONENTS.index(component)))
-            columns[4].append(sign * np.asarray(values, dtype=float))
-    x, y, when, which, value = (np.concatenate(column) for column in columns)
+            columns[4].append(sign * strain)
+            columns[5].append(number * full)
+    x, y, when, which, value, gauge = (np.concatenate(column) for column in columns)
     if np.ptp(value) == 0:
         raise RuptfxError("front_fit: the traces are constant: no front passed")
-    return _Samples(x, y, when, which.astype(np.int64), value), position
+    return _Samples(x, y, when, which.astype(np.int64), value, gauge), position
+
+
+def _in_units(values: Array, unit: str, name: str) -> Array:
+    """Plain numbers; arrays that can say their unit, as those of xarray, must have the right one."""
+    attributes = getattr(values, "attrs", None)
+    if attributes is not None and attributes.get("units") != unit:
+        given = f"units = '{attributes['units']}'" if "units" in attributes else "no units"
+        raise RuptfxError(f"{name} has {given}: must be '{unit}'; convert it, and set .attrs['units'] = '{unit}'")
+    return np.asarray(values, dtype=float)
 
 
 def _starts(samples: _Samples, medium: Medium, reach: float) -> list[tuple[float, float]]:
@@ -270,16 +298,21 @@ def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium:
         scale = np.array([medium.c_R, near.y.mean() / speed, near.y.min()])
 
         def residual(values: Array, near: _Samples = near, scale: Array = scale) -> Array:
-            speed, passage, zone = (float(value) for value in values * scale)
-            left: Array = _linear(near, speed, passage, zone, medium).residual / np.abs(near.value).max()
+            left: Array = _linear(near, *_from_middle(values * scale), medium).residual / np.abs(near.value).max()
             return left
 
-        begin = np.array([speed, passage, zone]) / scale
+        begin = np.array([speed, passage + 0.5 * zone / speed, zone]) / scale
         begin = np.clip(begin, [1.001 * SLOWEST, -np.inf, 0.01], [0.999 * FASTEST, np.inf, 0.99 * LONGEST])
         found = least_squares(residual, begin, bounds=bounds, xtol=1e-6, ftol=1e-6)
-        speed, passage, zone = (float(value) for value in found.x * scale)
+        speed, passage, zone = _from_middle(found.x * scale)
         last, near = near, _near(samples, speed, passage, medium, reach)
     return _linear(last, speed, passage, zone, medium)
+
+
+def _from_middle(values: Array) -> tuple[float, float, float]:
+    """Speed, passage and zone of speed, passage of the middle of the zone, and zone: a short zone only moves it."""
+    speed, middle, zone = (float(value) for value in values)
+    return speed, middle - 0.5 * zone / speed, zone
 
 
 def _jacobian(solution: _Solution, medium: Medium) -> Array:
@@ -294,6 +327,24 @@ def _jacobian(solution: _Solution, medium: Medium) -> Array:
         upper, lower = (near.columns(values, medium) @ coefficients for values in (numbers + change, low))
         slopes.append((upper - lower) / (numbers + change - low)[index])
     return np.column_stack([*slopes, near.columns(numbers, medium)])
+
+
+def _covariances(solution: _Solution, medium: Medium) -> tuple[Array, Array]:
+    """Of all numbers, for residuals that are independent, and for those that are so from trace to trace only."""
+    jacobian, residual, near = _jacobian(solution, medium), solution.residual, solution.near
+    if solution.values[2] < SHORTEST * near.y.min():
+        jacobian[:, 2] = 0.0  # it was held; and all that it would do is to shift the tip, as the passage does
+    # Speed, passage and coefficients differ by many orders: scaled, so that the inverse keeps its digits.
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    jacobian = jacobian / scale
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    independent = inverse * float(residual @ residual) / max(len(residual) - len(solution.values), 1)
+    trace = len(COMPONENTS) * near.gauge + near.component
+    numbers = np.unique(trace)
+    sums = np.array([residual[trace == number] @ jacobian[trace == number] for number in numbers])
+    by_trace = inverse @ (sums.T @ sums) @ inverse * len(numbers) / max(len(numbers) - 1, 1)
+    return independent / np.outer(scale, scale), by_trace / np.outer(scale, scale)
 
 
 def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: float) -> FrontFit:
@@ -317,19 +368,14 @@ def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: fl
             f"front_fit: a front explains {explained:.0%} of the strains, {EXPLAINED:.0%} is the least: too much "
             "noise, several fronts at once, or none below c_R"
         )
-    jacobian = _jacobian(solution, medium)
-    freedom = max(len(residual) - len(solution.values), 1)
-    # Speed, passage and coefficients differ by many orders: scaled, so that the inverse keeps its digits.
-    scale = np.linalg.norm(jacobian, axis=0)
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
-    covariance = inverse * float(residual @ residual) / freedom
+    independent, by_trace = _covariances(solution, medium)
     energy = A_II(speed, medium.c_p, medium.c_s) * K**2 / medium.modulus
     h = 1e-5 * speed
     slope = (A_II(speed + h, medium.c_p, medium.c_s) - A_II(speed - h, medium.c_p, medium.c_s)) / (2 * h)
     gradient = np.zeros(len(solution.values))
     gradient[[0, 3]] = slope * K**2 / medium.modulus, 2 * energy / K
-    errors = np.sqrt(np.diag(covariance))
-    energy_error = float(np.sqrt(gradient @ covariance @ gradient))
+    errors = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(by_trace)), 0.0))
+    energy_error = float(np.sqrt(max(gradient @ each @ gradient for each in (independent, by_trace))))
     if not energy_error <= DOUBT * energy:
         raise RuptfxError(
             f"front_fit: fracture energy {energy:.4g} +- {energy_error:.4g} J/m2: the traces do not tell it; give "

@@ -35,7 +35,7 @@ def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Arra
     Parameters
     ----------
     before, after : ndarray, shape (rows, columns)
-        Grey levels.
+        Grey levels; brightness and contrast of the whole picture may differ.
     subset : int
         Pixels along the side of the square that is followed, odd.
 
@@ -60,8 +60,9 @@ def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Arra
         from skimage.registration import optical_flow_ilk
     except ImportError:
         raise RuptfxError("image correlation needs scikit-image: pip install 'ruptfx[dic]'") from None
-    grey = np.ptp(before)
-    along_y, along_x = optical_flow_ilk(before / grey, after / grey, radius=subset // 2, num_warp=10, dtype=np.float64)
+    # Of other light, or of another depth of grey levels, the second picture is the same but for its scale.
+    still, moved = ((image - image.mean()) / image.std() for image in (before, after))
+    along_y, along_x = optical_flow_ilk(still, moved, radius=subset // 2, num_warp=10, dtype=np.float64)
     return along_x, along_y
 
 
@@ -72,7 +73,16 @@ def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:
     -------
     dict of ndarray
         xx, yy, and xy as a component of the tensor; NaN where the window leaves the image.
+
+    Raises
+    ------
+    RuptfxError
+        A window that is even or does not fit into the image.
     """
+    if window < 3 or window % 2 == 0 or window > min(along_x.shape):
+        raise RuptfxError(
+            f"image correlation: window = {window}: must be odd, 3 or more, and fit into the image of {_size(along_x)}"
+        )
 
     def slope(field: Array, axis: int) -> Array:
         found = savgol_filter(field, window, 1, deriv=1, axis=axis, mode="nearest")

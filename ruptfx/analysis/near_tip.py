@@ -15,7 +15,7 @@ In plane stress c_p is the speed of the plate, as in `fracture`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -138,23 +138,74 @@ def mode_II(
         )
     slow = max(speed, SLOWEST * medium.c_s)
     a_p, a_s = slowness_factors(slow, medium.c_p, medium.c_s)
-    P = 2 * a_s * K_II / (medium.shear_modulus * rayleigh_function(slow, medium.c_p, medium.c_s) * np.sqrt(2 * np.pi))
-    Q = (1 + a_s**2) / (2 * a_s) * P
+    P, Q = _coefficients(slow, medium, K_II)
     f, g = (_mean_power(x, a * y, power, zone) for a in (a_p, a_s))
     phi = P * f.imag, P * a_p * f.real, -P * a_p**2 * f.imag
     psi = Q * g.real, -Q * a_s * g.imag, -Q * a_s**2 * g.real
     return _potentials(phi, psi, speed)
 
 
-def pressure_field(x: Array, y: Array, speed: float, medium: Medium, power: float) -> Plane2D:
-    """The part of the pressure waves alone, phi_xx = Im z_p^power.
+def mode_II_rate(
+    x: Array, y: Array, time: Array, speed: float, medium: Medium, rate: float = 1.0, zone: float = 0.0
+) -> Plane2D:
+    """What a stress intensity that changes adds to `mode_II`: the field of K_II = rate x time, speed constant.
 
-    With the field of `mode_II` of the same power it is all that a changing K_II adds at that order.
+    With F and G the potentials of `mode_II` per K_II, of the power -1/2,
+
+        phi = rate ((time - x v / (c_p a_p)^2) F + p Im z_p^(5/2)),    psi = rate (time - x v / (c_s a_s)^2) G
+
+    solve the wave equations exactly, and p takes the normal stress from the faces: nothing is left out. Far
+    from the tip it grows with sqrt(r), and its last parts with v / (c_s a_s)^2, which is unbounded towards c_s.
+    Source: Freund (1990), section 4.4; Freund and Rosakis (1992), J. Mech. Phys. Solids 40, 699, for mode I.
+
+    Parameters
+    ----------
+    x, y : ndarray
+        From the tip [m]; behind it y = 0 is the upper face.
+    time : ndarray
+        Since K_II was zero [s].
+    speed : float
+    medium : Medium
+    rate : float
+        [Pa sqrt(m) / s]
+    zone : float
+        As in `mode_II` [m].
     """
-    a_p, _ = slowness_factors(speed, medium.c_p, medium.c_s)
-    f = _power(x, a_p * y, power)
-    none = np.zeros_like(f.real)
-    return _potentials((f.imag, a_p * f.real, -(a_p**2) * f.imag), (none, none, none), speed)
+    slow = max(speed, SLOWEST * medium.c_s)
+    a_p, a_s = slowness_factors(slow, medium.c_p, medium.c_s)
+    P, Q = _coefficients(slow, medium, rate)
+    b_p, b_s = (slow / (c * a) ** 2 for c, a in ((medium.c_p, a_p), (medium.c_s, a_s)))
+    kappa = (medium.c_p / medium.c_s) ** 2
+    # On the faces phi_xx, phi_yy and psi_xy of the terms with x are 5, -a_p^2 and -3 a_s times those of z^(1/2).
+    face = b_p * P * ((kappa - 2) * (5 - a_p**2) - 2 * a_p**2) + 6 * a_s * b_s * Q
+    p = -face / (1 + a_s**2)
+    f, g = (_mean_power(x, a * y, -0.5, zone) for a in (a_p, a_s))
+    f_1, g_1 = (_mean_power(x, a * y, 0.5, zone) for a in (a_p, a_s))
+    f_x, g_x = f_1 - 1j * a_p * y * f, g_1 - 1j * a_s * y * g  # of x z^(-1/2): x = z - i a y, in the zone, too
+    phi = (
+        P * (time * f.imag - b_p * (4 * f_1 + f_x).imag) + p * f_1.imag,
+        P * a_p * (time * f.real - b_p * (2 * f_1 + f_x).real) + p * a_p * f_1.real,
+        -(a_p**2) * (P * (time * f.imag - b_p * f_x.imag) + p * f_1.imag),
+    )
+    psi = (
+        Q * (time * g.real - b_s * (4 * g_1 + g_x).real),
+        -Q * a_s * (time * g.imag - b_s * (2 * g_1 + g_x).imag),
+        -(a_s**2) * Q * (time * g.real - b_s * g_x.real),
+    )
+    field = _potentials(phi, psi, speed)
+    # du/dt is -v du/dx and what grows with the time.
+    return replace(
+        field,
+        velocity_x=field.velocity_x + 2 * P * f_1.imag - 2 * a_s * Q * g_1.imag,
+        velocity_y=field.velocity_y + 2 * a_p * P * f_1.real - 2 * Q * g_1.real,
+    )
+
+
+def _coefficients(speed: float, medium: Medium, K_II: float) -> tuple[float, float]:
+    """P and Q of the potentials."""
+    _, a_s = slowness_factors(speed, medium.c_p, medium.c_s)
+    P = 2 * a_s * K_II / (medium.shear_modulus * rayleigh_function(speed, medium.c_p, medium.c_s) * np.sqrt(2 * np.pi))
+    return P, (1 + a_s**2) / (2 * a_s) * P
 
 
 def mode_III(x: Array, y: Array, speed: float, medium: Medium, K_III: float = 1.0) -> tuple[Array, Array, Array]:
@@ -243,8 +294,12 @@ def mode_II_supershear(x: Array, y: Array, speed: float, medium: Medium, amplitu
 
 def _power(x: Array, y: Array, power: float) -> Array:
     """(x + i y)^power, cut along negative x."""
-    values: Array = (np.asarray(x) + 1j * np.asarray(y)) ** power
-    return values
+    z = np.asarray(x) + 1j * np.asarray(y)
+    if (power + 0.5) % 1:
+        values: Array = z**power
+        return values
+    root: Array = np.sqrt(z)  # five times as fast as a power
+    return root * z ** int(power - 0.5) if power > 0 else 1 / (root * z ** int(-0.5 - power))
 
 
 def _mean_power(x: Array, y: Array, power: float, zone: float) -> Array:

@@ -25,11 +25,11 @@ def difference_of(stress: Array) -> Array:
     Parameters
     ----------
     stress : ndarray, shape (n, components)
-        xz and yz, or xx, yy and xy, or xx, yy, zz, xy, yz and xz.
+        xz and yz, or xx, yy and xy (and zz around an axis), or xx, yy, zz, xy, yz and xz.
     """
     if stress.shape[1] == 2:
         return 2 * np.hypot(stress[:, 0], stress[:, 1])
-    return principal_difference(stress[:, 0], stress[:, 1], stress[:, 2 if stress.shape[1] == 3 else 3])
+    return principal_difference(stress[:, 0], stress[:, 1], stress[:, 3 if stress.shape[1] == 6 else 2])
 
 
 def principal_direction(xx: Array, yy: Array, xy: Array) -> Array:

@@ -31,11 +31,111 @@ from ruptfx.analysis.raster import Raster
 if TYPE_CHECKING:
     import xarray
 
-    from ruptfx.record import Record
+    from ruptfx.record import Files, Record
 
 Array = np.ndarray
 MOST_CHANGE = 0.5  # fringes from snapshot to snapshot
 FINER = 3  # points across a pixel, along x and y
+
+
+class Pixels:
+    """Square pixels on the plates of a run.
+
+    Parameters
+    ----------
+    record : Record
+    size : float
+        Of a pixel [m].
+
+    Attributes
+    ----------
+    raster : Raster
+        From nodes to points that are `FINER` times closer than pixels.
+    coordinates : dict
+        `y` and `x` of the middles of pixels [m], as xarray takes them.
+    """
+
+    def __init__(self, record: Record, size: float) -> None:
+        points = record.bulk["points"].values
+        count = np.maximum(np.round(np.ptp(points, axis=0) / size), 1).astype(int)
+        self.raster = Raster(points, record.bulk["cells"].values, pixels=FINER * int(count.max()))
+        self._shape = tuple(length // FINER for length in self.raster.shape)
+        left, right, bottom, top = self.raster.extent
+        rows, columns = ((np.arange(n) + 0.5) / n for n in self._shape)
+        self.coordinates = {
+            "y": ("y", bottom + rows * (top - bottom), {"units": "m"}),
+            "x": ("x", left + columns * (right - left), {"units": "m"}),
+        }
+
+    def mean(self, image: Array) -> Array:
+        """Of the finer points in every pixel, shape (rows, columns)."""
+        rows, columns = self._shape
+        cut = image[: FINER * rows, : FINER * columns].reshape(rows, FINER, columns, FINER)
+        return cut.mean(axis=(1, 3))
+
+
+def fringe_orders(
+    record: Record, pixel: float, fringe_constant: float | None = None, thickness: float | None = None
+) -> xarray.DataArray:
+    """Fringe order of every snapshot against `time`, `y` and `x`; NaN outside of the bodies.
+
+    Parameters
+    ----------
+    record : Record
+    pixel : float
+        Size of a pixel [m].
+    fringe_constant, thickness : float, optional
+        Of all bodies [N/m], and of the plates [m], instead of those of the case.
+
+    Raises
+    ------
+    RuptfxError
+        No stresses in a plate, or unknown constants.
+    """
+    per_stress = _fringes_per_stress(record, fringe_constant, thickness)
+    attrs = {"units": "1", "long_name": "fringe order"}
+    return _of_difference(record, pixel, per_stress).rename("fringe_order").assign_attrs(attrs)
+
+
+def max_shear(record: Record, pixel: float) -> xarray.DataArray:
+    """Largest shear stress in the plane of the plates, (sigma_1 - sigma_2) / 2 [Pa], of every snapshot.
+
+    Against `time`, `y` and `x`; NaN outside of the bodies. Its contours are the isochromatics, half a fringe constant
+    over the thickness apart.
+
+    Parameters
+    ----------
+    record : Record
+    pixel : float
+        Size of a pixel [m].
+
+    Raises
+    ------
+    RuptfxError
+        No stresses in a plate.
+    """
+    attrs = {"units": "Pa", "long_name": "largest shear stress in the plane"}
+    return _of_difference(record, pixel, 0.5).rename("max_shear").assign_attrs(attrs)
+
+
+def _of_difference(record: Record, pixel: float, factor: Array | float) -> xarray.DataArray:
+    """sigma_1 - sigma_2 [Pa] times a factor at every point, on pixels."""
+    import xarray
+
+    if not is_plate(record):
+        raise RuptfxError(f"{record.path}: a polariscope needs stresses in a plate")
+    bulk, pixels = record.bulk, Pixels(record, pixel)
+    images = [
+        pixels.mean(pixels.raster(principal_difference(*bulk["stress"].isel(time=row).values.T) * factor))
+        for row in range(bulk.sizes["time"])
+    ]
+    time = ("time", bulk["time"].values, {"units": "s"})
+    return xarray.DataArray(np.stack(images), {"time": time, **pixels.coordinates}, ("time", "y", "x"))
+
+
+def is_plate(record: Files) -> bool:
+    """Whether light can go through: bodies of a plane, not of revolution."""
+    return record.bulk.sizes.get("component") == 2 and record.case.get("plane") != "axisymmetric"
 
 
 @dataclass(frozen=True)
@@ -100,25 +200,20 @@ class Camera:
         Raises
         ------
         RuptfxError
-            No stresses in a plane, unknown constants, a run shorter than an exposure, or snapshots too far apart.
+            No stresses in a plate, unknown constants, a run shorter than an exposure, or snapshots too far apart.
         """
         import xarray
 
         bulk = record.bulk
-        if bulk.sizes.get("component") != 2 or bulk.sizes["time"] < 2:
-            raise RuptfxError(f"{record.path}: a polariscope needs two snapshots or more of stresses in a plane")
+        if not is_plate(record) or bulk.sizes["time"] < 2:
+            raise RuptfxError(f"{record.path}: a polariscope needs two snapshots or more of stresses in a plate")
         per_stress = _fringes_per_stress(record, fringe_constant, thickness)
         times = bulk["time"].values
-        points = bulk["points"].values
-        count = np.maximum(np.round(np.ptp(points, axis=0) / self.pixel), 1).astype(int)
-        raster = Raster(points, bulk["cells"].values, pixels=FINER * int(count.max()))
-        shape = tuple(size // FINER for size in raster.shape)
-        constant = raster(per_stress)
+        pixels = Pixels(record, self.pixel)
+        constant = pixels.raster(per_stress)
 
         def seen(stress: Array) -> Array:
-            image = self.light(np.stack([raster(part) for part in stress.T]), constant)
-            cut = image[: FINER * shape[0], : FINER * shape[1]].reshape(shape[0], FINER, shape[1], FINER)
-            return cut.mean(axis=(1, 3))
+            return pixels.mean(self.light(np.stack([pixels.raster(part) for part in stress.T]), constant))
 
         starts = np.arange(times[0], times[-1] - self.exposure * (1 - 1e-9), 1 / self.frame_rate)
         if not len(starts):
@@ -129,15 +224,9 @@ class Camera:
             np.mean([seen(stress) for stress in self._during(record, float(begin), per_stress)], axis=0)
             for begin in starts
         ]
-        left, right, bottom, top = raster.extent
-        rows, columns = ((np.arange(n) + 0.5) / n for n in shape)
         return xarray.DataArray(
             np.stack(frames),
-            {
-                "time": ("time", starts, {"units": "s", "long_name": "beginning of the exposure"}),
-                "y": ("y", bottom + rows * (top - bottom), {"units": "m"}),
-                "x": ("x", left + columns * (right - left), {"units": "m"}),
-            },
+            {"time": ("time", starts, {"units": "s", "long_name": "beginning of the exposure"}), **pixels.coordinates},
             name="light",
             attrs={
                 "units": "1", "long_name": f"transmitted light, {self.field} field", "exposure": self.exposure,

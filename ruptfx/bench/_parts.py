@@ -42,3 +42,8 @@ class Parts:
         said.print(f"{name}: {seconds:.0f} s", highlight=False)
         for check in self.checks[known:]:  # whoever does not wait for the end has them
             said.print(f"  {check.quantity}: {check.found:.4g}, expected {check.expected:.4g}", highlight=False)
+
+
+def ratio(part: float, whole: float) -> float:
+    """One over the other; not a number, which no check passes, over nothing."""
+    return part / whole if whole else math.nan

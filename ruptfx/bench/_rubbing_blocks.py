@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ruptfx import Table, fem, stages
+from ruptfx.bench._parts import ratio
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
 from ruptfx.sliding.interface import SlidingInterface
@@ -135,4 +136,7 @@ def rub(blocks: Blocks, comm: fem.MPI.Comm, look: Callable[[State, SlidingInterf
     after = motion.energies(state)
     gained = {name: after[name] - before[name] for name in after}
     missing, work = after.pop("boundary_work") - sum(after.values()), gained["boundary_work"]
-    return Rubbing(gained["impact"] / gained["frictional_dissipation"], gained["facing"] / work, abs(missing) / work)
+    return Rubbing(
+        ratio(gained["impact"], gained["frictional_dissipation"]), ratio(gained["facing"], work),
+        ratio(abs(missing), work),
+    )  # fmt: skip

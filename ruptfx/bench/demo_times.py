@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ruptfx.fem import MPI
 
 DEMOS = Path(ruptfx.__file__).with_name("demos")
-NO_SINGLE_RUNS = ("calibration.py", "impact_figures.py", "lecture_cases.py")  # hours, pictures of studies, a module
+# Pictures of studies, a module.
+NO_SINGLE_RUNS = ("granite_figures.py", "impact_figures.py", "lecture_cases.py")
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:

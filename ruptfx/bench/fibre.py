@@ -6,8 +6,10 @@ displacement, while a part of it slides under Coulomb friction, is compared with
 the fibre is sheared and the matrix stretched; and whether it slides steadily under the ageing law with the length above
 which the bar does not.
 
-The glued fibre of `demos/fibre_debonding.toml`, without lateral contraction, too, is pulled out in explicit steps:
-the bond takes its energy times its area, and the figure has the force beside that of a bar whose crack takes it.
+The glued fibre of `demos/fibre_debonding.toml`, without lateral contraction, too, is pulled out in explicit steps: the
+bond takes its energy times its area. Without friction, the force while a crack runs along a long fibre is that of any
+theory, as it only takes the strain of the free fibre: pi R^2 sqrt(4 E energy / R). Pulled at 0.05 m/s with the ageing
+law, it debonds, and then slides steadily or sticks and slips, as its length is below or above that of the bar.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from math import pi
+from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +36,8 @@ SPEED = 10e-6  # m/s
 SHARES = (0.85, 1.25)  # of the critical length
 STRESS, MU, A, B, D_C = 20e6, 0.3, 0.01, 0.03, 2.5e-6
 ENERGY = 50.0  # J/m2, of the glue
+SLOWLY = 0.05  # m/s, at which glued fibres of LENGTHS under the ageing law are pulled
+LENGTHS = (15e-3, 30e-3)  # m; the critical one is 21 mm
 SOURCE = "shear lag, Cox (1952)"
 
 
@@ -93,36 +97,74 @@ def ageing(share: float, size: float) -> tuple[ShearLag, Pull]:
 
 @dataclass(frozen=True)
 class Debonding(Pull):
-    """Besides, the energy of the bond and what was taken of it when it was broken [J]."""
+    """Besides, how far the bond is broken [m], its energy and what was taken of it when it was broken [J]."""
 
+    broken: np.ndarray
     bond: float
     taken: float
 
 
-@cache
-def debonding(size: float) -> tuple[ShearLag, Debonding]:
-    """A glued fibre of 30 mm whose bond breaks under friction."""
-    table = tomllib.loads(files("ruptfx").joinpath("demos/fibre_debonding.toml").read_text())
-    table |= {"instruments": [], "output": {"figures": False}}
-    table["mesh"]["element_size"] = size
-    for material in table["materials"].values():
+def debonding(table: Table, size: float) -> tuple[ShearLag, Debonding]:
+    """A glued fibre whose bond breaks under friction; the table is what is other than in the demo."""
+    demo = tomllib.loads(files("ruptfx").joinpath("demos/fibre_debonding.toml").read_text())
+    demo |= {"instruments": [], "output": {"figures": False}}
+    length, fault = table.get("length", demo["mesh"]["length"]), demo["faults"]["main"]
+    demo["mesh"] |= {"element_size": size, "length": length}
+    for value in fault["cohesion"].values():
+        if isinstance(value, dict):
+            value["positions"][-1] = length
+    fault["friction"] = table.get("friction", fault["friction"])
+    pulled = demo["boundaries"][0]
+    pulled["velocity"] = -table.get("speed", -pulled["velocity"])
+    demo["duration"], demo["damping"] = table.get("duration", demo["duration"]), table.get("damping", demo["damping"])
+    for material in demo["materials"].values():
         material["poisson_ratio"] = 0.0
-    case = parse_case(table)
+    case = parse_case(demo)
     assert isinstance(case, Case)
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
     face, rows = model.faults[0].interface, []
-    speed, ramp = (abs(table["boundaries"][0]["velocity"]), 20e-6)
+    speed, ramp = (abs(pulled["velocity"]), 20e-6)
+    every = max(20, int(case.duration / motion.dt / 3000))
     while state.time < case.duration * (1 - 1e-9):
         motion.step(state)
-        if state.step % 20 == 0:
+        if state.step % every == 0:
             found = state.faults["main"]
             force = abs(float(face.weight @ found["shear_traction"].reshape(-1)))
-            rows.append((state.time, speed * (state.time - 0.5 * ramp), force))
-    energy = table["faults"]["main"]["cohesion"]["G_IIc"]
+            broken = face.position[found["damage"].reshape(-1) >= 1].max(initial=0.0)
+            rows.append((state.time, speed * (state.time - 0.5 * ramp), force, broken))
+    energy = fault["cohesion"]["G_IIc"]
     bond = float(face.weight @ np.interp(face.position, energy["positions"], energy["values"]))
-    time, moved, force = np.array(rows).T
-    return bar(table["mesh"]["length"]), Debonding(time, moved, force, bond, model.energies(state)["fracture"])
+    time, moved, force, broken = np.array(rows).T
+    return bar(length), Debonding(time, moved, force, broken, bond, model.energies(state)["fracture"])
+
+
+@cache
+def rubbing(size: float) -> tuple[ShearLag, Debonding]:
+    """The fibre of the demo, 30 mm under Coulomb friction."""
+    return debonding({}, size)
+
+
+@cache
+def smooth(size: float) -> tuple[ShearLag, Debonding]:
+    """The same without friction, until its bond is broken."""
+    return debonding({"friction": {"kind": "coulomb", "mu_d": 0.0}, "duration": 130e-6}, size)
+
+
+@cache
+def weakening(length: float) -> tuple[ShearLag, Debonding]:
+    """A glued fibre under the ageing law, pulled slowly."""
+    law = {
+        "kind": "rate_and_state_ageing", "a": A, "b": B, "D_c": D_C, "f_0": MU, "V_0": SLOWLY,
+        "theta_initial": D_C / SLOWLY,
+    }  # fmt: skip
+    table: Table = {"friction": law, "speed": SLOWLY, "duration": 4e-3, "damping": {"mass": 1e4}, "length": length}
+    return debonding(table, 1e-3)
+
+
+def crack_force(lag: ShearLag) -> float:
+    """Force that drives a crack along a long fibre without friction [N]."""
+    return pi * lag.radius**2 * sqrt(4 * lag.young_modulus * ENERGY / lag.radius)
 
 
 def swing(pulled: Pull) -> float:
@@ -139,7 +181,9 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     moved, force = lag.pulled(MU * STRESS, lag.length * np.array([0.25, 0.5, 0.75]))
     found = np.interp(moved, sliding.moved, sliding.force)
     stable, unstable = (ageing(share, size) for share in SHARES)
-    debonded = debonding(size)[1]
+    debonded, free = rubbing(size)[1], smooth(size)
+    crack = (free[1].broken > 8e-3) & (free[1].broken < 12e-3)
+    short, long = (weakening(length)[1] for length in LENGTHS)
     balance = "equilibrium"
     checks = [
         Check("Coulomb: force when all of it slides", friction * lag.length, sliding.force[-1], 1e-5, "N", balance,
@@ -150,6 +194,10 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
         ),
         Check("glued: energy that the bond took", debonded.bond, debonded.taken, 0.01, "J", "G_IIc times its area",
               relative=True),
+        Check("glued, no friction: force while 8 to 12 mm are broken", crack_force(free[0]),
+              float(free[1].force[crack].mean()), 0.02, "N", "energy balance of a long fibre", relative=True),
+        Check("glued, ageing law, 15 mm: swing of force when debonded", 0.1, swing(short), 0, "1", SOURCE, "at most"),
+        Check("glued, ageing law, 30 mm: swing of force when debonded", 0.3, swing(long), 0, "1", SOURCE, "at least"),
         Check("ageing law, 0.85 critical length: force in the end", friction * stable[0].length, stable[1].force[-1],
               1e-3, "N", balance, relative=True),
         Check("ageing law, 0.85 critical length: swing of force", 0.01, swing(stable[1]), 0, "1", SOURCE, "at most"),
@@ -164,21 +212,30 @@ def figure(size: float) -> Figure:
 
     @styled
     def draw() -> Figure:
-        picture, (axes,) = new_figure(1, 3, 2.7)
+        picture, grid = new_figure(2, 2, 5.0)
+        axes = grid.ravel()
         lag, sliding = coulomb(size)
         moved, force = lag.pulled(MU * STRESS, np.linspace(0, lag.length, 50))
         axes[0].plot(sliding.moved * 1e6, sliding.force, color=STEADY, label="finite elements")
         axes[0].plot(np.append(0, moved) * 1e6, np.append(0, force), "--", color="0.3", label="shear lag")
         axes[0].legend(title="Coulomb friction")
-        lag, debonded = debonding(size)
+        lag, debonded = rubbing(size)
         moved, force = lag.pulled(MU * STRESS, np.linspace(6e-3, lag.length, 50), ENERGY)
         axes[1].plot(debonded.moved * 1e6, debonded.force, color=STEADY, lw=0.7)
         axes[1].plot(moved * 1e6, force, "--", color="0.3")
-        axes[1].set_title("glued")
+        axes[1].plot([], [], label="with friction", color=STEADY)
+        free = smooth(size)[1]
+        axes[1].plot(free.moved * 1e6, free.force, color=STICK_SLIP, lw=0.7, label="without")
+        axes[1].axhline(crack_force(lag), color="0.3", ls="--")
+        axes[1].legend(title="glued, Coulomb friction")
         for share, colour in zip(SHARES, (STEADY, STICK_SLIP), strict=True):
             lag, pulled = ageing(share, size)
             axes[2].plot(pulled.moved * 1e6, pulled.force, color=colour, label=f"{share:g} critical length")
         axes[2].legend(title="ageing law")
+        for length, colour in zip(LENGTHS, (STEADY, STICK_SLIP), strict=True):
+            pulled = weakening(length)[1]
+            axes[3].plot(pulled.moved * 1e6, pulled.force, color=colour, lw=0.7, label=f"{1e3 * length:.0f} mm")
+        axes[3].legend(title="glued, ageing law")
         for ax in axes:
             ax.set(xlabel="Displacement (µm)", ylabel="Force (N)", xlim=(0, None), ylim=(0, None))
         letter(axes)

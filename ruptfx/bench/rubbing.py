@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
+from ruptfx.bench._parts import ratio
 from ruptfx.bench._rubbing_blocks import Blocks, rub
 
 SIZES = (0.1e-3, 0.05e-3)
@@ -34,12 +35,12 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     worst = max(often.missing, seldom.missing)
     checks.append(Check("with springs: energy not accounted for", 0.0, worst, 1e-10, "1", "discrete budget"))
     checks.append(Check(f"taken at updates / work, follow {FOLLOWS[0]:g}", 0.0, often.facing, 0.002, "1", SOURCE))
-    ratio = seldom.facing / often.facing
-    checks.append(Check(f"that of follow {FOLLOWS[1]:g} over it", 4.0, ratio, 0.0, "1", "first order", "at least"))
+    more = ratio(seldom.facing, often.facing)
+    checks.append(Check(f"that of follow {FOLLOWS[1]:g} over it", 4.0, more, 0.0, "1", "first order", "at least"))
     if fine:  # over 2 mm; a part of that is too short for a mean
         checks.append(Check(f"taken at updates / work, follow {FOLLOWS[1]:g}", 0.0, seldom.facing, 0.002, "1", SOURCE))
-        ratio = found[0].impact / found[1].impact
-        checks.append(Check("ratio of the two", 2.0, ratio, 0.0, "1", "first order in the size", "at least"))
+        more = ratio(found[0].impact, found[1].impact)
+        checks.append(Check("ratio of the two", 2.0, more, 0.0, "1", "first order in the size", "at least"))
         for order, size in ((1, 0.05e-3), (4, 0.1e-3)):
             share = rub(Blocks(size, order, way), comm).impact
             checks.append(Check(f"normal / friction work, order {order}", 0.0, share, 0.006, "1", SOURCE))

@@ -4,7 +4,8 @@ Two plates slide on each other under a load that grows smoothly; slip rate, stat
 are compared, at the end, with those of a step sixteen times as short. Second order: halving the step divides the
 difference by four. Compliant interfaces have no mass, so that without a direct effect their slip rate jumps where
 sliding begins; the end is when all of them slide. Exponential velocity weakening is left out there: without mass,
-state or a direct effect nothing limits its slip rate.
+state or a direct effect nothing limits its slip rate. With a length it has a solution there, of first order in the
+step, as its state depends on the slip rate that jumps: left out, too.
 
 The rupture is an in-plane one with the ageing law, nodes 100 m apart, at the step that the case chooses by itself.
 """
@@ -47,6 +48,9 @@ LAWS: dict[str, Table] = {
     "linear_slip_weakening": {"kind": "linear_slip_weakening", **_WEAKENING, "D_c": 200e-6},
     "exponential_slip_weakening": {"kind": "exponential_slip_weakening", **_WEAKENING, "D_c": 20e-6},
     "velocity_weakening": {"kind": "velocity_weakening", **_WEAKENING, "V_w": 1.0},
+    "velocity_weakening_over_slip": {
+        "kind": "velocity_weakening_over_slip", **_WEAKENING, "V_w": 1.0, "L": 40e-6, "V_star": 0.1,
+    },
     "rate_and_state_ageing": {"kind": "rate_and_state_ageing", **_CREEPING},
     "rate_and_state_slip": {"kind": "rate_and_state_slip", **_CREEPING},
     "rate_and_state_saturating": {"kind": "rate_and_state_saturating", **_CREEPING, "theta_c": 1e-5},
@@ -65,7 +69,8 @@ LAWS: dict[str, Table] = {
         "kind": "prakash_clifton", "L_p": 40e-6, "law": {"kind": "rate_and_state_ageing", **_CREEPING},
     },
 }  # fmt: skip
-NOT_SMOOTH = {("velocity_weakening", "compliant")}
+# The slip rate jumps where sliding begins; the second has a solution, of first order as its state depends on that rate.
+NOT_SMOOTH = {("velocity_weakening", "compliant"), ("velocity_weakening_over_slip", "compliant")}
 FIELDS_OF_STEPS = ("mean_slip_rate", "opening", *(monitor.name for monitor in MONITORS))  # not of one time, or zero
 
 

@@ -36,6 +36,7 @@ MARGIN = 0.3  # of the mean edge: how close pairs are that are looked at
 MEMORY = ("traction", "overlap")
 MOST = 2**31  # above any number of a cell
 FIELD = "hand_over"
+FORCE = "force_of_collisions"  # at the nodes this rank owns [N]: half of it works after the step that finds it
 FAILED, HANDED = 1.0, 2.0  # values of that field of facets
 
 
@@ -124,7 +125,7 @@ class CollisionStep:
         self._number = np.asarray(mesh.topology.original_cell_index)[:count]
         geometry = mesh.geometry
         self._vertices = geometry.input_global_indices[fem.geometry_dofmap(mesh)[:count]]
-        self._nodes = self._space.dofmap.list
+        self._nodes, self._owned_nodes = self._space.dofmap.list, self._space.dofmap.index_map.size_local
         self._x = self._space.tabulate_dof_coordinates()[:, :2]
         corner = self._x[self._nodes[: self._owned]]
         side = corner[:, 1:] - corner[:, :1]
@@ -151,6 +152,10 @@ class CollisionStep:
         """Pairs with a memory: numbers of both cells, the force of friction [N/m], the overlap at rest [J/m]."""
         return {name: np.zeros(0) for name in ("first", "second", *MEMORY)}
 
+    def cells(self) -> int:
+        """Those of all ranks that others may touch before anything has failed; collective."""
+        return int(parallel.total(self.comm, self._outer.sum()))
+
     def without_partner(self) -> np.ndarray:
         """Stiffness of contact that a node may meet later, at sides on edges of the bodies, shape (nodes,) [N/m].
 
@@ -173,20 +178,21 @@ class CollisionStep:
         self._prepare(state)
         (x,) = self._corners(self._places(state.displacement))
         if state.step % EVERY == 0 and self._look(state):
-            before, known = self._potential(x), self._numbers()
+            known = self._numbers()
             self._surface = self._find_surface(state)
             (x,) = self._corners(self._places(state.displacement))
             self._find_pairs(state, x)
             # Pairs that become so where they overlap: that is where they are at rest.
             assert self._pairs is not None
             self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
-            state.energy["impact"] += before - self._potential(x)
         elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
             self._find_pairs(state, x)
         self._now = x
 
     def __call__(self, state: State, since: float) -> None:
         """Add the forces at the displacement, where `find` has been, at the nodes this rank owns; collective.
+
+        Between two forces works their mean. What of it is neither held nor taken by friction is lost.
 
         Parameters
         ----------
@@ -197,30 +203,34 @@ class CollisionStep:
         x, moved = self._now, since * self._corners(state.velocity)[0]
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
-        force, taken = np.zeros_like(x), np.zeros(1)
+        force, taken, stored = np.zeros_like(x), np.zeros(1), np.zeros(1)
         self._library.collide(
             ctypes.c_long(len(pairs.pair)),
             *map(_pointer, (pairs.pair, x, moved, surface.rest, pairs.modulus, pairs.friction, pairs.counted,
-                            pairs.overlap, pairs.traction, force, taken)),
+                            pairs.overlap, pairs.traction, force, taken, stored)),
         )  # fmt: skip
-        rows = state.force.reshape(-1, 2)
-        rows[self._nodes[surface.cells]] += self._mine(force).reshape(-1, 3, 2)
-        state.energy["frictional_dissipation"] += float(taken[0])
+        added = np.zeros_like(state.force)
+        added.reshape(-1, 2)[self._nodes[surface.cells]] = self._mine(force).reshape(-1, 3, 2)
+        state.force += added
+        before = state.fields.get(FORCE, np.zeros_like(added))
+        work = 0.5 * since * self._over(before + added, state.velocity)
+        state.fields[FORCE] = added
+        energy, held = state.energy, float(stored[0])
+        energy["frictional_dissipation"] += float(taken[0])
+        energy["collision_loss"] += energy["collisions"] - held - work - float(taken[0])
+        energy["collisions"] = held
         self._remember(state)
 
-    def stored(self, state: State, added: np.ndarray) -> float:
-        """Energy of pairs of this rank at the last forces, and what these do over a displacement since [J]; collective.
+    def stored(self, state: State) -> float:
+        """Energy of pairs of this rank at the time of the velocity: half a step after the last forces [J]."""
+        acting = state.fields.get(FORCE)
+        over = 0.0 if acting is None else 0.5 * state.lag * self._over(acting, state.velocity)
+        return state.energy["collisions"] - over
 
-        Parameters
-        ----------
-        added : ndarray, shape (nodes * components,)
-            That displacement [m].
-        """
-        self._prepare(state)
-        surface = self._surface
-        assert surface is not None
-        x, way = self._corners(self._places(state.at_faults()[1]), added)
-        return self._potential(x) - float(np.sum((self._elastic_forces(x) * way)[surface.owned]))
+    def _over(self, force: np.ndarray, way: np.ndarray) -> float:
+        """Their product over the nodes this rank owns."""
+        count = 2 * self._owned_nodes
+        return float(force[:count] @ way[:count])
 
     # -- who touches whom ----------------------------------------------------------------------------------------------
 
@@ -242,10 +252,11 @@ class CollisionStep:
         changed = not np.array_equal(now, field)
         if not parallel.anywhere(self.comm, changed):
             return False
-        held = self._cracks.stored(cracks, np.zeros_like(state.displacement))
+        then, over = state.at_faults()[1], 0.5 * state.lag * state.velocity
+        held = self._cracks.stored(cracks, over, then)
         self._cracks.release(now == HANDED)
         # What the springs of a facet still held when it was handed over.
-        state.energy["impact"] += held - self._cracks.stored(cracks, np.zeros_like(state.displacement))
+        state.energy["collision_loss"] += held - self._cracks.stored(cracks, over, then)
         field[:] = now
         return True
 
@@ -378,26 +389,6 @@ class CollisionStep:
             ctypes.c_long(len(energy)), *map(_pointer, (pairs.pair, x, surface.rest, pairs.modulus, energy))
         )
         return energy
-
-    def _potential(self, x: np.ndarray) -> float:
-        """Energy of the pairs of this rank, with what springs of friction hold [J/m]."""
-        pairs = self._pairs
-        assert pairs is not None
-        beyond = np.maximum(np.sqrt(self._overlaps(x)) - np.sqrt(pairs.overlap), 0.0)
-        return float(pairs.counted @ (beyond**2 + 0.5 * pairs.traction**2 / pairs.modulus))
-
-    def _elastic_forces(self, x: np.ndarray) -> np.ndarray:
-        """Of the potential and of what friction holds, where nothing moves."""
-        pairs, surface = self._pairs, self._surface
-        assert pairs is not None and surface is not None
-        force, still, taken = np.zeros_like(x), np.zeros_like(x), np.zeros(1)
-        overlap, traction = pairs.overlap.copy(), pairs.traction.copy()
-        self._library.collide(
-            ctypes.c_long(len(pairs.pair)),
-            *map(_pointer, (pairs.pair, x, still, surface.rest, pairs.modulus, pairs.friction, pairs.counted, overlap,
-                            traction, force, taken)),
-        )  # fmt: skip
-        return force
 
 
 def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.ndarray:

@@ -175,33 +175,50 @@ static double shared(const struct triangle *a, const struct triangle *b)
 
 static double overlap(const struct triangle *a, const struct triangle *b, double modulus, double rest_a, double rest_b)
 {
-    return modulus * (rest_b * fabs(b->inverse) * shared(a, b) + rest_a * fabs(a->inverse) * shared(b, a));
+    const double found = rest_b * fabs(b->inverse) * shared(a, b) + rest_a * fabs(a->inverse) * shared(b, a);
+    return modulus * fmax(found, 0);  // rounding may take it below
 }
 
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
+// Part of its force that a pair exerts.  It is 1 but where contact begins or ends between two steps: a force that is linear
+// in the depth d works as much as the energy says, over steps of length |done| / force, when it is taken by half at d = 0.
+static double share(double energy, double done)
+{
+    const double depth = 2 * energy / fabs(done);  // over the way of a step
+    return depth < 1 ? 0.5 * (1 + depth) : 1;
+}
+
 // Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the areas at rest.  `held` is the energy E_0
 // of an overlap that is at rest: a pair that overlapped when it became one has (sqrt(E) - sqrt(E_0))^2, and E_0 falls with
-// E.  Counted pairs add what friction took to taken.
+// E.  Counted pairs add what friction took to taken, and what they hold to stored.
 void collide(long pairs, const int *pair, const double *x, const double *moved, const double *rest,
              const double *modulus, const double *friction, const double *counted, double *held, double *traction,
-             double *force, double *taken)
+             double *force, double *taken, double *stored)
 {
     for (long n = 0; n < pairs; n++) {
         const int first = pair[2 * n], second = pair[2 * n + 1];
+        const double *const moved_a = moved + 6 * first, *const moved_b = moved + 6 * second;
         const struct triangle a = triangle_of(x + 6 * first), b = triangle_of(x + 6 * second);
         double force_a[6] = {0}, force_b[6] = {0}, centre[3] = {0};
         push(&a, &b, modulus[n] * rest[second] * fabs(b.inverse), force_a, force_b, centre);
         push(&b, &a, modulus[n] * rest[first] * fabs(a.inverse), force_b, force_a, centre);
-        if (held[n] > 0) {
+        if (centre[2] > 0) {
             const double now = overlap(&a, &b, modulus[n], rest[first], rest[second]);
             if (now < held[n]) held[n] = now;
-            const double part = now > held[n] ? 1 - sqrt(held[n] / now) : 0;
+            const double beyond = sqrt(now) - sqrt(held[n]), energy = beyond * beyond;
+            double part = now > 0 ? beyond / sqrt(now) : 0, done = 0;
+            for (int k = 0; k < 6; k++) done += force_a[k] * moved_a[k] + force_b[k] * moved_b[k];
+            if (part * done != 0) part *= share(energy, part * done);
             for (int k = 0; k < 6; k++) force_a[k] *= part, force_b[k] *= part;
+            *stored += counted[n] * energy;
+        } else {
+            held[n] = 0;
         }
         if (friction[n] > 0 && (centre[2] > 0 || traction[n] != 0))
-            *taken += counted[n] * rub(&a, &b, moved + 6 * first, moved + 6 * second, modulus[n], friction[n], centre,
-                                       traction + n, force_a, force_b);
+            *taken += counted[n]
+                      * rub(&a, &b, moved_a, moved_b, modulus[n], friction[n], centre, traction + n, force_a, force_b);
+        *stored += counted[n] * 0.5 * traction[n] * traction[n] / modulus[n];
         for (int k = 0; k < 6; k++) {
             force[6 * first + k] += force_a[k];
             force[6 * second + k] += force_b[k];

@@ -29,7 +29,7 @@ class Potential(Collisions):
     its forces a gradient for triangles that deform, too.
     """
 
-    stiffness: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.5
+    stiffness: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.2
     """Of two equilateral triangles that meet flush, over that of the springs of `[fracture]` between such bodies."""
 
     def modulus(self, spring: float, edge: float) -> float:

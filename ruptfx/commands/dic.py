@@ -33,8 +33,6 @@ def dic(
 
         from ruptfx.analysis.image_correlation import displacements, strains
 
-        if window is not None and (window < 3 or window % 2 == 0):
-            raise RuptfxError(f"--window {window}: must be odd, 3 or more")
         if pixel is not None and not pixel > 0:
             raise RuptfxError(f"--pixel {pixel}: must be above zero")
         moved = displacements(_grey(before), _grey(after), subset)

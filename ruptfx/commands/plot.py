@@ -20,9 +20,9 @@ def plot(
     """
     with reported():
         if (run / "study.json").exists():
-            from ruptfx.study import mode_map
+            from ruptfx.study.execute import draw
 
-            for path in mode_map.save(run, formats=tuple(format_)):
+            for path in draw(run, formats=tuple(format_)):
                 screen.print(str(path))
             return
         if (run / "result.nc").exists():

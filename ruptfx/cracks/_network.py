@@ -109,6 +109,11 @@ class CrackNetwork:
         rows = parallel.gather_rows(self.comm, values)
         return float(self.comm.bcast(None if rows is None else fsum(rows), root=0))
 
+    def pairs(self) -> np.ndarray:
+        """Numbers of the bodies on both sides of facets, each pair once, shape (pairs, 2); collective."""
+        here = np.unique(np.sort(self.bodies[self.owned], axis=1), axis=0)
+        return np.unique(parallel.share_rows(self.comm, here), axis=0)
+
     def gather(self, columns: np.ndarray) -> np.ndarray | None:
         """Rows of all owned facets in the order of all ranks on rank 0, None elsewhere; collective.
 

@@ -22,6 +22,9 @@ from ruptfx.schema import Alternative, alternative
 
 LawState = Table
 
+AT_REST = 1e-100
+"""Slip rate [m/s] far below any other: states do not change there, and what lies below it is not told apart."""
+
 RESERVED = reserved_names() | {"weight", "gap", "time", "position", "x", "y", "z"}
 """What a fault and its files call their own: a state variable of that name would overwrite it."""
 COMMON = frozenset(["clock", "coefficient_at_start"])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.friction import Array, FrictionLaw, LawState
+from ruptfx.friction import AT_REST, Array, FrictionLaw, LawState
 from ruptfx.friction._lengths import RateDependence
 from ruptfx.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
 
 LOWEST = 1e-6  # friction coefficient
-AT_REST = 1e-100  # m/s, far below any slip rate; states do not change there
 _LARGEST_EXPONENT = 700.0  # exp of more overflows; met only if f_0 / a exceeds some 600
 
 

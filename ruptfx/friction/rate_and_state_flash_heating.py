@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.friction import Array, LawState
-from ruptfx.friction._rate_and_state import AT_REST, LOWEST, Creeping, log_sinh
+from ruptfx.friction import AT_REST, Array, LawState
+from ruptfx.friction._rate_and_state import LOWEST, Creeping, log_sinh
 from ruptfx.units import VaryingCoefficient, VaryingSpeed
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.friction import Array, LawState
-from ruptfx.friction._rate_and_state import AT_REST, RateAndState
+from ruptfx.friction import AT_REST, Array, LawState
+from ruptfx.friction._rate_and_state import RateAndState
 
 
 class RateAndStateSlip(RateAndState):

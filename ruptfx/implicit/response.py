@@ -48,7 +48,7 @@ class FaultResponse:
     ----------
     fault : Fault
     threshold : float
-        Slip rate [m/s] whose first passing is the rupture time.
+        Slip rate [m/s] whose first passing is a rupture.
     radiation : float or ndarray, shape (n,)
         Impedance [Pa s/m] of waves that are not computed, mu / (2 c_s) for quasi-dynamic steps: the traction is the
         strength plus this times the slip rate.
@@ -72,7 +72,7 @@ class FaultResponse:
         slopes = {f"points->{name}[l]": slope for name, slope in self._law.slopes.items()}
         self._library = self._code.compile("response", ("implicit/response.c",), known, macros, slopes)
         self._times, self._result = np.zeros(7), np.zeros(2 + len(FAILURE))
-        self._times[5] = threshold
+        self._threshold = threshold
         self._state: FaultState | None = None
 
     def __call__(
@@ -111,7 +111,7 @@ class FaultResponse:
         fault, code = self.fault, self._code
         n, local = jump.shape
         e = Clock.implicit(dt, dt_before).extrapolation
-        self._times[:] = dt, dt, dt, e, self._law.carried(e), self._times[5], time
+        self._times[:] = dt, dt, dt, e, self._law.carried(e), fault.threshold_at(time, self._threshold), time
         if fault.is_loaded:
             code.put("shear_traction_0", fault.driving_shear(time))
         new = dict(zip(code.names, np.empty((len(code.names), n)), strict=True))

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
+from pydantic import Field
+
+from ruptfx.boundaries import check_vector
 from ruptfx.instruments import Channel, Instrument
+from ruptfx.materials import Plane
+from ruptfx.schema import Unit
 from ruptfx.units import Coordinate
 
 if TYPE_CHECKING:
@@ -12,17 +17,33 @@ if TYPE_CHECKING:
 
 
 class FaultReceiver(Instrument):
-    """Slip, slip rate, tractions, opening and the state of the law at a position along an interface in 2D.
+    """Slip, slip rate, tractions, opening and the state of the law at a place of an interface.
 
-    Linear between the two points next to it.
+    In 2D at a position, linear between the two points next to it; in 3D at a point, by the shape functions of the
+    elements there, and along both tangents: the first is the direction of the interface closest to x, the second is
+    normal x first.
     """
 
     example: ClassVar[str] = '{ kind = "fault_receiver", name = "fault", interval = 2e-7, position = 5.3e-3 }'
 
     fault: str = "main"
     """Which interface."""
-    position: Coordinate
-    """Along it."""
+    position: Coordinate | None = None
+    """Along it, in 2D."""
+    point: Annotated[list[float], Field(min_length=3, max_length=3), Unit("m")] | None = None
+    """On it, in 3D."""
+
+    def check(self, key: str, plane: Plane, components: str) -> None:
+        if plane == "solid":
+            if self.position is not None or self.point is None:
+                given = "is not given" if self.position is None else f"and position = {self.position:g}"
+                raise ValueError(f"{key}.point {given}: in 3D give the point of the interface, [x, y, z], alone")
+            check_vector(f"{key}.point", self.point, "xyz")
+        elif self.point is not None or self.position is None:
+            given = "is not given" if self.point is None else f"and point = {self.point}"
+            raise ValueError(f"{key}.position {given}: in 2D give the position along the interface, alone")
 
     def channels(self, plates: Sensed, key: str) -> list[Channel]:
-        return plates.at_fault(self.fault, self.position, key)
+        place = self.point if self.position is None else self.position
+        assert place is not None
+        return plates.at_fault(self.fault, place, key)

@@ -227,10 +227,12 @@ def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
     (x_size, x_unit), (size, unit) = scale(np.ptp(position), "m"), scale(rate, "m/s")
     (line,) = axes.plot(position / x_size, 0 * position, color="#c1440e")
-    axes.set(xlabel=along(record, x_size, x_unit), ylabel=f"Slip rate ({unit})")
+    place = along(record, x_size, x_unit)
+    # Bodies that slide far are shown where they are, and their points are told by where they began.
+    axes.set(xlabel=f"{place}, before it slid" if "contact" in data else place, ylabel=f"Slip rate ({unit})")
     axes.set_ylim(0, 1.05 * float(np.nanmax(rate)) / size or 1.0)
     left, right = (position[0] / x_size, position[-1] / x_size)
-    if scene.x_label == along(record, x_size, x_unit):
+    if scene.x_label == axes.get_xlabel():
         left, right = scene.extent[:2]
     axes.set_xlim(left, right)
 

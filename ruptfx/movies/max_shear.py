@@ -1,18 +1,44 @@
-"""Largest shear stress in the bodies, total."""
+"""Largest shear stress in the plane of the bodies, total, with its contours."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.contour import ContourSet
+from matplotlib.ticker import MaxNLocator
 
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import Array
 from ruptfx.movies import Film, assumed, bodies
 from ruptfx.record import Record
 
+CONTOURS, COARSER = 8, 3  # how many at most; pixels from point to point of what they are drawn from
+NUDGE = 0.05  # of a step: an initial stress is a round number, and its contour would be that of rounding
+
 
 def max_shear(record: Record) -> Film:
     def shear(row: int, raster: Raster) -> Array:
         return raster(0.5e-6 * record.bulk["fringe"].isel(time=row).values)
 
-    film = bodies(record, shear, "Largest shear stress (MPa)", "white", cmap="viridis", vmin=0)
-    return replace(film, remark=assumed(record))
+    film = bodies(record, shear, "", "white", cmap="viridis", vmin=0)
+    levels = np.array(MaxNLocator(CONTOURS, steps=[1, 2, 5, 10]).tick_values(0, film.look["vmax"]))
+    levels = levels + NUDGE * (levels[1] - levels[0])
+    label = f"Largest shear stress in the plane (MPa),\na contour every {levels[1] - levels[0]:g} MPa"
+    drawn: list[ContourSet] = []
+
+    def move(axes: Axes, row: int) -> None:
+        film.move(axes, row)
+        while drawn:
+            drawn.pop().remove()
+        shown = np.ma.filled(np.ma.asarray(axes.images[0].get_array()), np.nan)  # the picture of this time
+        image = shown[COARSER // 2 :: COARSER, COARSER // 2 :: COARSER]
+        inside = levels[(levels > np.nanmin(image)) & (levels < np.nanmax(image))]
+        if len(inside):
+            left, right, bottom, top = film.extent
+            rows, columns = ((np.arange(n) + 0.5) / n for n in image.shape)
+            x, y = left + columns * (right - left), bottom + rows * (top - bottom)
+            drawn.append(axes.contour(x, y, image, inside, colors="white", linewidths=0.5))
+
+    return replace(film, label=label, move=move, remark=assumed(record))

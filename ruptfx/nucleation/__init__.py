@@ -29,6 +29,11 @@ class Nucleation(Alternative):
         """
         return np.zeros_like(position)
 
+    @property
+    def onset(self) -> float:
+        """When it begins [s], zero or less where it is there from the start."""
+        return 0.0
+
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         """The law that acts instead of `law` (with its profiles evaluated at the points)."""
         return law

@@ -27,6 +27,10 @@ class FrictionDrop(Nucleation):
     end: Instant = NEVER
     """Time [s] from which nothing is forced any more."""
 
+    @property
+    def onset(self) -> float:
+        return self.time
+
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
         arrival = np.where(near, self.time, NEVER)

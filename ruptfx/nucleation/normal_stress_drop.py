@@ -27,6 +27,10 @@ class NormalStressDrop(Nucleation):
     rise: Time = 0.0
     """Time its coming and its going take; 0: at once."""
 
+    @property
+    def onset(self) -> float:
+        return self.begin
+
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
         return Pressurised.model_construct(

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import WIDTH, Array, empty_figure, letter, new_figure, scale
-from ruptfx.plots._record import default_times, nearest
+from ruptfx.plots._record import default_times, nearest, sliding
 from ruptfx.record import Files
 
 _last: list[tuple[Array, Array, Raster]] = []
@@ -21,9 +21,15 @@ def panels(
     picture: Callable[[int, Raster], Array],
     label: str,
     line: str,
+    marks: str | None = None,
+    unit: str = "",
     **look: object,
 ) -> Figure:
-    """One panel per time, in two columns if there are several, with one common scale."""
+    """One panel per time, in two columns if there are several, with one common scale.
+
+    Interfaces are drawn with the colour `line`, and what slides of them, if that is given, with that of `marks`. Values
+    of a `unit` get a prefix.
+    """
     bulk = record.bulk
     saved = bulk["time"].values
     rows = default_times(record, saved, 4) if time is None else nearest(saved, np.atleast_1d(np.asarray(time)))
@@ -33,6 +39,9 @@ def panels(
     moved = "" if rasters is None else ", displaced"
     rasters = rasters or [raster_of(record)] * len(rows)
     images = [picture(int(row), raster) for row, raster in zip(rows, rasters, strict=True)]
+    if unit:
+        size, printed = scale(max(float(np.nanmax(np.abs(image))) for image in images), unit)
+        images, label = [image / size for image in images], f"{label} ({printed})"
     raster = rasters[0]
     extend = "neither"
     if "vmax" not in look:
@@ -51,7 +60,15 @@ def panels(
         ax.set_facecolor("#dbe4ec")  # what has no value is no shade of the picture
         shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
         for data in record.interfaces.values():
-            ax.plot(data["x"].values / x_size, data["y"].values / x_size, color=line, lw=0.6)
+            x, y = data["x"].values, data["y"].values
+            if moved and "contact" in data:
+                (now,) = nearest(data["time"].values, saved[row])
+                x, y = (data[name].isel(time=int(now)).values for name in ("deformed_x", "deformed_y"))
+            x, y = x / x_size, y / x_size
+            ax.plot(x, y, color=line, lw=0.6)
+            if marks is not None:
+                slides = sliding(data, saved[row])
+                ax.plot(x[slides], y[slides], ".", color=marks, ms=2.2, mew=0, gid="sliding")
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
     for ax in axes.ravel()[:len(rows)][-columns:]:
         ax.set_xlabel(f"x{moved} ({x_unit})")
@@ -76,8 +93,9 @@ def raster_of(record: Files) -> Raster:
 
 
 def _displaced(record: Files, rows: Array) -> list[Raster] | None:
-    """Pixels of every row where pieces move far, all of the same part of the plane; else None."""
-    if not record.case.get("large_rotations") or "displacement" not in record.bulk:
+    """Pixels of every row where pieces move or slide far, all of the same part of the plane; else None."""
+    far = record.case.get("large_rotations") or any("contact" in data for data in record.interfaces.values())
+    if not far or "displacement" not in record.bulk:
         return None
     start, cells = record.bulk["points"].values, record.bulk["cells"].values
     places = [start + record.bulk["displacement"].isel(time=int(row)).values for row in rows]

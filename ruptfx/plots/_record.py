@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ruptfx.analysis import SLIDING, nucleation
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import Array
-from ruptfx.record import Files
+from ruptfx.record import Data, Files
 
 STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # of the bodies they belong to
 
@@ -70,6 +71,30 @@ def along(record: Files, size: float, unit: str) -> str:
     return f"Position along the interface ({unit})"
 
 
+def sliding(data: Data, time: float) -> Array:
+    """Points of an interface that slide, closed and faster than `rupture_threshold`, at the saved time nearest to one.
+
+    Parameters
+    ----------
+    data : Data
+        Of the interface.
+    time : float
+        [s]
+
+    Returns
+    -------
+    ndarray of bool, shape (points,)
+        False everywhere where no slip rates were saved.
+    """
+    names = [name for name in ("slip_rate", "slip_rate_1", "slip_rate_2") if name in data]
+    if not names or not data.sizes["time"]:
+        return np.zeros(data.sizes["position"], dtype=bool)
+    row = int(nearest(data["time"].values, np.asarray(time))[0])
+    speed = np.linalg.norm([data[name].isel(time=row).values for name in names], axis=0)
+    closed = data["normal_stress"].isel(time=row).values > 0
+    return np.asarray(closed & (speed > data.attrs.get("rupture_threshold", 1e-3)))
+
+
 def end_time(record: Files) -> float:
     """Last saved time [s], or the planned end where nothing but the start was saved."""
     last = record.interface["time"].values[-1:]
@@ -97,13 +122,18 @@ def direction(record: Files) -> float:
 
 
 def default_times(record: Files, saved: Array, count: int) -> Array:
-    """Indices of up to `count` saved times while the rupture runs; over the whole run where nothing slid."""
+    """Indices of up to `count` saved times while the rupture runs.
+
+    Where fewer were saved meanwhile, times from its begin on are taken, or of the whole run.
+    """
     tracked = [data["rupture_time"].values for data in record.interfaces.values() if "rupture_time" in data]
     arrival = np.concatenate([*tracked, np.array([])])
     arrival = arrival[np.isfinite(arrival)]
     first, last = np.quantile(arrival, [0.15, 1.0]) if len(arrival) else (0.0, np.inf)
+    last = last if has_front(record) else np.inf
     running = np.flatnonzero((saved >= first) & (saved <= last))
-    running = running if len(running) else np.arange(len(saved))[-1:]
+    for since in (first, -np.inf):
+        running = running if len(running) >= count else np.flatnonzero(saved >= since)
     # Even steps back from the last, which shows most.
     step = max(1, (len(running) - 1) // max(count - 1, 1))
     return running[::-step][:count][::-1]
@@ -130,10 +160,40 @@ def has_slip_rates(record: Files) -> bool:
     return bool(record.interfaces) and "slip_rate" in record.interface
 
 
+def slid(record: Files) -> bool:
+    """Whether the first interface slid in some record; where bodies slide far, in contact."""
+    if not has_slip_rates(record):
+        return False
+    data = record.interface
+    field = data["contact"].values == SLIDING if "contact" in data else data["slip_rate"].values
+    return bool(np.any(field))
+
+
+LEAST = 4  # points, for the speed of a front
+
+
+def has_front(record: Files) -> bool:
+    """Whether enough of the first interface begins to slide for a front: of rough bodies that slide far half of it."""
+    if not has_slip_rates(record):
+        return False
+    began = np.isfinite(record.interface["rupture_time"].values)
+    return bool(began.sum() >= LEAST and (began.mean() >= 0.5 or "contact" not in record.interface))
+
+
+def has_origin(record: Files) -> bool:
+    """Whether waves start from one place along the first interface: of a front, or where the case starts a rupture."""
+    return has_front(record) or bool(np.isfinite(nucleation(record, record.interface)[0]))
+
+
 def is_uneven(record: Files) -> bool:
     """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
     gaps = np.diff(record.interface["time"].values)
     return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
+
+
+def is_quasi_static(record: Files) -> bool:
+    """Whether a run goes from equilibrium to equilibrium, without waves."""
+    return bool(record.case.get("stepper", {}).get("kind") == "quasi_static")
 
 
 def has_pictures(record: Files, field: str) -> bool:

@@ -11,8 +11,10 @@ from ruptfx.record import Files
 
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
-    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "facing": "#7f7f7f",
+    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "collisions": "#332288",
+    "collision_loss": "#999933", "facing": "#7f7f7f",
 }  # safe for colour-blind readers
+_ROUNDING = 100 * np.finfo(float).eps  # per cent: less cannot be told from nothing
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
 
 
@@ -27,8 +29,8 @@ def energy_budget(record: Files) -> Figure:
     energy = record.energy
     time = energy["time"].values
     parts = {name: energy[name].values for name in PARTS if name in energy}
-    for name in ("fracture", "facing"):  # most runs have no cracks, and no springs that slide
-        if name in parts and not parts[name].any():
+    for name in set(parts) - {"kinetic", "strain"}:  # what a run does not have: cracks, springs, damping ...
+        if not parts[name].any():
             del parts[name]
     work = energy["boundary_work"].values
     (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
@@ -41,7 +43,7 @@ def energy_budget(record: Files) -> Figure:
     axes[0].set(xlabel=f"Time ({t_unit})", ylabel=label)
     axes[0].legend(loc="best")
     missing = 100 * np.abs(closure(work, parts))
-    axes[1].semilogy(time / t_size, np.where(missing > 0, missing, np.nan), color="#1a1a1a")
+    axes[1].semilogy(time / t_size, np.maximum(missing, _ROUNDING), color="#1a1a1a")
     axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
     axes[1].set(xlabel=f"Time ({t_unit})", ylabel="Unaccounted (% of boundary work)")
     axes[1].set_ylim(top=100 * max(10 * _TOLERANCE, 2 * missing.max(initial=0) / 100))

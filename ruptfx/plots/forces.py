@@ -11,6 +11,7 @@ from ruptfx.plots._states import COLOURS, explain
 from ruptfx.record import Files
 
 DROP, BEND = 0.05, 0.01  # of the normal force: what counts as a drop, and how closely broken lines follow
+MOST = 30  # drops that can be told from each other
 
 
 def suits(record: Files) -> bool:
@@ -46,25 +47,34 @@ def forces(record: Files, window: float | None = None) -> Figure:
     found = drops(time, turned * mean, DROP * typical) if typical > 0 else []
     bends = knees(time, turned * mean, found, BEND * typical) if typical > 0 else []
     bends = [bend for bend in bends if turned * np.interp(bend.time, time, mean) > DROP * typical]
-    for number, drop in enumerate(found):
+    for number, drop in enumerate(found if len(found) <= MOST else []):
         above.axvspan(drop.start / t_size, drop.end / t_size, color="#e07b39", alpha=0.3, lw=0,
                       label="drops" if number == 0 else None)  # fmt: skip
+    too_many = len(found) > MOST
+    if too_many:
+        bends = []
     at = np.array([bend.time for bend in bends])
     if len(at):
         above.plot(at / t_size, np.interp(at, time, mean) / f_size, "o", mfc="white", color="#b5382a", label="knees")
     else:
         note(above, "" if len(found) else "no drops, no knees")
     above.set_ylabel(f"Force per thickness ({f_unit})")
-    above.legend(loc="best", ncols=2)
+    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
     below.stackplot(time / t_size, [table[name].values for name in COLOURS], colors=list(COLOURS.values()), lw=0)
     below.set(xlabel=f"Time ({t_unit})", ylabel="Fraction of the length", ylim=(0, 1))
     below.set_xlim(time[0] / t_size, time[-1] / t_size)
     explain(below, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     letter(axes.ravel())
     size, unit = scale(window, "s")
+    falls = f"falls by more than {100 * DROP:.0f} % of the median normal force"
+    told = f"Drops: {falls}, until it rises by a fifth of that; knees: bends of a broken line that follows within " \
+           f"{100 * BEND:.0f} % of it."
+    if too_many:
+        told = f"{len(found)} {falls} are too many to be marked: the bodies bounce, or what slides chatters."
+    elif not found and not bends:
+        told = ""
     remark(
         figure, f"Grey: shear force of every record; black: its mean over {window / size:.3g} {unit}.",
-        f"Drops: falls by more than {DROP:.0%} of the median normal force, until it rises by a fifth of that; knees: "
-        f"bends of a broken line that follows within {BEND:.0%} of it.",
+        told,
     )  # fmt: skip
     return figure

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
+from ruptfx.analysis.polariscope import is_plate
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import Array, remark, scale, styled
 from ruptfx.plots._panels import panels, without
@@ -45,8 +46,8 @@ class Plates:
             self.constants[name] = float(fringe_constant or material.get("fringe_constant", np.nan))
         self.thickness = float(thickness or case.get("output", {}).get("plate_thickness", np.nan))
         self.missing = ""
-        if "fringe" not in self._bulk or self._bulk.sizes.get("component") != 2:
-            self.missing = "no fringes: they are of stresses in a plane"
+        if "fringe" not in self._bulk or not is_plate(record):
+            self.missing = "no fringes: they are of stresses in a plate"
         elif not np.isfinite(list(self.constants.values())).any():
             self.missing = "no fringes: no material\nhas a fringe_constant"
         elif not np.isfinite(self.thickness):

@@ -12,6 +12,8 @@ from ruptfx.plots._panels import without
 from ruptfx.record import Files
 
 MOST = 12  # panels that one page takes
+LEGEND = 0.18  # of the height of a panel, for a line of its legend
+LINES = ("-", "--", ":")
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
 
@@ -43,12 +45,18 @@ def instruments(record: Files) -> Figure:
         data = record.instruments[name]
         values = np.array([data[channel].values for channel in channels])
         size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
+        kinds = list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in channels))
         for channel, line in zip(channels, values, strict=True):
-            ax.plot(data["time"].values / t_size, line / size, label=channel.replace("_", " "))
+            # An extension along x is the strain xx: both are seen.
+            style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
+            ax.plot(data["time"].values / t_size, line / size, style, label=channel.replace("_", " "))
         ax.set_ylabel(f"{_common(channels)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:
-            ax.legend(ncols=2 if len(channels) > 3 else 1)
+            columns_of_legend = min(len(channels), 3)
+            low, high = ax.get_ylim()  # room above the data, for a legend that hides none of it
+            ax.set_ylim(low, high + LEGEND * -(-len(channels) // columns_of_legend) * (high - low))
+            ax.legend(loc="upper left", ncols=columns_of_legend, columnspacing=1.0, handlelength=1.6)
     for ax in axes.ravel()[: len(shown)][-columns:]:
         ax.set_xlabel(f"Time ({t_unit})")
         ax.tick_params(labelbottom=True)

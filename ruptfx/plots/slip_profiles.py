@@ -23,8 +23,8 @@ def suits(record: Files) -> bool:
 def slip_profiles(record: Files, times: Sequence[float] | None = None) -> Figure:
     """Total slip and displacement jump along the interface at successive times, coloured by time.
 
-    The jump contains the elastic stretch of a compliant interface, the slip does not. Both are positive in
-    the direction of the slip; where that turns their sign the figure says so.
+    The jump contains the elastic stretch of a compliant interface, the slip does not; without stretch there is one
+    panel. Both are positive in the direction of the slip; where that turns their sign the figure says so.
 
     Parameters
     ----------
@@ -43,6 +43,9 @@ def slip_profiles(record: Files, times: Sequence[float] | None = None) -> Figure
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     names = {"slip": "Slip", "displacement_jump": "Displacement jump"}
     values = {name: sign * data[name].isel(time=rows).values for name in names if name in data}
+    stretch = np.abs(values["displacement_jump"] - values["slip"]) if "displacement_jump" in values else np.zeros(1)
+    if stretch.max(initial=0.0) <= 1e-6 * np.abs(values["slip"]).max(initial=0.0):  # rigid contact
+        values.pop("displacement_jump", None)
     size, unit = scale(np.array(list(values.values())), "m")
     figure, axes = new_figure(1, len(values), 2.6, sharex=True, sharey=True)
     colours = ScalarMappable(Normalize(0, until / t_size), TIME_MAP)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ruptfx.analysis import rupture_origin
 from ruptfx.figure_style import GUIDE, MUTED, empty_figure, letter, new_figure, remark, scale, styled
@@ -15,6 +16,7 @@ from ruptfx.plots._record import (
     default_times,
     direction,
     guides,
+    has_origin,
     has_slip_rates,
     is_uneven,
     nearest,
@@ -70,7 +72,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
             if name == "shear_traction" and strengths is not None:
                 ax.plot(position / x_size, strengths[number] / size, ":", color=MUTED, lw=0.9, gid="strength", zorder=0)
             ax.set_ylabel(f"{title} ({printed})")
-            marked |= _marks(ax, record, saved[row], x_size, named=column > 0)
+            marked |= has_origin(record) and _marks(ax, record, saved[row], x_size, named=column > 0)
         middle, largest = values.mean() / size, np.abs(values).max() / size
         if name == "shear_traction":
             top = 0.0 if strengths is None else float(np.nanmax(strengths)) / size
@@ -84,6 +86,10 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
         if name == "slip_rate" and logarithmic:
             axes[0, 0].set_yscale("log", nonpositive="clip")
             axes[0, 0].set_ylim(low / size, 2 * values.max() / size)
+            if values.max() < 100 * low:  # powers of ten alone would be too few
+                axes[0, 0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axes[0, 0].yaxis.set_major_formatter("{x:g}")
+                axes[0, 0].yaxis.set_minor_formatter(NullFormatter())
         axes[-1, column].set_xlabel(along(record, x_size, x_unit))
     t_size, t_unit = scale(saved, "s")
     for ax, row in zip(axes[:, 0], rows, strict=True):
@@ -100,15 +106,17 @@ def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> 
     start, begin = rupture_origin(record)
     left, right = ax.get_xlim()
     labelled = left + 0.1 * (right - left)  # keeps labels clear of the panel letter and of each other
-    for sign in (-1, 1):
-        for name, speed, style in guides(record, "c_s", "c_p"):
-            place = (start + sign * speed * (time - begin)) / x_size
-            if not (time > begin and left < place < right):
-                continue
-            seen = True
-            ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
-            if named and place > labelled + 0.08 * (right - left):
-                labelled = place
-                ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
-                            textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
+    fronts = sorted(
+        ((start + sign * speed * (time - begin)) / x_size, name, style)
+        for sign in (-1, 1) for name, speed, style in guides(record, "c_s", "c_p")
+    )  # fmt: skip
+    for place, name, style in fronts:
+        if not (time > begin and left < place < right):
+            continue
+        seen = True
+        ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
+        if named and place > labelled + 0.08 * (right - left):
+            labelled = place
+            ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
+                        textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
     return seen

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator
 
-from ruptfx.analysis import rupture_origin
+from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, rupture_origin
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark, scale, styled
-from ruptfx.plots._record import along, end_time, guides, has_slip_rates, is_uneven, rate_range, whose_speeds
+from ruptfx.plots._record import (
+    along,
+    end_time,
+    guides,
+    has_origin,
+    is_quasi_static,
+    is_uneven,
+    rate_range,
+    slid,
+    whose_speeds,
+)
+from ruptfx.plots._states import COLOURS
 from ruptfx.record import Files
 
 WIDE, HIGH = 0.09, 0.05  # parts of the picture that a label takes
@@ -20,19 +31,22 @@ WIDE, HIGH = 0.09, 0.05  # parts of the picture that a label takes
 
 def suits(record: Files) -> bool:
     """Whether the run slides and one scale of time shows it."""
-    return has_slip_rates(record) and not is_uneven(record)
+    return slid(record) and not is_uneven(record)
 
 
 @styled
 def space_time(record: Files) -> Figure:
     """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
 
-    White is slower than the sliding threshold (2 % of the driven speed). Colours are logarithmic where narrow
-    pulses are ten times faster than the rest.
+    White is slower than the sliding threshold (2 % of the driven speed). Where bodies slide far, white is what sticks,
+    and grey what does not touch. Colours are logarithmic where narrow pulses are ten times faster than the rest. Wave
+    speeds that cannot be told from each other are left out.
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
-    until = end_time(record)
+    states = data["contact"].values if "contact" in data else None
+    rate = rate if states is None else np.where(states == SLIDING, rate, 0.0)
+    until, (since, _) = end_time(record), nucleation(record, data)
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]
@@ -40,55 +54,73 @@ def space_time(record: Files) -> Figure:
         xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
         xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
     )
+    if 0 < since < until:  # loaded first
+        ax.set_ylim(bottom=(since - 0.1 * (until - since)) / t_size)
     peak, white = rate.max(initial=0.0), ""
     if peak > 0 and len(time) > 1:
         low, high, logarithmic = rate_range(record, rate)
         size, unit = scale(high, "m/s")
         norm = (LogNorm if logarithmic else Normalize)(low / size, max(high, 2 * low) / size)
-        shown = np.ma.masked_less(rate, low) / size
         grid = edges(position) / x_size, edges(time) / t_size
         colours = RATE_MAP.with_extremes(under="white")
-        mesh = ax.pcolormesh(*grid, shown, norm=norm, cmap=colours, rasterized=True)
+        if states is None:
+            shown, white = np.ma.masked_less(rate, low), "slower than {}, which does not count as sliding."
+        else:
+            away = np.ma.masked_where(~np.isin(states, (OPEN, UNCOVERED)), np.ones_like(rate))
+            ax.pcolormesh(*grid, away, cmap=ListedColormap([COLOURS["open"]]), rasterized=True)
+            shown = np.ma.masked_where(states != SLIDING, rate)
+            white = "sticks, or slides slower than {}; grey: does not touch."
+        white = f"White: {white.format(f'{low / size:.3g} {unit}')}"
+        mesh = ax.pcolormesh(*grid, shown / size, norm=norm, cmap=colours, rasterized=True)
         # Less than two decades need numbers between their powers of ten.
         ticks = LogLocator(subs=(1, 2, 5)) if logarithmic and high < 100 * low else None
         label = f"Magnitude of slip rate ({unit})"
         bar = figure.colorbar(mesh, ax=ax, label=label, ticks=ticks, extend="both", pad=0.03)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.ax.yaxis.set_minor_formatter("")
-        white = f"White: slower than {low / size:.3g} {unit}, which does not count as sliding."
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
-    _rays(ax, record, x_size, t_size)
-    remark(figure, white, whose_speeds(record))
+    drawn = has_origin(record) and not is_quasi_static(record) and _rays(ax, record, x_size, t_size)
+    remark(figure, white, whose_speeds(record) if drawn else "")
     return figure
 
 
-def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> None:
-    """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture."""
+def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> bool:
+    """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture.
+
+    Those for whose labels there is no room are left out, and all where they look alike. Returns whether there are any.
+    """
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
-    (left, right), top = ax.get_xlim(), ax.get_ylim()[1]
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    sides = [(sign, room) for sign, room in ((1, right - start), (-1, start - left)) if room >= 0.02 * (right - left)]
+    speeds = guides(record)
+    if not sides or not speeds:
+        return False
+    slowest = min(speed for _, speed, _ in speeds) * t_size / x_size
+    if max(room for _, room in sides) / slowest < HIGH * (top - bottom):
+        return False
     halo = [withStroke(linewidth=1.5, foreground="white")]
     labelled: list[tuple[float, float]] = []  # where, in parts of the picture
-    for name, speed, style in guides(record):
+    for name, speed, style in speeds:
         slope = speed * t_size / x_size
-        for sign, room in ((1, right - start), (-1, start - left)):
-            if room < 0.02 * (right - left):
-                continue
+        ends, at_side, at_left = [], [], []
+        for sign, room in sides:
             reach = min(room, slope * (top - begin))
-            end = (start + sign * reach, begin + reach / slope)
-            ax.plot([start, end[0]], [begin, end[1]], style, color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
-            at_side = reach >= room
-            if sign < 0 and right > start:
-                continue  # labels at one side are enough
+            ends.append((start + sign * reach, begin + reach / slope))
+            at_side.append(reach >= room)
             # c_R and c_s are close: above the picture their labels lean away from each other.
-            leans_left = not at_side and (name == "$c_R$") == (sign > 0)
-            place = (end[0] - left) / (right - left), end[1] / top
-            if not leans_left and any(abs(x - place[0]) < WIDE and abs(y - place[1]) < HIGH for x, y in labelled):
-                continue  # a run that was stopped early: there is no room for another one
-            if not leans_left:
-                labelled.append(place)
-            ax.annotate(
-                name, end, (3, 0) if at_side else (0, 3), textcoords="offset points", color=GUIDE,
-                ha="right" if leans_left else "left", va="center" if at_side else "bottom",
-                annotation_clip=False, path_effects=halo,
-            )
+            at_left.append(reach < room and (name == "$c_R$") == (sign > 0))
+        end, beside, leans_left = ends[0], at_side[0], at_left[0]  # labels at one side are enough
+        place = (end[0] - left) / (right - left), (end[1] - bottom) / (top - bottom)
+        if not leans_left:
+            if any(abs(x - place[0]) < WIDE and abs(y - place[1]) < HIGH for x, y in labelled):
+                continue
+            labelled.append(place)
+        for x, y in ends:
+            ax.plot([start, x], [begin, y], style, color=GUIDE, lw=0.8, gid="ray", path_effects=halo)
+        ax.annotate(
+            name, end, (3, 0) if beside else (0, 3), textcoords="offset points", color=GUIDE,
+            ha="right" if leans_left else "left", va="center" if beside else "bottom",
+            annotation_clip=False, path_effects=halo,
+        )  # fmt: skip
+    return True

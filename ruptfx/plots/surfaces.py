@@ -71,6 +71,7 @@ def surfaces(
     axes[0, 0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     explain(axes[1, 0], loc="lower center", bbox_to_anchor=(0.5, 1.0))
     axes[-1, 0].set_xlabel(f"x, displaced ({x_unit})")
+    figure.align_ylabels(axes[:, 0])
     letter(axes.ravel())
     remark(figure, "Heights are stretched. Circles: points of the plus side; line: what they face, where they face it.")
     return figure

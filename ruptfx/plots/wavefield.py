@@ -10,18 +10,23 @@ from matplotlib.figure import Figure
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import WAVE_MAP, Array, styled
 from ruptfx.plots._panels import panels, without
-from ruptfx.plots._record import has_pictures
+from ruptfx.plots._record import has_pictures, has_slip_rates, is_quasi_static, is_uneven
 from ruptfx.record import Files
+
+SLIDES = "#35d6c8"
 
 
 def suits(record: Files) -> bool:
-    """Whether there are pictures of the bodies."""
-    return has_pictures(record, "velocity")
+    """Whether there are pictures of the bodies, and waves in them: not at rest, and not where phases are slow."""
+    slow = is_quasi_static(record) or (has_slip_rates(record) and is_uneven(record))
+    return has_pictures(record, "velocity") and not slow
 
 
 @styled
 def wavefield(record: Files, time: float | Sequence[float] | None = None) -> Figure:
     """Particle speed in the two bodies, with the interface drawn: shear Mach fronts show as straight lines.
+
+    Points of the interface that slide are marked.
 
     Parameters
     ----------
@@ -35,4 +40,4 @@ def wavefield(record: Files, time: float | Sequence[float] | None = None) -> Fig
     def speed(row: int, raster: Raster) -> Array:
         return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
 
-    return panels(record, time, speed, "Particle speed (m/s)", "white", cmap=WAVE_MAP, vmin=0)
+    return panels(record, time, speed, "Particle speed", "white", SLIDES, "m/s", cmap=WAVE_MAP, vmin=0)

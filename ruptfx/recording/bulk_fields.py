@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from ruptfx import fem, parallel, slabs
+from ruptfx.fields import stress_entries
 from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
 from ruptfx.operators.matrix_free import MatrixFree
@@ -87,6 +88,9 @@ class BulkFields:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self._stresses = stress_entries(model.case.plane, model.components)
+        # In antiplane stress is a vector.
+        self._entries: list[Any] = [entry if model.components > 1 else entry[0] for entry in self._stresses.values()]
         self._fields = [name for name in _UNITS if name in model.case.output.bulk_fields]
         self._type = np.dtype({"double": "f8", "single": "f4"}[model.case.output.bulk_precision])
         self.initial_stress, self.initial_stress_from = self._initial_stress()
@@ -187,6 +191,7 @@ class BulkFields:
         """Write this rank's part of one snapshot."""
         for name, values in fields.items():
             text = "twice the shear stress" if name == "fringe" and self.model.components == 1 else _TEXTS[name]
+            text += "; zz goes round the axis" * (name == "stress" and self.model.case.plane == "axisymmetric")
             self._file.append(name, values, self.model.total_nodes, units=_UNITS[name], long_name=text)
         self._file.flush()
         if self._file.whole is not None:
@@ -207,7 +212,7 @@ class BulkFields:
             self._volume = fem.assemble_summed(
                 model.space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
             )[::c, None]
-        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, len(_entries(c)))  # ranks exchange all at once
+        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, len(self._entries))  # ranks exchange all at once
         sums = vector.array.reshape(model.nodes, -1)
         sums[:] = 0
         if not (isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, sums)):
@@ -229,7 +234,7 @@ class BulkFields:
             large = model.bulk.large_rotations
             variable = ufl.variable(ufl_form.strain(self._displacement, model.mesh, model.case.plane, large))
             forms = []
-            entries = _entries(c)
+            entries = self._entries
             for pair in [entries[i : i + c] for i in range(0, len(entries), c)]:
                 form: Any = 0
                 for index in range(len(model.bulk.materials)):
@@ -279,7 +284,7 @@ class BulkFields:
         normal = normals[0]
         if np.abs(normals - normal).max() > 1e-6 or np.ptp(pressure) < 1e-9 * np.abs(pressure).max():
             return None
-        across = np.array([np.outer(normal, normal)[entry] for entry in _entries(2)])
+        across = np.array([np.outer(normal, normal)[entry] for entry in self._entries])
         mean = -float(self.initial_stress @ (across * [1, 1, 2]))
         tangent = np.array([normal[1], -normal[0]])
         place = points @ tangent
@@ -288,7 +293,7 @@ class BulkFields:
 
     def _initial_stress(self) -> tuple[np.ndarray, str]:
         """The uniform initial stress and where it comes from; collective."""
-        model, entries = self.model, _entries(self.model.components)
+        model, entries = self.model, self._entries
         given = model.case.initial_tensor
         if given is not None:
             return np.array([given[entry] for entry in entries]), "given"
@@ -321,6 +326,10 @@ class BulkFields:
         normal, (total, pressure, *shear) = sums[:dim], sums[dim:]
         return carried(normal / np.linalg.norm(normal), pressure / total, np.array(shear) / total, model.components)
 
+    def _labels(self, field: str) -> list[str]:
+        axes = "xyz"[: self.model.components] if self.model.components > 1 else "z"
+        return list(self._stresses if field == "stress" else axes)
+
     def _write_descriptor(self, times: np.ndarray, columns: dict[str, tuple[int, ...]]) -> None:
         """The XDMF text, whole at any time: written aside and renamed."""
         points, dim, (cells, corners) = self.model.total_nodes, self._dim, self._cells
@@ -330,7 +339,7 @@ class BulkFields:
             attributes = []
             for field, column in columns.items():
                 whole = (len(times), points, *column)
-                parts = [f"_{axis}" for axis in _labels(field, column[0])] if column else [""]
+                parts = [f"_{axis}" for axis in self._labels(field)] if column else [""]
                 for part, label in enumerate(parts):
                     start = f"{index} 0 {part}" if column else f"{index} 0"
                     count = f"1 {points} 1" if column else f"1 {points}"
@@ -346,21 +355,6 @@ class BulkFields:
         temporary = self._out / ".bulk.xdmf"
         temporary.write_text(_FILE.substitute(grids="".join(grids)))
         temporary.replace(self._out / "bulk.xdmf")
-
-
-def _entries(components: int) -> list[Any]:
-    """Stress components saved: xz, yz in antiplane, else the symmetric ones."""
-    if components == 1:
-        return [0, 1]
-    if components == 2:
-        return [(0, 0), (1, 1), (0, 1)]
-    return [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
-
-
-def _labels(field: str, count: int) -> list[str]:
-    if field == "stress":
-        return {2: ["xz", "yz"], 3: ["xx", "yy", "xy"], 6: ["xx", "yy", "zz", "xy", "yz", "xz"]}[count]
-    return ["z"] if count == 1 else ["x", "y", "z"][:count]
 
 
 def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: int) -> np.ndarray:

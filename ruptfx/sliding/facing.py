@@ -40,6 +40,11 @@ SLIVER = 1e-9  # of a facet: what is shorter is not integrated
 COLUMNS = 8  # rows of B are filled up to a multiple of this
 
 
+def whole(columns: int) -> int:
+    """The next multiple of `COLUMNS`."""
+    return -(-columns // COLUMNS) * COLUMNS
+
+
 @dataclass(frozen=True)
 class Coupling:
     """B: what a point faces is a mean of nodes that follow each other on the other side.
@@ -70,6 +75,16 @@ class Coupling:
         """With the squares of all entries."""
         return Coupling(self.first, self.values**2, self.nodes)
 
+    def transposed(self) -> Coupling:
+        """B': the points that face every node of the other side, which follow each other, too."""
+        point, column = np.nonzero(self.values)
+        node = self.first[point] + column
+        first, last = np.zeros((2, self.nodes), dtype=np.int64)
+        first[node[::-1]], last[node] = point[::-1], point  # in order: the one that is written last counts
+        values = np.zeros((self.nodes, whole(int(np.max(last - first, initial=0)) + 1)))
+        values[node, point - first[node]] = self.values[point, column]
+        return Coupling(first, values, len(self.first))
+
     def nearest(self) -> Integers:
         """The node that a point faces most."""
         return self.first + np.argmax(self.values, axis=1)
@@ -97,6 +112,15 @@ class Facing:
     covered: NDArray[np.bool_]
 
 
+def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
+    """Coefficients D_a (M^-1)_ab of psi_a in the Lagrange basis, by quadrature; shape (facets, nodes, nodes)."""
+    table, corners = plus.basis.values(at), plus.points[plus.numbers]
+    metric = np.linalg.norm(np.einsum("gb,fbc->fgc", plus.basis.slopes(at), corners), axis=2) * weights
+    mass = np.einsum("fg,ga,gb->fab", metric, table, table)
+    found: Floats = np.einsum("fg,ga->fa", metric, table)[:, :, None] * np.linalg.inv(mass)
+    return found
+
+
 class Mortar:
     """The coupling of two surfaces.
 
@@ -107,16 +131,11 @@ class Mortar:
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus
-        basis = plus.basis
-        corners = plus.points[plus.numbers]
+        basis, corners = plus.basis, plus.points[plus.numbers]
         # The same points here and on what faces one facet alone: nodes that match then face each other exactly.
         self._gauss = at, weights = legendre.leggauss(plus.order + -(-minus.order // 2) + 2)
-        table = basis.values(at)
-        metric = np.linalg.norm(np.einsum("gb,fbc->fgc", basis.slopes(at), corners), axis=2) * weights
-        mass = np.einsum("fg,ga,gb->fab", metric, table, table)
-        length = np.einsum("fg,ga->fa", metric, table)
         # In Legendre polynomials: of the dual basis, and of the places of the nodes.
-        self._dual = np.ascontiguousarray(length[:, :, None] * np.linalg.inv(mass) @ basis.inverse.T)
+        self._dual = np.ascontiguousarray(dual_basis(plus, at, weights) @ basis.inverse.T)
         self._shape = np.ascontiguousarray(np.einsum("ka,fac->fck", basis.inverse, corners))
         self._nodal, self._length = plus.shares, plus.lengths
         macros = {
@@ -197,7 +216,7 @@ class Mortar:
         inner = np.arange(1, facets) * order  # nodes of two facets
         first[inner], last[inner] = np.minimum(begin[1:], begin[:-1]), np.maximum(end[1:], end[:-1])
         columns = int(np.max(last - first, initial=1))
-        return np.where(last > 0, first, 0), -(-columns // COLUMNS) * COLUMNS
+        return np.where(last > 0, first, 0), whole(columns)
 
     def _own_tangent(self, plus: Floats) -> Floats:
         """Mean tangent of the plus side at its nodes, not normalised."""

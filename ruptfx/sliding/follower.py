@@ -44,20 +44,20 @@ class Follower:
 
     def __call__(self, state: State) -> None:
         """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
-        face = self.face
+        face, geometry = self.face, self.face.geometry
+        self._room -= geometry.slides
+        geometry.slides = np.inf
+        if self._made is state and self._room > 0 and geometry.all_covered:
+            return
         followed, slip_then = self._recall(state)
         if not len(face.plus):
-            return
-        self._room -= face.geometry.slides
-        face.geometry.slides = np.inf
-        if self._room > 0 and face.covered.all():
             return
         slip = face.jump(state.displacement)[:, 1]
         farthest = float(np.abs(slip - slip_then).max())
         self._room = face.limit - farthest
         slid = farthest > face.limit
         dofs = face.dofs
-        moved = not face.covered.all() and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
+        moved = not geometry.all_covered and np.abs(state.displacement[dofs] - followed[dofs]).max() > face.near
         if slid or moved:
             held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)

@@ -35,9 +35,11 @@ OVERLAP = 0.01  # of the distance of nodes: what surfaces may overlap before any
 class Table(ctypes.Structure):
     """`struct facing` of jump.c."""
 
-    _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns")] + [
-        (name, ctypes.c_void_p) for name in ("dofs", "first", "coupling", "frame", "weight", "across", "back")
-    ]
+    _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
+        (name, ctypes.c_void_p) for name in (
+            "dofs", "first", "coupling", "facing", "transposed", "frame", "weight", "across", "back", "held",
+        )
+    ]  # fmt: skip
 
 
 @cache
@@ -62,6 +64,7 @@ class Geometry:
         [m]
     covered : ndarray of bool, shape (n,)
         Whether a point faces anything.
+    all_covered : bool
     revision : int
         Grows with every update.
     slides : float
@@ -82,10 +85,9 @@ class Geometry:
         self.nearest = np.zeros(n, dtype=np.int64)
         self._acting = np.zeros((n, 2, 2))  # frames, zero where nothing is faced
         self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
-        self._in_order = 2 * np.arange(len(self._dofs))
         self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
-        self.covered = np.zeros(0, dtype=bool)
-        self.revision, self.table, self._of_nodes, self.slides = 0, Table(), Table(), np.inf
+        self.covered, self.all_covered = np.zeros(0, dtype=bool), True
+        self.revision, self.table, self.slides = 0, Table(), np.inf
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
 
     def follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
@@ -114,6 +116,7 @@ class Geometry:
         self.frame[:] = local_frame(np.stack([-found.tangent[:, 1], found.tangent[:, 0]], axis=1))
         self._acting[:] = self.frame * found.covered[:, None, None]
         self.opposite, self.weight[:], self.covered = found.coupling, found.weight, found.covered
+        self.all_covered = bool(self.covered.all())
         none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, COLUMNS)), 0)
         self.coupling = none if rigid else found.coupling
         self._tabulate()
@@ -126,23 +129,18 @@ class Geometry:
 
     def _tabulate(self) -> None:
         n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
-        self._across = np.zeros((2, 2, m + columns))
-        arrays = (
-            self._dofs, self.coupling.first, self.coupling.values, self._acting, self.weight, *self._across,
+        back = self.coupling.transposed()
+        width = back.values.shape[1]
+        self._arrays = (
+            self._dofs, self.coupling.first, self.coupling.values, back.first, back.values, self._acting, self.weight,
+            *np.zeros((2, 2, m + columns)), np.zeros((2, n + width)),
         )  # fmt: skip
-        self.table = Table(n, m, columns, *(array.ctypes.data for array in arrays))
-        self._of_nodes = Table(n, m, columns, self._in_order.ctypes.data, *(array.ctypes.data for array in arrays[1:]))
+        self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 
     def rate(self, field: Floats) -> Floats:
         """J field; of all degrees of freedom of this rank, shape (n, 2)."""
         local = np.zeros((len(self.plus.nodes), 2))
         _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
-        return local
-
-    def rate_at_nodes(self, values: Floats) -> Floats:
-        """The same of the degrees of freedom of both surfaces alone, in their order."""
-        local = np.zeros((len(self.plus.nodes), 2))
-        _library().jump(ctypes.byref(self._of_nodes), _pointer(values), _pointer(local))
         return local
 
     def assemble(self, traction: Floats, out: Floats) -> None:

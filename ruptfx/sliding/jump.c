@@ -1,17 +1,21 @@
-// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Every row of B is a run of neighbouring
-// nodes, filled up with zeros; nodes are those of the plus side, then those of the other one.
+// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Every row of B and of B' is a run of
+// neighbouring nodes, filled up with zeros; nodes are those of the plus side, then those of the other one.
 #include <string.h>
 
 enum { RUN = 8 };
 
 struct facing {
-    long n, m, columns;      // points, nodes of the other side, length of the rows: a multiple of RUN
-    const long *dofs;        // first degree of freedom of every node
-    const long *first;       // of every point: the first node it faces
-    const double *coupling;  // B, n rows
-    const double *frame;     // n times 2 x 2, zero where nothing is faced
-    const double *weight;    // n
-    double *across, *back;   // x, y of what is faced, m + columns each, and of the forces on it
+    long n, m;                // points, nodes of the other side
+    long columns, width;      // lengths of the rows of B and B': multiples of RUN
+    const long *dofs;         // first degree of freedom of every node
+    const long *first;        // of every point: the first node it faces
+    const double *coupling;   // B, n rows
+    const long *facing;       // of every node of the other side: the first point that faces it
+    const double *transposed; // B', m rows
+    const double *frame;      // n times 2 x 2, zero where nothing is faced
+    const double *weight;     // n
+    double *across, *back;    // x, y of what is faced, m + columns each, and of the forces on it
+    double *held;             // x, y of the forces at the points that these come from, n + width each
 };
 
 typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
@@ -26,32 +30,34 @@ static inline __attribute__((always_inline)) double total(run values)
     return (part.each[0] + part.each[2]) + (part.each[1] + part.each[3]);
 }
 
-// B times x and y at the nodes of the other side, of point i.
-static inline __attribute__((always_inline)) void faced(const struct facing *f, long i, double mean[2])
+// A row times x and y.
+static inline __attribute__((always_inline)) void product(const double *each, long columns, const double *x,
+                                                          const double *y, double result[2])
 {
-    const double *b = f->coupling + i * f->columns, *x = f->across + f->first[i], *y = x + f->m + f->columns;
     run of_x = {0}, of_y = {0};
-    for (long j = 0; j < f->columns; j += RUN) {
-        const run values = *(const run *)(b + j);
+    for (long j = 0; j < columns; j += RUN) {
+        const run values = *(const run *)(each + j);
         of_x += values * *(const run *)(x + j);
         of_y += values * *(const run *)(y + j);
     }
-    mean[0] = total(of_x), mean[1] = total(of_y);
+    result[0] = total(of_x), result[1] = total(of_y);
 }
 
-// back += B' force, of point i.
-static inline __attribute__((always_inline)) void react(const struct facing *f, long i, double fx, double fy)
+// B times x and y at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void faced(const struct facing *f, long i, double mean[2])
 {
-    const double *b = f->coupling + i * f->columns;
-    double *x = f->back + f->first[i], *y = x + f->m + f->columns;
-    for (long j = 0; j < f->columns; j += RUN) {
-        const run values = *(const run *)(b + j);
-        *(run *)(x + j) += values * fx;
-        *(run *)(y + j) += values * fy;
-    }
+    const double *x = f->across + f->first[i];
+    product(f->coupling + i * f->columns, f->columns, x, x + f->m + f->columns, mean);
 }
 
-static inline void clear(const struct facing *f) { memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double)); }
+// back = B' times the forces of the points, of node j of the other side.
+static inline __attribute__((always_inline)) void react(const struct facing *f, long j)
+{
+    const double *x = f->held + f->facing[j];
+    double sum[2];
+    product(f->transposed + j * f->width, f->width, x, x + f->n + f->width, sum);
+    for (int c = 0; c < 2; c++) f->back[c * (f->m + f->columns) + j] = sum[c];
+}
 
 // local = J field, n x 2.
 void jump(const struct facing *f, const double *field, double *local)
@@ -74,16 +80,16 @@ void jump(const struct facing *f, const double *field, double *local)
 void assemble(const struct facing *f, const double *local, double *field)
 {
     const long *dofs = f->dofs + f->n;
-    clear(f);
     for (long i = 0; i < f->n; i++) {
         const double *frame = f->frame + 4 * i, *value = local + 2 * i;
-        double force[2];
         for (int c = 0; c < 2; c++) {
-            force[c] = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
-            field[f->dofs[i] + c] += force[c];
+            const double force = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
+            f->held[c * (f->n + f->width) + i] = force;
+            field[f->dofs[i] + c] += force;
         }
-        react(f, i, force[0], force[1]);
     }
-    for (long j = 0; j < f->m; j++)
+    for (long j = 0; j < f->m; j++) {
+        react(f, j);
         for (int c = 0; c < 2; c++) field[dofs[j] + c] -= f->back[c * (f->m + f->columns) + j];
+    }
 }

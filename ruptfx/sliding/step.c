@@ -5,48 +5,37 @@
 
 // Arrays: component after component (normal and tangential, or x and y), points filled up to whole blocks with zeros.
 struct sweeps {
-    long most;              // 0: the points do not depend on each other, and start from `given`
+    long most;              // 0: the points do not depend on each other
     double tolerance;
     const double *push;     // velocity per force at the nodes of both sides [m/s/N]
     const double *initial;  // force of the bodies' own initial stress there
-    double *begun, *pull;   // velocities before contact there, and its forces
+    const long *held;       // places of those nodes among the velocities before the step
+    double *begun;          // velocities before contact there, but for what `initial` does
     const double *frame;    // of points: 2 x 2, zero where nothing is faced, and weights
-    const double *jump;     // of the displacement
+    const double *offset;   // of the jump
     const double *load;     // shear traction of the nucleation
+    double *jump, *before;  // of the displacement, and, where anything acts, of the velocities before the step
     double *traction;       // normal stress and shear traction
-    double *given, *rate;   // stresses, and rates of the jump, that a trial begins from
+    double *rate;           // of the jump
     long parts;             // of RUN nodes of the other side
     const long *reach;      // of every block of points: the parts it faces, from the first one to before the last one
-    unsigned char *stirred; // parts where forces have changed in the last sweep, and in this one
+    unsigned char *stirred; // parts where forces have changed in this sweep
+    long *upto;             // how many parts before each, and in all, changed in the last one
 };
+
+enum { MOVED = 1, UNSETTLED = 2 };  // how much forces have changed: at all, and beyond the tolerance
 
 INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
 
-// Trial and projection of the points of a block: whether all of them have an admissible traction.
-INLINE int trial_of(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
-                    double *fixed, double *const *field, long first, int count, struct points *points,
-                    double *result)
-{
-    const long other = filled(f);
-    lanes *const own = (lanes *)(fixed + first * FIXED_COUNT);
-    points->fixed = (const lanes *)own;
-    load(first, count, field, points);
-    memcpy(own[FIXED_normal_stress_0], s->given + first, sizeof(lanes));
-    memcpy(own[FIXED_shear_traction_0], s->given + other + first, sizeof(lanes));
-    for (int k = 0; k < 2; k++) {
-        memcpy(points->jump[k], s->jump + k * other + first, sizeof(lanes));
-        memcpy(points->velocity[k], s->rate + k * other + first, sizeof(lanes));
-    }
-    point(times, number, points);
-    return !failed(first, count, points, result);
-}
+#define EACH_BLOCK \
+    for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
+         first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
-// Rates of the jump of a block from the velocities as they are.
-INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first, int count)
+// What a block does not share with what it faces, in its frame.
+INLINE void apart(const struct facing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
 {
-    const long points = filled(f), nodes = points + f->m;
-    const double *begun = s->begun + first, *push = s->push + first, *pull = s->pull + first, *frame = s->frame + first;
-    double *normal = s->rate + first, *shear = s->rate + points + first;
+    const long points = filled(f);
+    const double *frame = s->frame + first;
     lanes mean[2] = {{0}};
     for (int l = 0; l < count; l++) {
         double of_point[2];
@@ -54,59 +43,104 @@ INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first,
         mean[0][l] = of_point[0], mean[1][l] = of_point[1];
     }
     EACH_LANE {
-        const double x = begun[l] + push[l] * pull[l] - mean[0][l];
-        const double y = begun[nodes + l] + push[nodes + l] * pull[nodes + l] - mean[1][l];
-        normal[l] = frame[l] * x + frame[points + l] * y;
-        shear[l] = frame[2 * points + l] * x + frame[3 * points + l] * y;
+        const double x = own[0][l] - mean[0][l], y = own[1][l] - mean[1][l];
+        local[first + l] = frame[l] * x + frame[points + l] * y;
+        local[points + first + l] = frame[2 * points + l] * x + frame[3 * points + l] * y;
     }
 }
 
-// Forces of the tractions of a block, on its own nodes and on those it faces.
-INLINE void pull_of(const struct facing *f, const struct sweeps *s, long first, int count)
+// A field at the nodes of the other side; its first component at every node is at `places`.
+INLINE void look_across(const struct facing *f, const double *field, const long *places)
 {
-    const long points = filled(f), nodes = points + f->m;
-    const double *traction = s->traction + first, *load = s->load + first, *initial = s->initial + first;
-    const double *frame = s->frame + first;
-    double *pull = s->pull + first, any = 0;
-    lanes more[2];  // than before
+    for (long j = 0; j < f->m; j++)
+        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[places[f->n + j] + c];
+}
+
+// J of that field, of a block.
+INLINE void jump_of(const struct facing *f, const struct sweeps *s, const double *field, const long *places, long first,
+                    int count, double *local)
+{
+    lanes own[2] = {{0}};
+    for (int l = 0; l < count; l++)
+        for (int c = 0; c < 2; c++) own[c][l] = field[places[first + l] + c];
+    apart(f, s, first, count, own, local);
+}
+
+// Rates of the jump of a block from the velocities as they are.
+INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first, int count)
+{
+    const long nodes = filled(f) + f->m;
+    lanes own[2];
+    for (int c = 0; c < 2; c++) {
+        const double *begun = s->begun + c * nodes + first, *push = s->push + c * nodes + first;
+        const double *held = f->held + c * (f->n + f->width) + first;
+        EACH_LANE own[c][l] = begun[l] - push[l] * held[l];
+    }
+    apart(f, s, first, count, own, s->rate);
+}
+
+// Forces of the tractions of a block: whether they have changed.
+INLINE int hold_of(const struct facing *f, const struct sweeps *s, long first)
+{
+    const long points = filled(f);
+    const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
+    double *held_x = f->held + first, *held_y = held_x + f->n + f->width, any = 0;
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) {
         const double normal = -traction[l], shear = traction[points + l] - load[l];
-        const double x = initial[l] - frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
-        const double y =
-            initial[nodes + l] - frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
-        more[0][l] = pull[l] - x, more[1][l] = pull[nodes + l] - y;
-        pull[l] = x, pull[nodes + l] = y;
-        any += fabs(more[0][l]) + fabs(more[1][l]);
+        const double x = frame[4 * points + l] * (frame[l] * normal + frame[2 * points + l] * shear);
+        const double y = frame[4 * points + l] * (frame[points + l] * normal + frame[3 * points + l] * shear);
+        any += fabs(held_x[l] - x) + fabs(held_y[l] - y);
+        held_x[l] = x, held_y[l] = y;
     }
-    if (any != 0)
-        for (int l = 0; l < count; l++) react(f, first + l, more[0][l], more[1][l]);
+    return any != 0;
 }
 
-// When the tractions of all blocks are known: forces on the nodes they face, and the velocities of these.
+// When the tractions of all blocks are known: forces where they have changed on the other side, and velocities there.
 INLINE void meet(const struct facing *f, const struct sweeps *s)
 {
     const long points = filled(f), nodes = points + f->m;
-    for (int c = 0; c < 2; c++) {
-        const long of_x = c * (f->m + f->columns), of = c * nodes + points;
-        const double *back = f->back + of_x, *initial = s->initial + of, *begun = s->begun + of, *push = s->push + of;
-        double *across = f->across + of_x, *pull = s->pull + of;
-        _Pragma("omp simd") for (long j = 0; j < f->m; j++) {
-            pull[j] = initial[j] + back[j];
-            across[j] = begun[j] + push[j] * pull[j];
+    for (long part = 0; part < s->parts; part++) {
+        if (!s->stirred[part]) continue;
+        const long first = part * RUN, end = first + RUN < f->m ? first + RUN : f->m;
+        for (long j = first; j < end; j++) react(f, j);
+        for (int c = 0; c < 2; c++) {
+            const long of_x = c * (f->m + f->columns);
+            const double *begun = s->begun + c * nodes + points, *push = s->push + c * nodes + points;
+            for (long j = first; j < end; j++) f->across[of_x + j] = begun[j] + push[j] * f->back[of_x + j];
         }
     }
 }
 
-// Whether the tractions of a block are others than those that its trial began from; scale: the largest one so far.
-INLINE int changed(const struct facing *f, const struct sweeps *s, long first, double *scale)
+// Count the parts that have changed, for `reached`, and begin anew.
+INLINE void turn(const struct sweeps *s, unsigned char least)
+{
+    for (long i = 0; i < s->parts; i++) s->upto[i + 1] = s->upto[i] + (s->stirred[i] >= least);
+    memset(s->stirred, 0, s->parts);
+}
+
+// Whether a block faces one of them.
+INLINE int reached(const struct sweeps *s, long first)
+{
+    const long *reach = s->reach + 2 * (first / LANES);
+    return s->upto[reach[1]] > s->upto[reach[0]];
+}
+
+INLINE void stir(const struct sweeps *s, long first, unsigned char how)
+{
+    const long *reach = s->reach + 2 * (first / LANES);
+    for (long i = reach[0]; i < reach[1]; i++) s->stirred[i] = how > s->stirred[i] ? how : s->stirred[i];
+}
+
+// Whether the tractions of a block are others than `given`; scale: the largest one so far.
+INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
 {
     double most = 0, largest = *scale;
     for (int k = 0; k < 2; k++) {
-        const double *now = s->traction + k * filled(f) + first, *then = s->given + k * filled(f) + first;
+        const double *now = s->traction + k * filled(f) + first;
         _Pragma("omp simd reduction(max:most, largest)")
         for (int l = 0; l < LANES; l++) {
-            most = fmax(most, fabs(now[l] - then[l]));
+            most = fmax(most, fabs(now[l] - given[k][l]));
             largest = fmax(largest, fabs(now[l]));
         }
     }
@@ -114,33 +148,54 @@ INLINE int changed(const struct facing *f, const struct sweeps *s, long first, d
     return most > s->tolerance * largest;
 }
 
-#define EACH_BLOCK \
-    for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
-         first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
-
-// Rates of a block, and its trial from them and its tractions.
-INLINE int attempt(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
-               double *fixed, double *const *field, long first, int count, struct points *points, double *result)
+// What the step of a block begins from; in sweeps, rates and `given` tractions that the last one left.
+INLINE void begin(const struct facing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
+                  int count, struct points *points, lanes given[2])
 {
-    rates_of(f, s, first, count);
-    for (int k = 0; k < 2; k++)
-        memcpy(s->given + k * filled(f) + first, s->traction + k * filled(f) + first, sizeof(lanes));
-    return trial_of(f, s, times, number, fixed, field, first, count, points, result);
+    const long other = filled(f);
+    lanes *const own = (lanes *)(fixed + first * FIXED_COUNT);
+    points->fixed = (const lanes *)own;
+    load(first, count, field, points);
+    if (s->most) {
+        rates_of(f, s, first, count);
+        for (int k = 0; k < 2; k++) memcpy(given[k], s->traction + k * other + first, sizeof(lanes));
+        memcpy(own[FIXED_normal_stress_0], given[0], sizeof(lanes));
+        memcpy(own[FIXED_shear_traction_0], given[1], sizeof(lanes));
+    }
+    for (int k = 0; k < 2; k++) {
+        memcpy(points->jump[k], s->jump + k * other + first, sizeof(lanes));
+        memcpy(points->velocity[k], s->rate + k * other + first, sizeof(lanes));
+    }
+}
+
+// Whether nothing presses a block, nor has in the last sweep: it goes on without tractions.
+INLINE int open(const struct times *times, const double *number, struct points *points, const lanes given[2])
+{
+    UNPACK_TIMES
+    double any = 0;
+    EACH_LANE {
+        points->opening[l] = points->jump[0][l] + FIXED(gap);
+        TRIAL
+    }
+    _Pragma("omp simd reduction(+:any)")
+    for (int l = 0; l < LANES; l++) any += !(points->trial_normal[l] < 0) + (given[0][l] != 0) + (given[1][l] != 0);
+    return any == 0;
 }
 
 // One sweep, over all blocks or those that changes have reached: how many have changed, -1 for a point that failed.
 INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
                   double *fixed, double *const *field, double *result, int every, double *scale)
 {
-    unsigned char *before = s->stirred, *now = before + s->parts;
     struct points points;
+    lanes given[2];
     long many = 0;
-    memcpy(before, now, s->parts);
-    memset(now, 0, s->parts);
+    turn(s, UNSETTLED);
     EACH_BLOCK {
-        const long *reach = s->reach + 2 * (first / LANES);
-        if (!every && !memchr(before + reach[0], 1, reach[1] - reach[0])) continue;
-        if (!attempt(f, s, times, number, fixed, field, first, (int)count, &points, result)) return -1;
+        if (!every && !reached(s, first)) continue;
+        begin(f, s, fixed, field, first, (int)count, &points, given);
+        if (open(times, number, &points, given)) continue;
+        point(times, number, &points);
+        if (failed(first, (int)count, &points, result)) return -1;
         double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
             const int closed = points.sigma[l] > 0, stuck = (points.rate[l] == 0) & closed, there = l < count;
@@ -148,40 +203,105 @@ INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct t
             const double held = points.trial_shear[0][l] - points.z[0][l] * (stuck ? 0 : v);
             normal[l] = there ? points.sigma[l] : 0, shear[l] = there & closed ? held : 0;
         }
-        pull_of(f, s, first, (int)count);
-        if (!changed(f, s, first, scale)) continue;
-        memset(now + reach[0], 1, reach[1] - reach[0]);
-        many++;
+        if (!hold_of(f, s, first)) continue;
+        const int more = unsettled(f, s, first, given, scale);
+        stir(s, first, more ? UNSETTLED : MOVED);
+        many += more;
     }
     meet(f, s);
     return many;
 }
 
-// Advance fields, velocities and forces; after sweeps `rate` is that of the new velocities. result as in points.c; the
-// number of sweeps that settled, 0 if they did not.
-long slide(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
-           double *fixed, double *const *field, double *velocity, double *force, double *result)
+// Velocities before contact at the nodes of both sides, and the tractions of the step before, from which sweeps begin.
+INLINE double start(const struct facing *f, const struct sweeps *s, double *const *field, const double *displacement,
+                    const double *velocity)
 {
-    const long points_of = filled(f), nodes = points_of + f->m;
-    struct points points;
-    lanes dissipated = {0};
+    const long points = filled(f), nodes = points + f->m;
+    const lanes none[2] = {{0}};
     double scale = 0;
-    result[1] = -1;
+    // Nodes are far apart in memory: all are asked for before the first is needed.
+    for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(displacement + f->dofs[i]);
     for (long i = 0; i < f->n + f->m; i++) {
-        const long node = i < f->n ? i : points_of + i - f->n;
-        for (int c = 0; c < 2; c++) s->begun[c * nodes + node] = velocity[f->dofs[i] + c];
-    }
-    memcpy(s->pull, s->initial, 2 * nodes * sizeof(double));
-    clear(f);
-    if (s->most) {
-        memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
-        memcpy(s->traction + points_of, field[STATE_shear_traction], f->n * sizeof(double));
-        EACH_BLOCK {
-            pull_of(f, s, first, (int)count);
-            changed(f, s, first, &scale);
+        const long node = i < f->n ? i : points + i - f->n;
+        for (int c = 0; c < 2; c++) {
+            const long at = c * nodes + node;
+            s->begun[at] = velocity[f->dofs[i] + c] + s->push[at] * s->initial[at];
         }
-        meet(f, s);
     }
+    look_across(f, displacement, f->dofs);
+    EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
+    for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
+    memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
+    memset(f->held, 0, 2 * (f->n + f->width) * sizeof(double));
+    memset(s->stirred, 0, s->parts);
+    for (int c = 0; c < 2; c++)
+        memcpy(f->across + c * (f->m + f->columns), s->begun + c * nodes + points, f->m * sizeof(double));
+    if (!s->most) return 0;
+    memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
+    memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
+    EACH_BLOCK {
+        unsettled(f, s, first, none, &scale);
+        if (hold_of(f, s, first)) stir(s, first, MOVED);
+    }
+    meet(f, s);
+    return scale;
+}
+
+// The velocities and forces that contact leaves.
+INLINE void leave(const struct facing *f, const struct sweeps *s, double *velocity, double *force)
+{
+    const long points = filled(f), nodes = points + f->m;
+    for (long i = 0; i < f->n + f->m; i++)
+        for (int c = 0; c < 2; c++) {
+            const long j = i - f->n, at = c * nodes + (i < f->n ? i : points + j);
+            const double contact = i < f->n ? -f->held[c * (f->n + f->width) + i] : f->back[c * (f->m + f->columns) + j];
+            const double pull = s->initial[at] + contact;
+            if (pull == 0) continue;
+            velocity[f->dofs[i] + c] = s->begun[at] + s->push[at] * contact;
+            force[f->dofs[i] + c] += pull;
+        }
+}
+
+// Whether anything acts between a block and what it faces.
+INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
+{
+    const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
+    double any = 0;
+    _Pragma("omp simd reduction(+:any)")
+    for (int l = 0; l < LANES; l++) any += (normal[l] != 0) + (shear[l] != 0) + (load[l] != 0);
+    return any != 0;
+}
+
+// Work of the tractions on the rates of the jump, however well they have settled: what friction takes and what impacts
+// do [J]; and the largest slip rate.
+INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick, const double *fixed, double *result)
+{
+    const long points = filled(f);
+    double shear = 0, normal = 0, fastest = 0;
+    for (long first = 0; first < f->n; first += LANES) {
+        const double *area = fixed + first * FIXED_COUNT + FIXED_owned_area * LANES, *traction = s->traction + first;
+        const double *before = s->before + first, *now = s->rate + first;
+        _Pragma("omp simd reduction(+:shear, normal) reduction(max:fastest)")
+        for (int l = 0; l < LANES; l++) {
+            normal += area[l] * traction[l] * (before[l] + now[l]);
+            shear += area[l] * traction[points + l] * (before[points + l] + now[points + l]);
+            fastest = fmax(fastest, fabs(now[points + l]));
+        }
+    }
+    result[0] = 0.5 * kick * shear, result[6] = -0.5 * kick * normal, result[7] = fastest;
+}
+
+// Advance fields, velocities and forces; `before` holds the velocities before the step, `rate` is after sweeps that of
+// the new ones. result as in points.c, [6] and [7] as in work_of; the number of sweeps that settled, 0 if they did not.
+long slide(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
+           double *fixed, double *const *field, const double *displacement, const double *before, double *velocity,
+           double *force, double *result)
+{
+    const long points_of = filled(f);
+    struct points points;
+    lanes dissipated = {0}, given[2] = {{0}};
+    double scale = start(f, s, field, displacement, velocity);
+    result[0] = 0, result[1] = -1;
     long done = 0, many = 1;
     for (; done + 1 < s->most && many; done++) {
         many = sweep(f, s, times, number, fixed, field, result, done == 0, &scale);
@@ -189,28 +309,27 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
     }
     const int settled = many == 0;
     many = 0;
+    turn(s, MOVED);
     EACH_BLOCK {
-        const int possible = s->most ? attempt(f, s, times, number, fixed, field, first, (int)count, &points, result)
-                                     : trial_of(f, s, times, number, fixed, field, first, (int)count, &points, result);
-        if (!possible) return 0;
+        begin(f, s, fixed, field, first, (int)count, &points, given);
+        point(times, number, &points);
+        if (failed(first, (int)count, &points, result)) return 0;
         settle((int)count, times, number, &points, dissipated);
         store(first, (int)count, field, &points);
         memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
         memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
-        pull_of(f, s, first, (int)count);
-        many += s->most && changed(f, s, first, &scale);
+        if (!hold_of(f, s, first)) continue;
+        many += s->most && unsettled(f, s, first, given, &scale);
+        stir(s, first, MOVED);
     }
     meet(f, s);
-    if (s->most) EACH_BLOCK rates_of(f, s, first, (int)count);
-    for (long i = 0; i < f->n + f->m; i++) {
-        const long node = i < f->n ? i : points_of + i - f->n;
-        for (int c = 0; c < 2; c++) {
-            const double pull = s->pull[c * nodes + node];
-            velocity[f->dofs[i] + c] += s->push[c * nodes + node] * pull;
-            force[f->dofs[i] + c] += pull;
-        }
-    }
-    result[0] = 0;
-    for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
+    leave(f, s, velocity, force);
+    turn(s, MOVED);
+    // Where nothing has changed rates are those of the last sweep.
+    if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
+    look_across(f, before, s->held);
+    EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->held, first, (int)count, s->before);
+    if (s->most) work_of(f, s, times->kick, fixed, result);
+    else for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
     return settled || many == 0 ? done + 1 : 0;
 }

@@ -39,20 +39,36 @@ class _Sweeps(ctypes.Structure):
     _fields_ = [
         ("most", ctypes.c_long), ("tolerance", ctypes.c_double), *(
             (name, ctypes.c_void_p) for name in (
-                "push", "initial", "begun", "pull", "frame", "jump", "load", "traction", "given", "rate",
+                "push", "initial", "held", "begun", "frame", "offset", "load", "jump", "before", "traction", "rate",
             )
-        ), ("parts", ctypes.c_long), ("reach", ctypes.c_void_p), ("stirred", ctypes.c_void_p),
+        ), ("parts", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("reach", "stirred", "upto")),
     ]  # fmt: skip
 
 
 class _Points(FaultStep):
-    """The points by themselves, which are given jumps, stresses and rates."""
+    """The points by themselves, which are given rates and, in sweeps, tractions.
+
+    Attributes
+    ----------
+    loss, fastest : float
+        In sweeps: energy lost in impacts [J], and the largest slip rate [m/s].
+    """
 
     sources: ClassVar[tuple[str, ...]] = ("sliding/jump.c", "sliding/step.c")
 
+    def __init__(self, fault: Fault, inverse_mass: Floats, clock: Clock, threshold: float, before: Floats) -> None:
+        super().__init__(fault, inverse_mass, clock, threshold)
+        self._before = ctypes.c_void_p(before.ctypes.data)
+        self._result, self.loss, self.fastest = np.zeros(8), 0.0, 0.0
+
+    def put_shear(self, traction: Floats) -> None:
+        """The traction that points start from, without sweeps [Pa]."""
+        self._code.put("shear_traction_0", traction)
+
     def slide(
-        self, face: SlidingInterface, sweeps: _Sweeps, state: FaultState, velocity: Floats, force: Floats, time: float
-    ) -> tuple[int, float]:
+        self, face: SlidingInterface, sweeps: _Sweeps, state: FaultState, displacement: Floats, velocity: Floats,
+        force: Floats, time: float,
+    ) -> tuple[int, float]:  # fmt: skip
         """Advance the arrays in place; sweeps until tractions settled (0 if they did not) and dissipated energy [J].
 
         Raises
@@ -60,17 +76,18 @@ class _Points(FaultStep):
         ProjectionError
             A point without an admissible traction; `state` and `velocity` are then of no use.
         """
-        given = (state, velocity, velocity, force)  # no displacement: `sweeps` has its jump
+        given = (state, displacement, velocity, force)
         if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
             self._bind(*given)
-        self._times[-1] = time
-        _, times, *_, velocities, forces, fixed, numbers, table, result = self._pointers
+        self._times[-2:] = self.fault.threshold_at(time, self._threshold), time
+        _, times, _, _, displacements, velocities, forces, fixed, numbers, table, result = self._pointers
         taken = self._library.slide(
-            ctypes.byref(face.geometry.table), ctypes.byref(sweeps), times, numbers, fixed, table, velocities, forces,
-            result,
+            ctypes.byref(face.geometry.table), ctypes.byref(sweeps), times, numbers, fixed, table, displacements,
+            self._before, velocities, forces, result,
         )  # fmt: skip
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)
+        self.loss, self.fastest = float(self._result[6]), float(self._result[7])
         return taken, float(self._result[0])
 
 
@@ -94,7 +111,7 @@ class SlidingStep:
     ) -> None:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
-        self.fault, self.clock, self._face, self._before = fault, clock, face, before
+        self.fault, self.clock, self._face = fault, clock, face
         self.work, self.unsettled = 0.0, 0
         n, m = len(face.plus), len(face.geometry.minus.nodes)
         self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
@@ -105,30 +122,29 @@ class SlidingStep:
             face.total, face.line, other_side="rigid",
         )  # fmt: skip
         # Nucleation is left out of the points and added here, to the tractions that they start from.
-        self._points = _Points(replace(fault, interface=points, nucleation=()), self._mobility, clock, threshold)
+        bare = replace(fault, interface=points, nucleation=())
+        self._points = _Points(bare, self._mobility, clock, threshold, before[0])
         # The initial stress of the bodies acts on the nodes where it acted at the start, wherever they slide.
         initial = np.zeros_like(inverse_mass)
         face.initial.assemble(np.column_stack([-fault.normal_stress_0, fault.shear_traction_0]), initial)
         self._filled = filled = -(-n // LANES) * LANES
         tolerance, most = fault.contact.sweeps_to() or (0.0, 0)
         self._rigid = most > 0
-        self._frame = np.zeros((5, filled))
-        self._jump, self._load, self._given = np.zeros((2, filled)), np.zeros(filled), np.zeros((2, filled))
-        rate = np.zeros((2, filled))
-        self._rate = rate[:, :n]
+        self._frame, self._offset, self._load = np.zeros((5, filled)), np.zeros((2, filled)), np.zeros(filled)
+        self._before, self._rate = np.zeros((2, filled)), np.zeros((2, filled))
         arrays = (
             self._nodal(clock.kick * inverse_mass[face.dofs]), self._nodal(initial[face.dofs]),
-            np.zeros((2, filled + m)), np.zeros((2, filled + m)), self._frame, self._jump, self._load,
-            np.zeros((2, filled)), self._given, rate,
+            np.ascontiguousarray(before[1][::2], dtype=np.int64), np.zeros((2, filled + m)), self._frame, self._offset,
+            self._load, np.zeros((2, filled)), self._before, np.zeros((2, filled)), self._rate,
         )  # fmt: skip
         parts = -(-m // RUN)
-        self._reach, stirred = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros((2, parts), dtype=np.uint8)
-        self._arrays = (*arrays, stirred)
+        self._reach, stirred = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
+        marks = self._reach, stirred, np.zeros(parts + 1, dtype=np.int64)
+        self._arrays = (*arrays, *marks)
         self._sweeps = _Sweeps(
-            most, tolerance, *(array.ctypes.data for array in arrays), parts, self._reach.ctypes.data,
-            stirred.ctypes.data,
-        )  # fmt: skip
-        self._rate_before, self._stress_before = np.zeros((n, 2)), np.zeros(n)
+            most, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)
+        )
+        self._stress_before = np.zeros(n)
 
     def _nodal(self, values: Floats) -> Floats:
         """Values at all degrees of freedom of the two sides as step.c wants them."""
@@ -146,16 +162,15 @@ class SlidingStep:
         Of rigid contact it is that of plastic impacts, and what follows from frozen operators; of springs what a step
         makes of a contact that closes or opens within it.
         """
-        if not self._rigid:
-            before, now = self._stress_before, state["normal_stress"]
-            none = [0.0 * now]
-            held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
-            work = -0.5 * (before + now) * self._rate_before[:, 0] * self.clock.since
-            if not self.clock.since:  # of what overlaps at the start, as the first half of a step counts it
-                work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
-            return self._sum(work - (holds - held))
-        power = self.fault.contact.lost_in_impact(state["normal_stress"], self._rate_before[:, 0], self._rate[0])
-        return self._sum(power) * self.clock.kick
+        if self._rigid:
+            return self._points.loss
+        before, now = self._stress_before, state["normal_stress"]
+        none = [0.0 * now]
+        held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
+        work = -0.5 * (before + now) * self._before[0, : len(now)] * self.clock.since
+        if not self.clock.since:  # of what overlaps at the start, as the first half of a step counts it
+            work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
+        return self._sum(work - (holds - held))
 
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
         """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
@@ -171,20 +186,17 @@ class SlidingStep:
         if self._revision != face.geometry.revision:
             self._refresh()
         n = len(face.plus)
-        self._jump[:, :n] = face.jump(displacement).T
         if fault.is_loaded:
             self._load[:n] = fault.load(time)
         if not self._rigid:
             self._stress_before[:] = state["normal_stress"]
-            self._given[0, :n], self._given[1, :n] = fault.normal_stress_0, fault.driving_shear(time)[:, 0]
-        velocities, places = self._before
-        self._rate_before = face.geometry.rate_at_nodes(velocities[places])
-        settled, dissipated = self._points.slide(face, self._sweeps, state, velocity, force, time)
+            if fault.is_loaded:
+                self._points.put_shear(fault.driving_shear(time))
+        settled, dissipated = self._points.slide(face, self._sweeps, state, displacement, velocity, force, time)
         if self._rigid:
             if not settled:
                 self._report(time)
-            dissipated = self._taken(state["shear_traction"], state["shear_traction"], state)
-            face.geometry.slides = SLACK * self.clock.dt * float(np.abs(self._rate[1]).max())
+            face.geometry.slides = SLACK * self.clock.dt * self._points.fastest
         if fault.is_loaded:
             self.work = self._taken(fault.load(time - self.clock.since), self._load[:n], state)
         return dissipated
@@ -199,6 +211,7 @@ class SlidingStep:
         self._mobility[:] = mobility.ravel()
         acting = face.frame.reshape(n, 4) * face.covered[:, None]
         self._frame[:, :n] = np.column_stack([acting, face.weight]).T
+        self._offset[:, :n] = face.geometry.offset.T
         self._points.refresh()
         self._area[:] = face.owned * face.weight
         self._find_reach()
@@ -226,12 +239,10 @@ class SlidingStep:
             )  # fmt: skip
 
     def _taken(self, traction_old: Floats, traction: Floats, state: FaultState) -> float:
-        """Work of a shear traction over the step, points of this rank [J].
-
-        In sweeps on the jump of the velocities, so that the budget closes however well they have settled.
-        """
+        """Work of a shear traction over the step, points of this rank [J]; in sweeps on the jump of the velocities."""
         if self._rigid:
-            before, rate, length = self._rate_before[:, 1], self._rate[1], self.clock.kick
+            n = len(traction)
+            before, rate, length = self._before[1, :n], self._rate[1, :n], self.clock.kick
         else:
             before = rate = state["mean_slip_rate"]
             length = self.clock.since

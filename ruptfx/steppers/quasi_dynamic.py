@@ -302,8 +302,9 @@ class QuasiDynamicMotion(SlowMotion):
         }) | {"theta": np.exp(end[:, -1])}  # fmt: skip
         at = Moment(
             time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
-            normal_stress=pressure, power=frictional_power(fault, old, new, dt), duration=dt,
-            threshold=self.model.case.output.rupture_threshold,
+            normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=pressure > 0,
+            power=frictional_power(fault, old, new, dt), duration=dt,
+            threshold=fault.threshold_at(time, self.model.case.output.rupture_threshold),
         )  # fmt: skip
         return new | {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
 

@@ -1,4 +1,8 @@
-"""The numbers of a study over its only axis, each with its standard error where the table has one."""
+"""The numbers of a study over its only axis, each with its standard error where the table has one.
+
+A second axis may repeat it with other seeds: then every draw is a point, the line is that of medians, and
+`medians.csv` has them with the smallest and largest of the draws.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ruptfx.figure_style import GUIDE, WIDTH, known_unit, letter, new_figure, scale, styled
+from ruptfx.study.definition import Axis
 from ruptfx.study.mode_map import Map
-from ruptfx.study.table import TIMINGS, Row, unit_of
+from ruptfx.study.table import TIMINGS, Row, unit_of, write_csv
 
 COLUMNS = 3
 ERROR, SHARE = "_error", "_share"
@@ -20,36 +25,75 @@ COLOURS = ("#c0392b", "#2a6099", "#8e44ad", "#7f8c8d", "#d35400", "#16a085")
 
 
 def suits(shown: Map) -> bool:
-    """Whether there is one axis with numbers, and no mode that a map would show better."""
-    numeric = [axis for axis in shown.study.axes if axis.numeric]
-    return len(numeric) == 1 == len(shown.study.axes) and not shown.has_modes and bool(shown.study.quantities)
+    """Whether there is one axis with numbers besides draws, and no mode that a map would show better."""
+    varied = _varied(shown)
+    return len(varied) == 1 and varied[0].numeric and not shown.has_modes and bool(shown.study.quantities)
+
+
+def _varied(shown: Map) -> list[Axis]:
+    """Axes that do not only draw again."""
+    return [axis for axis in shown.study.axes if not axis.repeats]
 
 
 def save(shown: Map, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the curves into the directory of the study; returns the files."""
+    """Draw the curves into the directory of the study, with a table of medians where there are draws."""
     figure = draw(shown)
     paths = [shown.directory / f"curves.{kind}" for kind in formats]
     for path in paths:
         figure.savefig(path, dpi=200)
+    if len(shown.study.axes) > 1:
+        paths.append(shown.directory / "medians.csv")
+        write_csv(paths[-1], medians(shown))
     return paths
+
+
+def medians(shown: Map) -> list[Row]:
+    """For every value of the axis the median of the draws, the smallest and the largest, of every quantity.
+
+    `draws` counts the runs that finished, `NAME_draws` those that have such a number.
+    """
+    column = _varied(shown)[0].column
+    table: list[Row] = []
+    for x, rows in _by_value(shown).items():
+        line: Row = {column: x, "draws": sum(row["status"] != "failed" for row in rows)}
+        for name in _names(shown):
+            known = [value for row in rows if math.isfinite(value := _number(row.get(name)))]
+            line[f"{name}_draws"] = len(known)
+            spread = (_median(known), min(known), max(known)) if known else (None,) * 3
+            line |= dict(zip((name, f"{name}_smallest", f"{name}_largest"), spread, strict=True))
+        table.append(line)
+    return table
+
+
+def _names(shown: Map) -> list[str]:
+    """Quantities that the study names and that any run has a number of, without those that are errors of others."""
+    skip = {*TIMINGS, *(axis.column for axis in shown.study.axes)}
+    names = [name for name in shown.study.quantities if name not in skip and not name.endswith(ERROR)]
+    return [name for name in names if any(isinstance(row.get(name), float) for row in shown.rows)]
+
+
+def _by_value(shown: Map) -> dict[float, list[Row]]:
+    """Rows of every value of the axis, in its order."""
+    column = _varied(shown)[0].column
+    found: dict[float, list[Row]] = {}
+    for row in sorted(shown.rows, key=lambda row: float(row[column])):
+        found.setdefault(float(row[column]), []).append(row)
+    return found
 
 
 @styled
 def draw(shown: Map) -> Figure:
     """Every quantity that the study names in a panel of its own; all shares in one."""
-    skip = {*TIMINGS, *(axis.column for axis in shown.study.axes)}
-    names = [name for name in shown.study.quantities if name not in skip and not name.endswith(ERROR)]
-    names = [name for name in names if any(isinstance(row.get(name), float) for row in shown.rows)]
+    names = _names(shown)
     shares = [name for name in names if name.endswith(SHARE)]
     panels = [[name] for name in names if name not in shares] + ([shares] if shares else [])
     lines = max(math.ceil(len(panels) / COLUMNS), 1)
     figure, axes = new_figure(lines, COLUMNS, 1.75 * lines, WIDTH, sharex=True)
-    rows = sorted(shown.rows, key=lambda row: float(row[shown.axes[0].column]))
     for ax, panel in zip(axes.flat, panels, strict=False):
-        _panel(ax, shown, rows, panel)
+        _panel(ax, _by_value(shown), panel)
     for ax in axes.flat[len(panels) :]:
         ax.set_axis_off()
-    axis = shown.axes[0]
+    (axis,) = _varied(shown)
     unit = "" if axis.unit in ("", "1") else f" ({axis.unit})"
     for ax in axes.flat[max(len(panels) - COLUMNS, 0) : len(panels)]:
         ax.set_xlabel((axis.label or axis.column) + unit, parse_math=False)
@@ -58,19 +102,30 @@ def draw(shown: Map) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, shown: Map, rows: list[Row], names: list[str]) -> None:
-    x = [row[shown.axes[0].column] for row in rows]
+def _panel(ax: Axes, by_value: dict[float, list[Row]], names: list[str]) -> None:
+    rows = [row for each in by_value.values() for row in each]
+    x = np.array([value for value, each in by_value.items() for _ in each])
+    drawn = len(rows) > len(by_value)
     for number, name in enumerate(names):
         y, error = (np.array([_number(row.get(f"{name}{end}")) for row in rows]) for end in ("", ERROR))
         size, unit = scale(y[np.isfinite(y)], unit_of(name)) if known_unit(unit_of(name)) else (1.0, "")
         colour = COLOURS[number % len(COLOURS)] if len(names) > 1 else GUIDE
         label = name.removesuffix(SHARE if len(names) > 1 else "").replace("_", " ")
-        ax.errorbar(x, y / size, np.where(np.isfinite(error), error, 0) / size, fmt="o-", ms=3, lw=0.8, color=colour,
-                    capsize=2, label=label)  # fmt: skip
+        look = {"fmt": "o", "alpha": 0.45} if drawn else {"fmt": "o-", "label": label}
+        bars = np.where(np.isfinite(error), error, 0) / size if np.isfinite(error).any() else None
+        ax.errorbar(x, y / size, bars, ms=3, lw=0.8, color=colour, capsize=2,
+                    **look)  # fmt: skip
+        if drawn:
+            middle = [_median(y[(x == value) & np.isfinite(y)]) / size for value in by_value]
+            ax.plot(list(by_value), middle, color=colour, lw=1.2, label=label)
     text = "part of events" if len(names) > 1 else label + (f" ({unit})" if unit else "")
     ax.set_ylabel(text, fontsize=6.5, parse_math=False)
     if len(names) > 1:
         ax.legend(fontsize=6)
+
+
+def _median(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
 
 
 def _number(value: object) -> float:

@@ -82,6 +82,11 @@ class Axis(Part):
         return self.name or self.keys[0].rpartition(".")[2]
 
     @property
+    def repeats(self) -> bool:
+        """Whether its values are seeds: further draws of the same."""
+        return all(key.rpartition(".")[2] == "seed" for key in self.keys)
+
+    @property
     def numeric(self) -> bool:
         """Whether its coordinates are numbers."""
         shown = self.labels if self.labels is not None else self.values or []

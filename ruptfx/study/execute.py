@@ -122,11 +122,16 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
     if study.search is not None:
         search.save(study, outcome.sets, store.path)
     elif any(axis.numeric for axis in study.axes):
-        from ruptfx.study import curves, mode_map
+        draw(store.path)
 
-        mode_map.save(store.path)
-        if curves.suits(shown := mode_map.read_map(store.path)):
-            curves.save(shown)
+
+def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
+    """The figures of a finished study: its map and, where it has one axis, its curves; returns the files."""
+    from ruptfx.study import curves, mode_map
+
+    paths = mode_map.save(directory, formats)
+    shown = mode_map.read_map(directory)
+    return paths + (curves.save(shown, formats) if curves.suits(shown) else [])
 
 
 @dataclass

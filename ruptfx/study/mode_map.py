@@ -337,10 +337,13 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
     for mark in shown.study.marks:
         x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
         ax.plot(x, y, "o", ms=8, mfc="none", mec="black", mew=1.0, zorder=5)
-        # Where four cells meet, so that it hides the symbol of none.
+        # Where four cells meet, so that it hides the symbol of none; at the sides inside of the map.
+        ax.autoscale_view()  # transforms have no limits before
+        across = (ax.transData - ax.transAxes).transform((x, y))[0]
+        place, way = ("left", 6) if across < 0.25 else ("right", -6) if across > 0.75 else ("center", 9)
         halo = [withStroke(linewidth=1.5, foreground="white")]
         ax.annotate(
-            mark.label, (x, y), (9, 5.5), textcoords="offset points", ha="center", va="center", fontsize=6,
+            mark.label, (x, y), (way, 5.5), textcoords="offset points", ha=place, va="center", fontsize=6,
             fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
         )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import COMPLIANT, case, unstressed
+from small_cases import COMPLIANT, SPLIT, case, two_boxes, unstressed
 from test_steppers import ANY_STEPPER, required
 
 pytest.importorskip("dolfinx")
@@ -17,6 +17,7 @@ from ruptfx import fem, simulate
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
 from ruptfx.record import Record
+from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.recording.sampling import Samples
 from ruptfx.schema import CaseError, alternatives
 
@@ -122,20 +123,88 @@ def test_names_are_their_own(kind: str) -> None:
         with_instruments([example(kind), example(kind)])
 
 
-def test_they_resume_bitwise(shared_tmp_path: Path) -> None:
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_they_resume_bitwise(stepper: str, shared_tmp_path: Path) -> None:
     """A run that goes on from its last checkpoint, without its file, leaves the file of one that was never stopped."""
-    tables = [{**table, "interval": 3.7e-7} for table in map(example, INSTRUMENTS)]
-    given = with_instruments(tables, {"output.checkpoint_steps": 10})
-    whole, cut = shared_tmp_path / "whole", shared_tmp_path / "cut"
+    changes = {"stepper": {"kind": stepper, **required(stepper)}, "faults.main.friction": ANY_STEPPER}
+    plain = with_instruments([], changes)
+    steps = 6e-6 / plain.stepper.bind(Model(plain)).dt
+    slow = plain.stepper.adaptive or steps < 40
+    interval = 3.7e-7 if steps > 20 or plain.stepper.adaptive else 6e-6 / steps * 1.01
+    tables = [{**table, "interval": interval} for table in map(example, INSTRUMENTS)]
+    given = with_instruments(tables, {**changes, "output.checkpoint_steps": 2 if slow else 10})
+    whole, cut = shared_tmp_path / f"{stepper}_whole", shared_tmp_path / f"{stepper}_cut"
     simulate(given, whole, COMM, progress=False)
     simulate(given, cut, COMM, progress=False)
     if COMM.rank == 0:
         (cut / "summary.json").unlink()
         (cut / "instruments.h5").write_bytes(b"cut off")
     COMM.barrier()
+    assert Checkpoint.latest(COMM, cut, given.hash) is not None
     simulate(given, cut, COMM, progress=False, resume=True)
     if COMM.rank == 0:
         with Record(whole) as one, Record(cut) as other:
             for name, data in one.instruments.items():
-                assert data.sizes["time"] == 17  # 6 us / 0.37 us = 16.2, and the start
+                assert data.sizes["time"] >= 6e-6 / interval - 1
                 assert data.identical(other.instruments[name])
+
+
+def boxes(tables: list[dict[str, Any]]) -> Case:
+    """Two boxes, 4 x 3 x 2 mm each, whose interface slides along both tangents."""
+    given = case({
+        "plane": "solid", "order": 2, "duration": 4e-6, "faults.main.contact": SPLIT, "instruments": tables,
+        "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.3, "mu_d": 0.2, "D_c": 1e-6},
+        "faults.main.initial_stress": {"tensor": [0.0, 0.0, -6e6, 0.0, 1.2e6, 1.7e6]},
+        "output.interface_interval": 1e-6, "stepper.time_step": 1e-7,
+    })  # fmt: skip
+    return given.substituted({"mesh": two_boxes()})
+
+
+def test_a_fault_receiver_at_a_point_of_a_plane(shared_tmp_path: Path) -> None:
+    """At a node it has what the record has; between nodes it gives any field of the elements, both tangents apart."""
+    node, between = [1e-3, 1.5e-3, 0.0], [1.3e-3, 1.9e-3, 0.0]
+    tables = [{"kind": "fault_receiver", "name": name, "interval": 1e-6, "point": point}
+              for name, point in (("node", node), ("between", between))]  # fmt: skip
+    given = boxes(tables)
+    model = Model(given)
+    samples, state, face = Samples(model, 1e-7, unstressed), model.initial_state(), model.faults[0].interface
+    x, y, _ = face.points.T
+    fields = {"slip_1": 1 + 300 * x - 200 * y + 4e4 * x * y, "shear_traction_2": 1e6 + 2e8 * y + 5e10 * x**2}
+    for step in (0, 1, 2):
+        state.time = state.numbers["fault_time"] = 1e-6 * step
+        for name, values in fields.items():
+            state.faults["main"][name][:] = values
+        samples.observe(state)
+    gathered = samples.gather()
+    simulate(given, shared_tmp_path / "boxes", COMM, progress=False)
+    if COMM.rank > 0:
+        return
+    channels = dict(zip(("node", "between"), (found for _, found in samples.instruments), strict=True))
+    for (name, _, columns), (a, b, _) in zip(gathered, (node, between), strict=True):
+        values = dict(zip((channel.name for channel in channels[name]), columns, strict=True))
+        assert values["slip_1"][-1] == pytest.approx(1 + 300 * a - 200 * b + 4e4 * a * b, rel=1e-9)
+        assert values["shear_traction_2"][-1] == pytest.approx(1e6 + 2e8 * b + 5e10 * a**2, rel=1e-9)
+        assert values["slip_2"][-1] == 0
+    with Record(shared_tmp_path / "boxes") as record:
+        data, there = record.instruments["node"], record.interface
+        assert data.slip_rate_2.attrs["long_name"] == "slip rate along tangent 2, (0, 1, 0)"
+        number = int(np.argmin(np.hypot(there.x.values - node[0], there.y.values - node[1])))
+        for name in ("slip_1", "slip_2", "slip_rate_1", "shear_traction_1", "shear_traction_2", "normal_stress"):
+            seen, known = data[name].values[1:], there[name].values[1 : data.sizes["time"], number]
+            np.testing.assert_allclose(seen, known, rtol=1e-9, atol=1e-15)
+        slips = float(data.slip_1[-1]), float(data.slip_2[-1])
+        assert min(slips) > 1e-6 and slips[0] != pytest.approx(slips[1], rel=0.1)
+
+
+@pytest.mark.parametrize("table,message", [
+    ({"point": [1e-3, 1e-3, 1e-4]},
+     r"point = \(0\.001, 0\.001, 0\.0001\) m: is not on interface 'main', whose nearest node is \(0\.001, 0\.0"),
+    ({"point": [1e-3, 1.0, 0.0]}, r"is not on interface 'main', whose nearest node is \(0\.001, 0\.003, 0\) m"),
+    ({"position": 1e-3}, r"instruments\.0\.point and position = 0\.001: in 3D give the point"),
+    ({"point": [1e-3, 1e-3]}, r"point"),
+])  # fmt: skip
+def test_points_that_are_not_on_the_plane(table: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        Samples(Model(boxes([{"kind": "fault_receiver", "name": "one", "interval": 1e-6, **table}])), 1e-8, unstressed)
+    with pytest.raises(CaseError, match="in 2D give the position along the interface, alone"):
+        with_instruments([{"kind": "fault_receiver", "name": "one", "interval": 1e-6, "point": [0.0, 0.0, 0.0]}])

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import synthetic
 from labels import label_faults
+from matplotlib.contour import QuadContourSet
 from PIL import Image
+from scipy.spatial import cKDTree
 
 from ruptfx import RuptfxError, movies
 from ruptfx.record import Record
@@ -54,6 +56,8 @@ def test_labels_of_a_frame_keep_apart(what, slides, record, tmp_path, monkeypatc
     for _ in frames:
         assert label_faults(made[0][0]) == []
     assert len(made) == 1
+    # Positions of an interface that slides are those at the start, whatever the picture above shows.
+    assert made[0][1][-1, 0].get_xlabel().endswith("before it slid") == slides
 
 
 def test_pictures_show_the_values_of_the_run(record):
@@ -66,6 +70,25 @@ def test_pictures_show_the_values_of_the_run(record):
         image = movies.film(record, what).image(row)
         assert np.nanmax(image) == pytest.approx(expected.max(), rel=0.02)
         assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
+
+
+def test_contours_of_the_largest_shear_stress(record, monkeypatch):
+    """The stress at the nodes next to a contour is its level; the label says how far apart they are."""
+    made, new = [], movies.new_figure
+    monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])
+    assert "a contour every 0.5 MPa" in movies.film(record, "max_shear").label
+    seen = 0
+    for number, _ in enumerate(movies.frames(record, "max_shear", most=6)):
+        lines = [item for item in made[0][1][0, 0].collections if isinstance(item, QuadContourSet)]
+        assert len(lines) <= 1  # those of the frame before are gone
+        row = np.unique(np.linspace(0, record.bulk.sizes["time"] - 1, 6).astype(int))[number]
+        points = 1e3 * record.bulk["points"].values
+        there = record.bulk["fringe"].isel(time=row).values / 2e6
+        for level, path in zip(lines[0].levels, lines[0].get_paths(), strict=True) if lines else ():
+            near = cKDTree(points).query(path.vertices)[1]
+            assert np.abs(there[near] - level).max() < 0.1
+            seen += 1
+    assert seen > 0
 
 
 def test_bodies_that_slide_are_shown_where_they_are(tmp_path):
@@ -114,7 +137,7 @@ def test_runs_with_nothing_to_show(tmp_path):
     )
     with Record(run) as record:
         for what, message in (
-            ("velocity", "1 snapshots .* reduce output.bulk_interval"), ("fringes", "of stresses in a plane"),
+            ("velocity", "1 snapshots .* reduce output.bulk_interval"), ("fringes", "of stresses in a plate"),
             ("slip_rate", "nothing slid"),
         ):
             with pytest.raises(RuptfxError, match=message):

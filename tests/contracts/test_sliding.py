@@ -241,6 +241,33 @@ def test_sweeps_that_do_not_settle_are_reported(caplog: pytest.LogCaptureFixture
     assert abs(energy.pop("boundary_work") / sum(energy.values()) - 1) < 1e-11
 
 
+@pytest.mark.parametrize("started", [False, True])
+def test_only_what_touches_ruptures(started: bool) -> None:
+    """First slip or opening of a contact since ruptures count, or the case starts one; surfaces that never met have
+    no rupture."""
+    after = 1e-6
+    drop = [{"kind": "friction_drop", "center": 0.6e-3, "half_width": 0.05e-3, "time": after}]
+    given = parse_case(rough({"faults.main.nucleation": drop} if started else {"output.rupture_after": after}))
+    expected, closed = np.full(0, np.nan), np.zeros(0, dtype=bool)
+
+    def watch(state: Any) -> None:
+        nonlocal expected, closed
+        fault = state.faults["main"]
+        if len(closed) == 0:
+            expected, closed = np.full(len(fault["slip"]), np.nan), np.zeros(len(fault["slip"]), dtype=bool)
+        was, closed = closed, fault["normal_stress"] > 0
+        if state.fault_time >= after:
+            event = np.where(closed, np.abs(fault["slip_rate"]) > 1e-3, was)
+            expected = np.where(np.isnan(expected) & event, state.fault_time, expected)
+
+    _, motion, state = march(given, watch=watch)
+    found = state.faults["main"]["rupture_time"]
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    assert 0.05 < np.isfinite(found).mean() < 0.5 and np.nanmin(found) > after - motion.dt
+    assert np.nanmax(np.abs(found - expected)) < 1.01 * motion.dt
+    assert (np.abs(state.faults["main"]["slip_rate"][np.isnan(found)]) > 1e-3).any()
+
+
 def test_large_strains_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     """Bodies that meet at 400 m/s, a fifth of the speed of their waves: once, with place and amount."""
     given = parse_case(rough({"boundaries": [], "duration": 1e-6}))

@@ -72,6 +72,17 @@ def test_an_experiment_with_a_run(tmp_path) -> None:
         assert hidden[0] > 0.03 and abs(hidden[3]) < 0.01
 
 
+def test_other_light_changes_nothing() -> None:
+    """A second picture of 16 bits, brighter and with less contrast."""
+    before, moved = np.round(dic.speckle(SHAPE, 4.0)), stretched(0.01, 0.005)
+    after = dic.photographed(before, *moved)
+    same, other = (dic.displacements(before, picture, 21) for picture in (after, 257 * (40 + 0.7 * after)))
+    np.testing.assert_allclose(other, same, atol=1e-6)
+    for window in (4, 1, 121):
+        with pytest.raises(RuptfxError, match=f"window = {window}: must be odd, 3 or more, and fit into the image"):
+            dic.strains(*same, window)
+
+
 @pytest.mark.parametrize("before,after,subset,message", [
     (np.ones((40, 50)), np.ones((40, 60)), 11, "images of 50 x 40 and 60 x 40: .* same size"),
     (np.eye(40), np.eye(40), 10, "subset = 10: must be odd"),

@@ -70,6 +70,42 @@ def test_equations_of_motion(kind: str, fraction: float, power: float) -> None:
     np.testing.assert_allclose(turn, -2 * speed * derivative(fields, "exy", "x"), atol=1e-5 * strain)
 
 
+@pytest.mark.parametrize("fraction", [0.05, 0.6, 0.9])
+@pytest.mark.parametrize("zone", [0.0, 2e-3])
+def test_changing_stress_intensity(fraction: float, zone: float) -> None:
+    """Equations of motion in time and space, free faces, and K_II = rate x time at the tip."""
+    speed = fraction * MEDIUM.c_s
+    now = 3e-3 / speed
+    rate = 1e5 / now
+
+    def fields(x: np.ndarray, y: np.ndarray, time: float) -> dict[str, np.ndarray]:
+        field = near_tip.mode_II_rate(x - speed * (time - now), y, np.full_like(x, time), speed, MEDIUM, rate, zone)
+        stress = dict(zip(("sxx", "syy", "sxy"), field.stress(MEDIUM), strict=True))
+        return {**stress, "vx": field.velocity_x, "vy": field.velocity_y, "exx": field.xx, "exy": field.xy}
+
+    def slope(name: str, axis: str) -> np.ndarray:
+        h = 1e-7
+        if axis == "t":
+            t = h / speed
+            return (fields(X, Y, now + t)[name] - fields(X, Y, now - t)[name]) / (2 * t)
+        return derivative(lambda x, y: fields(x, y, now), name, axis)
+
+    scale = np.abs(slope("sxy", "x")).max()
+    for along, (first, second) in {"vx": ("sxx", "sxy"), "vy": ("sxy", "syy")}.items():
+        inertia = MEDIUM.density * slope(along, "t")
+        np.testing.assert_allclose(inertia, slope(first, "x") + slope(second, "y"), atol=1e-5 * scale)
+    strain = np.abs(slope("exx", "t")).max()
+    np.testing.assert_allclose(slope("vx", "x"), slope("exx", "t"), atol=1e-5 * strain)
+    np.testing.assert_allclose(slope("vx", "y") + slope("vy", "x"), 2 * slope("exy", "t"), atol=1e-5 * strain)
+
+    x, zero, times = np.array([1e-3, 4e-3]), np.zeros(2), np.full(2, now)
+    _, normal, shear = near_tip.mode_II_rate(-x - zone, zero, times, speed, MEDIUM, rate, zone).stress(MEDIUM)
+    np.testing.assert_allclose(np.abs(normal) + np.abs(shear), 0, atol=1e-9 * 1e5 / np.sqrt(x[0]))
+    tip = np.array([1e-9])
+    near = near_tip.mode_II_rate(tip, zero[:1], times[:1], speed, MEDIUM, rate).stress(MEDIUM)[2]
+    assert near[0] * np.sqrt(2 * np.pi * tip[0]) == pytest.approx(1e5, rel=1e-4)
+
+
 @pytest.mark.parametrize("fraction", [0.3, 0.9, 1.2, 1.7])
 def test_faces_and_line_ahead(fraction: float) -> None:
     speed = fraction * MEDIUM.c_s

@@ -10,7 +10,7 @@ import pytest
 import synthetic
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.polariscope import Camera
+from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
 from ruptfx.record import Record
 
 TIME = np.linspace(0, 60e-6, 61)
@@ -71,6 +71,15 @@ def test_light_field_and_isoclinics(record):
     np.testing.assert_allclose(between, dark, atol=1e-9)
 
 
+def test_fringe_orders_and_the_largest_shear_stress(record):
+    """As the stress was made: (sigma_1 - sigma_2) / 2 is half a fringe constant over the thickness for every order."""
+    orders, shear = fringe_orders(record, 1e-3), max_shear(record, 1e-3)
+    np.testing.assert_allclose(orders.mean("y"), 0.3e6 * orders.time + 50.0 * orders.x, atol=1e-9)
+    np.testing.assert_allclose(shear, 0.5 * 22.6e3 / 9.5e-3 * orders, rtol=1e-9)
+    assert (orders.attrs["units"], shear.attrs["units"]) == ("1", "Pa") and shear.dims == ("time", "y", "x")
+    np.testing.assert_allclose(fringe_orders(record, 1e-3, thickness=19e-3), 2 * orders, rtol=1e-9)
+
+
 @pytest.mark.parametrize("wrong,message", [
     ({"exposure": 0.0}, "exposure = 0.0: must be above zero"), ({"exposure": 2e-5}, "longer than the 1e-05 s from"),
 ])  # fmt: skip
@@ -82,7 +91,7 @@ def test_impossible_cameras(wrong, message):
 def test_runs_it_cannot_show(record, tmp_path):
     position = synthetic.points(4)
     for name, options, message in (
-        ("plane", {"plane": "antiplane", "snapshots": 9}, "two snapshots or more of stresses in a plane"),
+        ("plane", {"plane": "antiplane", "snapshots": 9}, "two snapshots or more of stresses in a plate"),
         ("few", {"snapshots": 3}, "fringes change by .* reduce output.bulk_interval"),
     ):
         run = synthetic.write_run(tmp_path / name, synthetic.crack(TIME, position), TIME, position, **options)

@@ -8,6 +8,7 @@ import pytest
 
 import ruptfx.bench
 from ruptfx.bench import Check, run_benchmark, verdict
+from ruptfx.bench._parts import ratio
 
 BENCHMARKS = {
     "slow_one": 'return [Check("speed", 3.0, 3.0), Check("step", 0.5, 0.8, 0, "s", "aim", "at most", timing=True)]',
@@ -59,3 +60,9 @@ def test_what_decides() -> None:
     assert verdict({"one": [late]}, alone=False)[0] is False
     assert verdict({"one": [late]}, alone=True)[0] is True
     assert verdict({"one": [Check("speed", 3.0, 3.0)]}, alone=True) == (False, ["checks that failed: 0 of 1"])
+
+
+def test_a_ratio_over_nothing_fails() -> None:
+    """As where a column of energies is lost: the row fails, and the benchmark goes on."""
+    assert ratio(1.0, 4.0) == 0.25
+    assert not Check("lost", 4.0, ratio(0.0, 0.0), relation="at least").passed

@@ -21,12 +21,13 @@ class Pair:
         self.library = native.load("collide", files("ruptfx.collisions").joinpath("collide.c").read_text())
         self.pair, self.one = np.array([[0, 1]], dtype=np.int32), np.ones(1)
         self.friction, self.traction, self.taken = np.array([friction]), np.zeros(1), np.zeros(1)
-        self.held = np.zeros(1)
+        self.held, self.stored = np.zeros(1), np.zeros(1)
 
     def force(self, x: np.ndarray, moved: np.ndarray | None = None) -> np.ndarray:
         force = np.zeros_like(x)
+        self.stored[:] = 0
         arrays = (self.pair, x, np.zeros_like(x) if moved is None else moved, REST, MODULUS * self.one, self.friction,
-                  self.one, self.held, self.traction, force, self.taken)  # fmt: skip
+                  self.one, self.held, self.traction, force, self.taken, self.stored)  # fmt: skip
         self.library.collide(ctypes.c_long(1), *(ctypes.c_void_p(array.ctypes.data) for array in arrays))
         return force
 
@@ -143,3 +144,23 @@ def test_an_overlap_at_rest_pushes_only_beyond_it() -> None:
     assert slope == pytest.approx(-np.sum(pair.force(deeper) * way), rel=1e-6)
     apart = x + 0.01 * out / np.abs(out).max()
     assert not pair.force(apart).any() and pair.held[0] == pair.energy(apart) < at_rest
+
+
+def test_contact_that_begins_or_ends_between_two_steps_works_as_much_as_it_holds() -> None:
+    """Over a flush face that comes from outside, or leaves; in between nothing is scaled."""
+    length, h, way = 2.0, (0.8, 1.3), 1e-5
+    for first in (0.1, 0.4, 0.9):  # of a step, the depth after the first one inside
+        depths = way * np.concatenate([first + np.arange(-1, 4), first + np.arange(3, -2, -1) - 0.5])
+        pair, work, before = Pair(), 0.0, np.zeros((2, 6))
+        for depth, moved in zip(depths, np.diff(depths, prepend=depths[0] - way), strict=True):
+            low = [0, depth, 0.9, depth - h[1], length, depth]
+            x, by = np.array([[0, 0, length, 0, 0.7, h[0]], low]), np.zeros((2, 6))
+            by[1, 1::2] = moved
+            force = pair.force(x, by)
+            work, before = work + 0.5 * float(np.sum((before + force) * by)), force
+            if depth > 0:
+                deep = abs(moved) < depth
+                assert np.allclose(force, Pair().force(x), rtol=1e-4) == deep
+                assert pair.stored[0] == pytest.approx(pair.energy(x), rel=1e-9)
+        most = pair.energy(np.array([[0, 0, length, 0, 0.7, h[0]], [0, 4 * way, 0.9, 4 * way - h[1], length, 4 * way]]))
+        assert abs(work) < 2e-3 * most

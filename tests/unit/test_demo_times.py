@@ -45,5 +45,5 @@ def test_what_is_timed() -> None:
         {name for name in names if demo_times.wanted(demo_times.DEMOS / name, which)} for which in (True, False)
     )
     assert {"impact.toml", "granite.toml", "spring_block.toml", "shear_impact.py"} <= fine
-    assert not fine & {"mode_map.toml", "calibration.py", "lecture_cases.py", "granite_confinement.toml"}
+    assert not fine & {"mode_map.toml", "lecture_cases.py", "granite_confinement.toml"}
     assert coarse < fine and "spring_block.toml" in coarse and "granite.toml" not in coarse

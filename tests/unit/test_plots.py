@@ -168,7 +168,7 @@ def test_a_speed_panel_without_a_speed_says_why(tmp_path):
     with record_of(tmp_path / "all", together) as record:
         assert "slide at once" in plots.front(record).axes[1].texts[-1].get_text()
     with record_of(tmp_path / "few", together * (np.arange(len(POSITION)) < 3)) as record:
-        assert "too few points slid" in plots.front(record).axes[1].texts[-1].get_text()
+        assert "fewer than four points" in plots.front(record).axes[1].texts[-1].get_text()
 
 
 def test_speeds_leave_out_an_inner_origin(tmp_path):
@@ -181,6 +181,19 @@ def test_speeds_leave_out_an_inner_origin(tmp_path):
     drawn = np.isfinite(speed)
     assert drawn[(np.abs(position - 50) > 2.6) & (np.abs(position - 50) < 48)].all()
     assert speed[drawn] == pytest.approx(2.1, rel=0.2)  # 0.5 us between saved times
+
+
+def test_points_that_slide_are_marked(train):
+    """Those of the saved time nearest to the snapshot."""
+    figure = plots.wavefield(train, [1e-5, 4e-5])
+    snapshots, data, counts = train.bulk["time"].values, train.interface, []
+    for ax, wanted in zip(figure.axes, (1e-5, 4e-5), strict=False):
+        row = np.abs(data.time.values - snapshots[np.abs(snapshots - wanted).argmin()]).argmin()
+        (marks,) = [line for line in ax.lines if line.get_gid() == "sliding"]
+        expected = data.position.values[np.abs(data.slip_rate.values[row]) > 1e-3]
+        np.testing.assert_allclose(marks.get_xdata(), expected / 1e-3)
+        counts.append(len(expected))
+    assert 0 < counts[0] < counts[1]
 
 
 def test_colour_bars_have_an_arrow_where_they_are_cut(train):
@@ -332,12 +345,14 @@ def test_pieces_that_move_far_are_drawn_where_they_are():
         "points": (("node", "axis"), points), "cells": (("cell", "corner"), np.array([[0, 1, 2, 3]])),
         "displacement": (("time", "node", "axis"), moved),
     })  # fmt: skip
-    first, last = _displaced(SimpleNamespace(case={"large_rotations": True}, bulk=bulk), [0, 1])
+    first, last = _displaced(SimpleNamespace(case={"large_rotations": True}, bulk=bulk, interfaces={}), [0, 1])
     for raster, filled in ((first, slice(0, 333)), (last, slice(667, 1000))):
         shown = np.isfinite(raster(points[:, 0]))
         assert raster.extent == (0, 3, 0, 1) and shown[:, filled].all()
         assert shown.mean() == pytest.approx(1 / 3, abs=2e-3)
-    assert _displaced(SimpleNamespace(case={}, bulk=bulk), [0, 1]) is None
+    assert _displaced(SimpleNamespace(case={}, bulk=bulk, interfaces={"main": {}}), [0, 1]) is None
+    slides = SimpleNamespace(case={}, bulk=bulk, interfaces={"main": {"contact": None}})
+    assert [raster.extent for raster in _displaced(slides, [0, 1])] == [first.extent, last.extent]
 
 
 @pytest.mark.parametrize(

@@ -58,10 +58,16 @@ def test_surfaces_that_slide() -> None:
     assert found[": slip until an end leaves"].value == pytest.approx(0.3e-3)
     assert found[": spacing of nodes, plus / minus"].value == pytest.approx(0.1 / (2.4 / 18), rel=1e-2)
     assert {found[key].verdict for key in (": largest slope", ": spacing of nodes, plus / minus")} == {"ok"}
-    coarse = {"mesh.lower.element_size": 0.06e-3, "mesh.lower.profile": wave(-1, 25e-6)}
+    means = {"output.forces_interval": 0.2e-6}  # its rehearsal takes none
+    coarse = {"mesh.lower.element_size": 0.06e-3, "mesh.lower.profile": wave(-1, 25e-6), **means}
     found = rows(rough(coarse))
     assert found[": largest slope"].verdict == found[": spacing of nodes, plus / minus"].verdict == "warning"
     assert "swap plus and minus" in found[": spacing of nodes, plus / minus"].note
+    # 2.4 mm of the lower body in five elements of 0.48 mm, below those of 0.1 mm.
+    row = rows(rough({"mesh.lower.element_size": 0.48e-3, "mesh.lower.profile": 0.0, **means}))[
+        ": spacing of nodes, plus / minus"
+    ]
+    assert row.verdict == "warning" and "4.8 times coarser" in row.note
 
 
 def test_an_end_that_edges_drive_off() -> None:
@@ -325,7 +331,7 @@ def test_size_of_files(changes: dict[str, Any], tmp_path: Path) -> None:
 
 
 def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
-    """Within 30 % of what `ruptfx run` takes, with pictures."""
+    """Within 30 % of what `ruptfx run` takes, with pictures; its time, as others use the machine, within a factor."""
     import tomli_w
 
     from ruptfx.bench.command_cost import ALIKE, compared
@@ -336,7 +342,8 @@ def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(tomli_w.dumps(table))
     _, told, taken = compared(tmp_path / "case.toml")
     for what, value in taken.items():
-        assert told[what] == pytest.approx(value, rel=ALIKE), what
+        least, most = (0.4, 2.5) if what == "expected run time" else (1 - ALIKE, 1 + ALIKE)
+        assert least * value < told[what] < most * value, what
 
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from ruptfx.check_law.examples import friction, friction_laws
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo
+from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.friction.rate_and_state_power_law import RateAndStatePowerLaw
 from ruptfx.friction.velocity_weakening import VelocityWeakening
 from ruptfx.projection import ProjectionError, TracedLaw, project
@@ -85,6 +86,14 @@ def test_a_guess_changes_nothing_but_the_number_of_steps() -> None:
     for guess in (np.full(N, 1e-30), np.full(N, 1e30), np.full(N, np.nan), without.slip_rate[:, 0]):
         again = project(TracedLaw(law, at_end=True), state, sigma, trial, Z, 1e-8, guess=guess)
         np.testing.assert_allclose(again.slip_rate, without.slip_rate, rtol=1e-9, atol=1e-12)
+
+
+def test_rests_at_slip_rates_next_to_nothing() -> None:
+    """Where rates have hundreds of decades the bracket ends at rest, with the traction of the trial."""
+    law = RateAndStateAgeing(a=0.001, b=0.015, D_c=1e-6, f_0=0.6, V_0=1e-4)
+    traced, state = TracedLaw(law, at_end=True), {"theta": np.array([0.1])}
+    done = project(traced, state, np.array([1e10]), np.array([[3.5e3]]), np.array([5e11]), 5e-5)
+    assert not done.mean_slip_rate.any() and done.shear_traction[0, 0] == 3.5e3
 
 
 def test_sticks_below_strength() -> None:

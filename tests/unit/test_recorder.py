@@ -65,7 +65,7 @@ def test_snapshots_hold_what_is_asked_for_in_the_space_that_is_asked_for(tmp_pat
         for name in ("stress", "displacement"):
             assert other.bulk[name].dtype == np.float32
             np.testing.assert_array_equal(other.bulk[name], one.bulk[name].values.astype(np.float32))
-        assert plots.suits("space_time", other) and plots.suits("wavefield", one)
+        assert plots.suits("snapshots", other) and plots.suits("wavefield", one)
         assert not plots.suits("wavefield", other) and not plots.suits("fringes", other)
     with h5py.File(tmp_path / "small" / "bulk.h5") as file:
         stress = file["stress"]
@@ -87,7 +87,7 @@ def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
     from ruptfx import RuptfxError, plots
 
     seen = []
-    monkeypatch.setattr(plots, "FIGURES", {"front": lambda record: seen.append("drawn") or 1 / 0})
+    monkeypatch.setattr(plots, "FIGURES", {"snapshots": lambda record: seen.append("drawn") or 1 / 0})
     out, told = tmp_path / "run", []
     parsed = case({"duration": 1e-6, "output.figures": True})
     with pytest.raises(RuptfxError, match="division by zero"):

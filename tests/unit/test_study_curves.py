@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from matplotlib.container import ErrorbarContainer
 
 from ruptfx.study import curves
 from ruptfx.study.definition import Study
+from ruptfx.study.execute import draw
 from ruptfx.study.mode_map import read_map
-from ruptfx.study.table import write_csv
+from ruptfx.study.table import read_csv, write_csv
 
 AXIS: dict[str, Any] = {"key": "boundaries.0.velocity", "name": "speed", "label": "Speed", "unit": "m/s"}
 
@@ -24,7 +26,8 @@ def study(path: Path, axes: list[dict[str, Any]], **columns: list[Any]) -> Path:
     given = {"case": str(path / "case.toml"), "axes": axes, "quantities": list(columns)}
     named = Study.model_validate(given, context={"directory": path}).model_dump(mode="json")
     (path / "study.json").write_text(json.dumps({"study": named}))
-    values = [{"speed": speed} for speed in axes[0]["values"]]
+    columns_of = [axis["name"] for axis in axes]
+    values = [dict(zip(columns_of, each, strict=True)) for each in product(*(axis["values"] for axis in axes))]
     rows = [{**row, "origin": "sample", "status": "done", **dict(zip(columns, each, strict=True)), "point": str(i)}
             for i, (row, each) in enumerate(zip(values, zip(*columns.values(), strict=True), strict=True))]  # fmt: skip
     write_csv(path / "table.csv", rows)
@@ -56,3 +59,26 @@ def test_two_axes_are_a_map(tmp_path: Path) -> None:
     other = {"key": "boundaries.1.velocity", "name": "other", "values": [1.0]}
     path = study(tmp_path / "study", [AXIS | {"values": [1.0]}, other], largest_stress=[1e6])
     assert not curves.suits(read_map(path))
+
+
+def test_draws_are_points_around_their_median(tmp_path: Path) -> None:
+    draws = {"key": "mesh.phases.seed", "name": "draw", "values": [1, 2, 3]}
+    path = study(
+        tmp_path / "study", [draws, AXIS | {"values": [1.0, 4.0]}], largest_stress=[1e6, 5e6, 4e6, 6e6, 2e6, 9e6],
+        b_value=[1.0, None, 3.0, None, None, None], b_value_error=[0.1, None, 0.2, None, None, None],
+    )  # fmt: skip
+    shown = read_map(path)
+    assert curves.suits(shown)
+    stress, b = [ax for ax in curves.draw(shown).axes if ax.axison]
+    (line,) = [line for line in stress.lines if line.get_label() == "largest stress"]
+    assert line.get_xdata().tolist() == [1.0, 4.0] and line.get_ydata().tolist() == [2.0, 6.0]
+    (points,) = [bar for bar in stress.containers if isinstance(bar, ErrorbarContainer)]
+    assert sorted(points[0].get_ydata().tolist()) == [1.0, 2.0, 4.0, 5.0, 6.0, 9.0]
+    (line,) = [line for line in b.lines if line.get_label() == "b value"]
+    assert line.get_ydata().tolist() == pytest.approx([2.0, float("nan")], nan_ok=True)
+    assert [path.name for path in curves.save(shown)] == ["curves.png", "curves.pdf", "medians.csv"]
+    low, high = read_csv(path / "medians.csv")
+    assert [low[f"largest_stress{end}"] for end in ("", "_smallest", "_largest")] == [2e6, 1e6, 4e6]
+    assert (low["speed"], low["draws"], low["b_value_draws"], low["b_value"]) == (1.0, 3, 2, 2.0)
+    assert (high["b_value_draws"], high["b_value"]) == (0, None)
+    assert len(draw(path)) == 6, "plot draws the map and the curves"

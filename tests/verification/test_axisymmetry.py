@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -15,7 +16,8 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 from small_cases import march
 
-from ruptfx import fem
+from ruptfx import RuptfxError, fem, vtk_files
+from ruptfx.analysis.polariscope import Camera
 from ruptfx.axisymmetry import on_axis
 from ruptfx.case import parse_case
 from ruptfx.model import Model
@@ -23,6 +25,7 @@ from ruptfx.operators.assembled import stiffness_form
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
 from ruptfx.sensed import Sensed
+from ruptfx.simulation import simulate
 from ruptfx.spectrum import highest_frequency
 
 pytestmark = pytest.mark.fem
@@ -57,8 +60,11 @@ def stiffness(model: Model) -> Any:
     return fem.local_matrix(stiffness_form(model.bulk)).tocsc()
 
 
-def test_cylinders_under_pressure() -> None:
-    """Lamé: u_r = A r + B / r; the two bodies are not in contact, and their ends do not move along the axis."""
+def cylinders() -> tuple[Model, np.ndarray, dict[str, tuple[float, float]]]:
+    """Lamé: u_r = A r + B / r of two bodies that are not in contact, whose ends do not move along the axis.
+
+    The model, its displacement, and A and B of every body.
+    """
     inside, outside = 30e6, 20e6
     model = fibre({"hole": 0.8e-3, "element_size": 0.4e-3}, [
         *HELD, {"kind": "traction", "edge": "fibre.bottom", "traction": [0.0, inside]},
@@ -67,16 +73,66 @@ def test_cylinders_under_pressure() -> None:
     free = ~model.loads.prescribed
     u = np.zeros(len(free))
     u[free] = spsolve(stiffness(model)[free][:, free], model.loads.force(1.0)[free])
-    r = model.coordinates[:, 1]
-    found = u.reshape(-1, 2)
-    cylinders = {"fibre": (0.8e-3, 2e-3, inside, 0.0), "matrix": (2e-3, 5e-3, 0.0, outside)}
-    for body, (a, b, p_a, p_b) in cylinders.items():
+    constants = {}
+    for body, (a, b, p_a, p_b) in {"fibre": (0.8e-3, 2e-3, inside, 0.0), "matrix": (2e-3, 5e-3, 0.0, outside)}.items():
         A = (p_a * a**2 - p_b * b**2) / (2 * (LAME + SHEAR) * (b**2 - a**2))
-        B = (p_a - p_b) * a**2 * b**2 / (2 * SHEAR * (b**2 - a**2))
+        constants[body] = A, (p_a - p_b) * a**2 * b**2 / (2 * SHEAR * (b**2 - a**2))
+    return model, u, constants
+
+
+def test_cylinders_under_pressure() -> None:
+    model, u, constants = cylinders()
+    r, found = model.coordinates[:, 1], u.reshape(-1, 2)
+    for body, (A, B) in constants.items():
         here = model.layout.body == model.bodies.names.index(body)
         exact = A * r[here] + B / r[here]
         np.testing.assert_allclose(found[here, 1], exact, rtol=0, atol=2e-5 * np.abs(exact).max())
         assert np.abs(found[here, 0]).max() < 2e-5 * np.abs(exact).max()
+
+
+def test_stresses_of_cylinders_under_pressure() -> None:
+    """Lamé: radial and hoop stress 2 (lambda + G) A -+ 2 G B / r^2, in snapshots and at receivers; the hoop strain."""
+    model, u, constants = cylinders()
+    state, bulk = model.initial_state(), BulkFields(model)
+    state.displacement[:] = u
+    stress, (points, _, _, body) = bulk.gather(state)["stress"], bulk.topology()
+    plates = Sensed(model, bulk.initial_stress_at)
+    assert list(plates.entries) == ["xx", "yy", "xy", "zz"] and stress.shape == (len(points), 4)
+    for (name, (A, B)), at in zip(constants.items(), (1.3e-3, 3.1e-3), strict=True):
+        here = body == model.bodies.names.index(name)
+        mean, swing = 2 * (LAME + SHEAR) * A, 2 * SHEAR * B / points[here, 1] ** 2
+        largest = np.abs(mean + swing).max()
+        exact = np.stack([2 * LAME * A + 0 * swing, mean - swing, 0 * swing, mean + swing], axis=1)
+        # At the inner edge, in elements half of whose radius wide.
+        np.testing.assert_allclose(stress[here], exact, rtol=0, atol=3e-3 * largest)
+        place = plates.point([1.7e-3, at], name, "receiver")
+        for share, value in (
+            (place.stress((2, 2)), mean + 2 * SHEAR * B / at**2), (place.stress((1, 1)), mean - 2 * SHEAR * B / at**2),
+            (place.strain((2, 2)), A + B / at**2),
+        ):  # fmt: skip
+            assert u[share.places] @ share.weights == pytest.approx(value, rel=1e-3)
+
+
+def test_files_have_the_hoop_stress(tmp_path: Any) -> None:
+    """A pressure on the matrix: by name in xarray and in ParaView's files; what looks through plates refuses."""
+    push = {"kind": "traction", "edge": "matrix.top", "traction": [0.0, -20e6], "ramp": 1e-7}
+    gauge = {"kind": "receiver", "name": "ring", "interval": 1e-7, "point": [2e-3, 4e-3]}
+    run = simulate(case({}, [push], 2, instruments=[gauge]), tmp_path / "run", progress=False)
+    with run as record:
+        stress = record.bulk.stress
+        assert list(stress.stress_component.values) == ["xx", "yy", "xy", "zz"]
+        assert stress.attrs["long_name"].endswith("zz goes round the axis")
+        here = np.argmin(np.hypot(*(record.bulk.points.values - [2e-3, 4e-3]).T))
+        hoop = float(stress.sel(stress_component="zz")[-1, here])
+        assert hoop < -1e5
+        assert {"stress_zz", "strain_zz"} <= set(record.instruments["ring"].data_vars)
+        with pytest.raises(RuptfxError, match=r"a polariscope needs .* in a plate"):
+            Camera(1e6, 1e-7, 1e-3).film(record)
+        vtk = {path.name: path for path in vtk_files.whole(record, tmp_path)}
+        with h5py.File(vtk["bulk.vtkhdf"]) as file:
+            tensors = file["VTKHDF/PointData/stress"][:]
+            assert tensors.shape[1] == 6 and tensors[-len(record.bulk.points) + here, 2] == hoop
+    assert 'Name="stress_zz"' in (tmp_path / "run" / "bulk.xdmf").read_text()
 
 
 def pochhammer(k: float, a: float) -> float:
@@ -141,18 +197,18 @@ def test_energy_and_force_of_a_fibre_that_is_pulled(operator: str) -> None:
 
 
 def test_stresses_have_the_strain_around_the_axis() -> None:
-    """u_r = A r: xx = 2 lambda A, yy = 2 (lambda + G) A everywhere, on the axis too, in snapshots and at points."""
+    """u_r = A r: xx = 2 lambda A, yy = zz = 2 (lambda + G) A everywhere, on the axis, in snapshots and at points."""
     model, A = fibre({}, [], 3), 1e-4
     displacement = np.zeros((model.nodes, 2))
     displacement[:, 1] = A * model.coordinates[:, 1]
     bulk = BulkFields(model)
-    expected = np.array([2 * LAME * A, 2 * (LAME + SHEAR) * A, 0.0])
+    expected = np.array([2 * LAME * A, 2 * (LAME + SHEAR) * A, 0.0, 2 * (LAME + SHEAR) * A])
     found = bulk._stress(displacement.ravel())
     np.testing.assert_allclose(found, np.tile(expected, (model.nodes, 1)), rtol=0, atol=1e-9 * expected[1])
     plates = Sensed(model, bulk.initial_stress_at)
     for radius, body in ((0.0, "fibre"), (1.3e-3, "fibre"), (4e-3, "matrix")):
         point = plates.point([1.7e-3, radius], body, "test")
-        for entry, stress in (((0, 0), expected[0]), ((1, 1), expected[1])):
+        for entry, stress in (((0, 0), expected[0]), ((1, 1), expected[1]), ((2, 2), expected[3])):
             share = point.stress(entry)
             assert displacement.ravel()[share.places] @ share.weights == pytest.approx(stress, rel=1e-9)
 

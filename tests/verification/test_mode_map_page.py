@@ -236,3 +236,17 @@ def test_names_of_marks_leave_other_cells_to_be_seen(tmp_path):
             low, high = np.maximum(corners[:-1, :-1], box.p0), np.minimum(corners[1:, 1:], box.p1)
             covered = np.maximum(high - low, 0).prod(axis=-1) / (corners[1:, 1:] - corners[:-1, :-1]).prod(axis=-1)
             assert 0 < covered.max() < 0.1
+
+
+def test_names_of_marks_stay_inside_of_a_map_with_linear_axes(tmp_path):
+    """Marks in its first and last column, with names longer than a cell."""
+    study = read_study(Path(__file__).parents[2] / "demos" / "inclined_plates_map.toml")
+    values = {"mode": "crack", "peak_slip_rate": 1.0, "max_slip": 1e-6}
+    points = [(point, {"status": "done", "values": values}) for point in study.points()]
+    figure = mode_map.draw(mode_map.Map(study, rows(study, points, {}), tmp_path))
+    figure.draw_without_rendering()
+    names = [(ax, text) for ax in figure.axes for text in ax.texts if text.get_gid() == "mark"]
+    assert {text.get_text() for _, text in names} == {"narrow pulse", "pulse", "crack"}
+    for ax, text in names:
+        box, panel = text.get_window_extent(), ax.get_window_extent()
+        assert panel.x0 <= box.x0 and box.x1 <= panel.x1, text.get_text()

@@ -110,9 +110,15 @@ def test_matching_nodes_give_what_pairs_give(contact: str) -> None:
 # -- closed forms --------------------------------------------------------------------------------------------------
 
 
-def test_westergaard_pressed_by_a_force() -> None:
-    """Opposed waves, touching in one point at first, with an upper body that only contact holds; in five steps."""
+@pytest.mark.parametrize("sides", ["opposed", "one"])
+def test_westergaard_pressed_by_a_force(sides: str) -> None:
+    """Opposed waves, or one of twice the amplitude on a flat body, touching in one point at first, with an upper body
+    that only contact holds; in five steps."""
     given = westergaard.implicit(1.3, 0.2)
+    if sides == "one":
+        double = {"amplitude": -2 * westergaard.AMPLITUDE, "mean": 2 * westergaard.AMPLITUDE}
+        wave = {"kind": "sinusoid", "wavelength": westergaard.WAVELENGTH, **double}
+        given = given.changed("mesh.upper.profile", wave).changed("mesh.lower.profile", 0.0)
     model = Model(given)
     motion, state, shares = given.stepper.bind(model), model.initial_state(), []
     while state.time < 1 - 1e-9:
@@ -270,29 +276,44 @@ def spring_slider(stiffness: float, law: dict[str, float], pressure: float, spee
     return [float(when[0]) for when in found.t_events]
 
 
-def test_slip_nucleates_as_in_the_spring_slider() -> None:
-    """A stiff block pressed on a base, which then moves away under it, held by springs of half the critical stiffness:
-    it is dragged along, and slips as the massless slider runs away. Bodies are 0.15 % as compliant as the springs."""
-    law = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-4}
-    pressure, speed, press, age = 5e6, 1e-4, 1.0, 0.1
-    stiffness = 0.5 * (law["b"] - law["a"]) * pressure / law["D_c"]
+DIETERICH = {"a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-4}
+
+
+def dragged(
+    contact: dict[str, Any], law: dict[str, float], pressure: float, speed: float, press: float, age: float,
+    stiffness: float,
+) -> tuple[Model, Any, State]:  # fmt: skip
+    """A stiff block pressed on a base, which then moves away under it, held by springs."""
     load = {"kind": "traction", "edge": "upper.top", "traction": [0.0, -pressure]}
     base = {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": 0.0}
     fixed = [*held("lower.bottom", "y"),
              {"kind": "spring", "edge": "upper.top", "normal": 0.0, "tangential": stiffness}]  # fmt: skip
     given = parse_case(flat({
-        "order": 1, "duration": 10.0, "mesh.upper.height": 0.05e-3,  # low, so that it does not tilt
+        "order": 1, "duration": press + 9.0, "mesh.upper.height": 0.05e-3,  # low, so that it does not tilt
         "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 5e9, "poisson_ratio": 0.0,
                                   "density": 1246.0}},
-        "faults.main.contact": {"kind": "compliant", "C_n": 1e13, "C_s": 1e13},
+        "faults.main.contact": contact,
         "faults.main.friction": {"kind": "rate_and_state_ageing", **law, "theta_initial": age},
         "faults.main.initial_stress": {"normal": 0.0}, "boundaries": [],
         "stages": [{"duration": press, "boundaries": [*fixed, base, {**load, "ramp": 0.5}]},
                    {"duration": 9.0, "boundaries": [*fixed, {**base, "velocity": -speed}, load]}],
         "stepper": {"kind": "quasi_static", "slip_tolerance": 5e-9, "rate_tolerance": 5e-3},
     }))  # fmt: skip
-    motion = stages.bind(model := Model(given))  # type: ignore[arg-type]
-    state, times, rates = model.initial_state(), [0.0], [1e-300]
+    model = Model(given)  # type: ignore[arg-type]
+    return model, stages.bind(model), model.initial_state()
+
+
+STIFF_SPRINGS = {"kind": "compliant", "C_n": 1e13, "C_s": 1e13}
+
+
+@pytest.mark.parametrize("contact", [STIFF_SPRINGS, RIGID])
+def test_slip_nucleates_as_in_the_spring_slider(contact: dict[str, Any]) -> None:
+    """Held by springs of half the critical stiffness it is dragged along, and slips as the massless slider runs away.
+    Bodies are 0.15 % as compliant as the springs."""
+    pressure, speed, press, age, law = 5e6, 1e-4, 1.0, 0.1, DIETERICH
+    stiffness = 0.5 * (law["b"] - law["a"]) * pressure / law["D_c"]
+    model, motion, state = dragged(contact, law, pressure, speed, press, age, stiffness)
+    times, rates = [0.0], [1e-300]
     area, fault = model.faults[0].interface.weight, state.faults["main"]
     while rates[-1] < 100 * speed and state.step < 400:
         motion.step(state)
@@ -304,6 +325,18 @@ def test_slip_nucleates_as_in_the_spring_slider() -> None:
     np.testing.assert_allclose(found, expected, rtol=3e-3)
     # Its last decades take a thousandth of the time.
     np.testing.assert_allclose(found[-1] - found[:-1], expected[-1] - expected[:-1], rtol=0.1)
+
+
+@pytest.mark.parametrize("contact", [STIFF_SPRINGS, RIGID])
+def test_pressed_at_slip_rates_next_to_nothing(contact: dict[str, Any]) -> None:
+    """Where the direct effect is small, a = 0.001, rates are exp(-600) of the others: it rests, and bears the load."""
+    model, motion, state = dragged(contact, {**DIETERICH, "a": 0.001}, 5e6, 1e-4, 1.0, 0.1, 1e9)
+    for _ in range(30):
+        motion.step(state)
+    fault = state.faults["main"]
+    assert np.abs(fault["slip_rate"]).max() < 1e-100
+    force = model.faults[0].interface.weight @ fault["normal_stress"] / model.faults[0].interface.weight.sum()
+    np.testing.assert_allclose(force, 5e6 * min(1.0, state.time / 0.5), rtol=1e-4)  # it tilts
 
 
 @every_contact

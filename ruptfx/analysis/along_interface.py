@@ -1,0 +1,65 @@
+"""Stresses in a body along an interface, beside the tractions that the interface itself has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ruptfx import RuptfxError
+
+if TYPE_CHECKING:
+    from ruptfx.record import Files
+
+Array = np.ndarray
+NEAR = 1e-6  # of the length of an interface: where a node of a body and a point of the interface are the same
+
+
+def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict[str, Array]]:
+    """Stress in a body at the points of the first interface, of the snapshot nearest to a time.
+
+    Across the interface it is its traction, but for what elements leave; along the interface no traction tells it.
+
+    Parameters
+    ----------
+    record : Record or Files
+        With `stress` in its snapshots.
+    time : float
+        [s]
+    body : str
+        Its name; default is the first that has nodes on the interface.
+
+    Returns
+    -------
+    time : float
+        Of the snapshot [s].
+    stress : dict of ndarray, shape (points,)
+        ``xx``, ``yy`` and ``xy`` [Pa], positive in tension; NaN where the body has no node.
+
+    Raises
+    ------
+    RuptfxError
+        No stresses of a plane were saved, or no such body.
+    """
+    bulk, data = record.bulk, record.interface
+    if "stress" not in bulk or bulk["points"].shape[1] != 2 or bulk["stress"].shape[-1] != 3:
+        raise RuptfxError(f"{record.path}: no stresses of a plane were saved; add 'stress' to output.bulk_fields")
+    if not bulk.sizes["time"]:
+        raise RuptfxError(f"{record.path}: no snapshot was saved")
+    names = [str(name) for name in np.atleast_1d(bulk.attrs.get("bodies", []))]
+    if body and body not in names:
+        raise RuptfxError(f"body = {body}: no such body, there are {', '.join(names)}")
+    points, owner = bulk["points"].values, bulk["body"].values
+    places = np.stack([data["x"].values, data["y"].values], axis=1)
+    reach = NEAR * float(np.ptp(places, axis=0).max())
+    row = int(np.abs(bulk["time"].values - time).argmin())
+    stress = bulk["stress"].isel(time=row).values
+    for name in [body] if body else names:
+        nodes = np.flatnonzero(owner == names.index(name))
+        distance, nearest = cKDTree(points[nodes]).query(places)
+        there = distance <= reach
+        if there.any() or body:
+            break
+    values = np.where(there[:, None], stress[nodes[nearest]], np.nan)
+    return float(bulk["time"].values[row]), dict(zip(("xx", "yy", "xy"), values.T, strict=True))
