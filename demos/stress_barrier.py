@@ -1,63 +1,56 @@
 # %% [markdown]
 # # A front as a crack: prediction and run
 #
-# A rupture begins in the middle of an interface that carries 1 MPa more than its residual strength within 30 mm, and
-# 0.2 MPa less beyond. Fracture mechanics says how fast it is at every length and where it stops, from the stress drop
-# tau(x) - mu_d sigma(x) and the fracture energy alone.
+# A rupture runs along an interface that carries 1 MPa more than its residual strength, for 30 mm, and then 0.2 MPa
+# less. Fracture mechanics says how fast it is at every length and where it stops, from the stress drop
+# tau(x) - mu_d sigma(x) and the fracture energy alone. Twice: a crack with one tip, for which the equation of motion is
+# exact, and one with two tips that run apart, where it holds until waves from the other tip arrive.
 #
 # Run this file with `python demos/stress_barrier.py`; the picture is `runs/stress_barrier/figures/front.png`.
 
 # %%
-from pathlib import Path
-
-import numpy as np
-
-from ruptfx import read_case, simulate
-from ruptfx.analysis.front import fit_speed
-from ruptfx.analysis.front_motion import front_motion
-from ruptfx.analysis.near_tip import Medium
-from ruptfx.figure_style import new_figure, style
-from ruptfx.profiles import evaluate
-
-case = read_case(Path(__file__).with_name("stress_barrier.toml"))
-record = simulate(case, out="runs/stress_barrier")
+from ruptfx import simulate
+from ruptfx.bench.stress_barrier import Front, medium, one_tip, predicted, two_tips
+from ruptfx.figure_style import letter, new_figure, style
 
 # %% [markdown]
-# The prediction. Gamma is half the strength drop times the slip over which it drops.
+# The cases are those of `ruptfx bench stress_barrier`: `demos/stress_barrier.toml`, and its right half, mirrored.
+#
+# The speed of the front is that of straight lines through what began to slide within 2 mm.
 
 # %%
-fault = case.faults["main"]
-law, stress = fault.friction, fault.initial_stress
-medium = Medium.of(case.materials["default"], case.plane)
-lengths = np.linspace(fault.nucleation[0].radius, 80e-3, 400)
-predicted = front_motion(
-    lengths,
-    stress_drop=lambda x: evaluate(stress.shear, x) - law.mu_d * stress.normal,
-    fracture_energy=lambda x: np.full_like(x, 0.5 * (law.mu_s - law.mu_d) * stress.normal * law.D_c),
-    medium=medium,
-)
+found = {}
+for shape, case, folder in (
+    ("one tip", one_tip(), "runs/stress_barrier_one_tip"),
+    ("bilateral", two_tips(), "runs/stress_barrier"),
+):
+    with simulate(case, out=folder) as record:
+        data, theory = record.interface, predicted(case, shape)
+        front = Front.of(case, data.position.values, data.rupture_time.values)
+        figures = record.path / "figures"
+    found[shape] = theory, front
+    print(f"{shape}: stops at {1e3 * front.stopped:.1f} mm, predicted: {1e3 * theory.arrest:.1f} mm")
+caught_up = front.caught_up(case)
+print(f"waves of the other tip catch up with it at {1e3 * caught_up:.0f} mm")
 
 # %% [markdown]
-# The run: the speed of the front, by straight lines through what slid within 2 mm.
+# Both, each with its prediction.
 
 # %%
-data = record.interface
-ahead = data.position.values > fault.nucleation[0].radius
-position, arrival = data.position.values[ahead], data.rupture_time.values[ahead]
-places = np.arange(9e-3, np.nanmax(position[np.isfinite(arrival)]) - 1e-3, 1e-3)
-speed = [fit_speed(position, arrival, place - 2e-3, place + 2e-3).value for place in places]
-stopped = float(position[np.isfinite(arrival)].max())
-print(f"it stops at {1e3 * stopped:.1f} mm after {1e6 * np.nanmax(arrival):.0f} us")
-print(f"predicted: at {1e3 * predicted.arrest:.1f} mm")
-
-# %%
+c_R = medium(case).c_R
 with style():
-    figure, ((ax,),) = new_figure(1, 1, 3.0)
-    ax.plot(1e3 * predicted.length, predicted.speed / medium.c_R, "k--", label="equation of motion")
-    ax.plot(1e3 * places, np.array(speed) / medium.c_R, "o", ms=3, label="run")
-    ax.axvspan(30, 80, color="0.92", lw=0)
-    ax.text(78, 0.95, "barrier", ha="right", va="top", color="0.4")
-    ax.axvline(1e3 * stopped, color="C0", lw=0.8, ls=":", label="where it stops")
-    ax.set(xlabel="Half-length of the rupture (mm)", ylabel="Front speed / $c_R$", xlim=(0, 80), ylim=(0, 1))
-    ax.legend(loc="lower left", bbox_to_anchor=(0.12, 0.02))
-    figure.savefig(record.path / "figures" / "front.png", dpi=150)
+    figure, (axes,) = new_figure(1, 2, 3.2)
+    for ax, (shape, (theory, front)) in zip(axes, found.items(), strict=True):
+        ax.axvspan(30, 80, color="0.92", lw=0)
+        ax.text(78, 0.96, "barrier", ha="right", va="top", color="0.4")
+        ax.plot(1e3 * theory.length, theory.speed / c_R, "k--", label="equation of motion")
+        ax.plot(1e3 * front.place, front.speed / c_R, "o", ms=3, color="C0", label="run")
+        ax.axvline(1e3 * front.stopped, color="C0", lw=0.8, ls=":", label="where it stops")
+        ax.set(xlim=(0, 80), ylim=(0, 1), title={"one tip": "One tip", "bilateral": "Two tips"}[shape])
+    axes[1].axvline(1e3 * caught_up, color="#d9480f", lw=0.8, ls="-.", label="waves of the other tip arrive")
+    axes[0].set(xlabel="Length of the rupture (mm)", ylabel="Front speed / $c_R$")
+    axes[1].set(xlabel="Half-length of the rupture (mm)")
+    handles, labels = axes[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    letter(axes)
+    figure.savefig(figures / "front.png", dpi=150)

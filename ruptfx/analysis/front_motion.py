@@ -5,7 +5,8 @@ sets the stress intensity; it runs so fast that this is the fracture energy: g(v
 G_s(l) < Gamma(l). K_s is the static stress intensity of the stress drop tau(x) - mu_d sigma(x) over the ruptured part.
 The function g is that of a semi-infinite crack: exact until waves come back from the other tip or from an edge. The
 self-similar bilateral crack under a uniform drop, which hears its other tip for ever, needs 0.94 times that length at
-0.5 c_R and 1.02 times it at 0.9 c_R.
+0.5 c_R and 1.02 times it at 0.9 c_R. A bilateral front that slows down is caught up by the shear and Rayleigh waves of
+the other tip, and goes farther than the equation says (`ruptfx bench stress_barrier`).
 Source: Freund (1990), section 7.4; Kammer, Radiguet, Ampuero and Molinari (2015); Svetlizky, Bayart, Fineberg (2019).
 """
 
@@ -23,7 +24,8 @@ from ruptfx.analysis.near_tip import Medium
 
 Array = np.ndarray
 Along = Callable[[Array], Array]
-Shape = Literal["bilateral", "edge"]
+SHAPES = ("bilateral", "edge", "one tip")
+Shape = Literal["bilateral", "edge", "one tip"]
 
 ANGLES = 2000
 FASTEST = 0.999  # c_R, at the end of the table of g
@@ -36,7 +38,7 @@ class FrontMotion:
     Attributes
     ----------
     length : ndarray, shape (n,)
-        Half-length of a bilateral rupture, or length of one from an edge [m].
+        Half-length of a bilateral rupture, or length of one from an edge or with one tip [m].
     speed : ndarray, shape (n,)
         Of the front there [m/s]; zero from where it stops.
     time : ndarray, shape (n,)
@@ -59,25 +61,28 @@ def static_stress_intensity(length: float, stress_drop: Along, shape: Shape, hei
 
     Bilateral: 2 sqrt(l / pi) int_0^l drop(x) / sqrt(l^2 - x^2) dx, for a drop that is even in x. From an edge:
     2 / sqrt(pi l) int_0^l drop(x) (1.3 - 0.3 (x / l)^(5/4)) / sqrt(1 - (x / l)^2) dx, to 1 % (Source: Tada, Paris and
-    Irwin 2000).
+    Irwin 2000). One tip, of a crack that was there at x < 0 and from which a stress drop is taken at x > 0 only:
+    sqrt(2 / pi) int_0^l drop(x) / sqrt(l - x) dx, for which the equation of motion is exact.
 
     Parameters
     ----------
     length : float
         l [m].
     stress_drop : callable
-        Of positions from the middle, or from the edge [m]; gives Pa.
+        Of positions from the middle, from the edge, or from where the one tip was [m]; gives Pa.
     shape : str
-        "bilateral" or "edge".
+        "bilateral", "edge" or "one tip".
     height : float, optional
         H* = H G* / G [m] of two plates of height H whose far sides are held: K_s is that of an infinite body times
         sqrt(tanh(z) / z), z = pi l / (2 H*), which is exact in mode III and for short and long cracks in mode II:
         G_s = drop^2 H / G for l >> H (Source: energy of the strip; Tada, Paris and Irwin 2000 for mode III).
     """
-    # Midpoints, as the drop may jump; x = l sin(angle) takes the singularity away.
-    s = np.sin((np.arange(ANGLES) + 0.5) * (0.5 * np.pi / ANGLES))
-    profile = np.ones(ANGLES) if shape == "bilateral" else 1.3 - 0.3 * s**1.25
-    K = 2 * float(np.sqrt(length / np.pi)) * 0.5 * np.pi * float(np.mean(profile * stress_drop(length * s)))
+    # Midpoints, as the drop may jump; x = l sin(angle), or l (1 - part^2), takes the singularity away.
+    part = (np.arange(ANGLES) + 0.5) / ANGLES
+    s = 1 - part**2 if shape == "one tip" else np.sin(0.5 * np.pi * part)
+    profile = 1.3 - 0.3 * s**1.25 if shape == "edge" else np.ones(ANGLES)
+    scale = np.sqrt(8 / np.pi) if shape == "one tip" else np.sqrt(np.pi)
+    K = float(scale * np.sqrt(length) * np.mean(profile * stress_drop(length * s)))
     if height is None:
         return K
     z = 0.5 * np.pi * length / height
@@ -110,8 +115,8 @@ def front_motion(
         Lengths that do not increase, a shape there is not, or a front that cannot begin.
     """
     lengths = np.asarray(lengths, dtype=float)
-    if shape not in ("bilateral", "edge"):
-        raise RuptfxError(f"front_motion: shape = '{shape}': must be 'bilateral' or 'edge'")
+    if shape not in SHAPES:
+        raise RuptfxError(f"front_motion: shape = '{shape}': must be 'bilateral', 'edge' or 'one tip'")
     if len(lengths) < 2 or lengths[0] <= 0 or np.any(np.diff(lengths) <= 0):
         raise RuptfxError("front_motion: lengths must be positive, increase, and be at least two")
     effective = None if height is None else height * medium.modulus / (2 * medium.shear_modulus)

@@ -28,6 +28,9 @@ def test_static_stress_intensity() -> None:
     assert static_stress_intensity(0.02, uniform(DROP), "edge") == pytest.approx(
         1.1215 * DROP * np.sqrt(np.pi * 0.02), rel=0.01
     )
+    # One tip, uniform drop: sqrt(2 / pi) drop 2 sqrt(l); beyond b less by the same of l - b.
+    one = static_stress_intensity(0.02, lambda x: np.where(x < 0.015, DROP, 0.0), "one tip")
+    assert one == pytest.approx(np.sqrt(8 / np.pi) * DROP * (np.sqrt(0.02) - np.sqrt(0.005)), rel=1e-3)
     # Of the inner half only: 2 sqrt(l / pi) arcsin(1/2) = sqrt(pi l) / 3.
     inner = static_stress_intensity(0.02, lambda x: np.where(x < 0.01, DROP, 0.0), "bilateral")
     assert inner == pytest.approx(DROP * np.sqrt(np.pi * 0.02) / 3, rel=5e-3)
