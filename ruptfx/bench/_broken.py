@@ -18,7 +18,7 @@ from ruptfx.recording.crack_files import events, facets_of
 from ruptfx.recording.edge_sums import EdgeSums
 
 if TYPE_CHECKING:
-    from ruptfx.state import FaultState
+    from ruptfx.state import FaultState, State
 
 SAMPLES = 400  # of the forces
 
@@ -68,6 +68,18 @@ def rigid(case: Case, check_every: int = 2) -> Case:
         unresolved=given.unresolved, check_every=check_every,
     )  # fmt: skip
     return case.model_copy(update={"fracture": changed})
+
+
+def openings(model: Model, state: State) -> dict[str, float]:
+    """Mean opening beyond that of springs of every joint of a mesh [m]."""
+    cracks = model.cracks
+    assert cracks is not None
+    joint, length = (values[cracks.order] for values in (cracks.network.joint, cracks.network.length))
+    opened = state.cracks["inelastic_opening"].mean(axis=1)
+    return {
+        name: float(np.average(opened[joint == number], weights=length[joint == number]))
+        for number, name in enumerate(model.bodies.joints)
+    }
 
 
 def broken(case: Case, comm: fem.MPI.Comm | None = None) -> Broken:

@@ -10,10 +10,16 @@ waves that the crack sends out are plane, so that its opening follows the equati
     delta = (2 E strain_rate / (rho c)) tau^2 (exp(t / tau) - 1 - t / tau);
 
 other laws are integrated (SciPy, tolerance 1e-10). Ends are so far that their waves come too late.
+
+Three ways: an interface that cohesion holds, between elements of order 2; a joint of a mesh of triangles whose facets
+are rigid until their strength; the same with springs of alpha = 100 between all cells, compensated. Bodies of facets
+are pulled at that rate from rest, so that springs are drawn out with the body.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +29,7 @@ from scipy.interpolate import CubicSpline
 
 from ruptfx import Table
 from ruptfx.bench import Check, Outcome
+from ruptfx.bench._broken import openings, rigid
 from ruptfx.case import Case
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.model import Model
@@ -35,8 +42,10 @@ if TYPE_CHECKING:
 YOUNG, DENSITY, STRAIN_RATE = 50e9, 2600.0, 50.0
 BOND: Table = {"f_t": 4e6, "c": 8e6, "G_Ic": 2.0, "G_IIc": 8.0}
 SPEED = np.sqrt(YOUNG / DENSITY)
-PARTS = (0.2, 0.5, 0.8)  # of the opening at failure
+PARTS = (0.2, 0.5, 0.8, 1.0)  # of the opening at failure
 LENGTH = 5e-3  # of either half
+WIDTH = 2e-3  # of the bar of triangles
+AT_REST = BOND["f_t"] / (YOUNG * STRAIN_RATE)  # s, before the stress is f_t
 SOURCE = "wave equation; cf. Drugan (2001)"
 
 
@@ -69,66 +78,102 @@ def linear() -> np.ndarray:
     return np.interp(np.array(PARTS) * end, opening, time)
 
 
-def opened(kind: str, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and openings [m] of a bar with elements of that size."""
-    law = law_of(kind)
-    ends = {"upper.top": LENGTH, "lower.bottom": -LENGTH}
-    case = Case.model_validate({
+STIFF: Table = {"kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.0, "density": DENSITY}
+
+
+def pulled(ends: dict[str, float]) -> list[Table]:
+    """Edges by their places, at the steady rate."""
+    return [{"kind": "driven", "edge": edge, "component": "y", "velocity": STRAIN_RATE * y} for edge, y in ends.items()]
+
+
+def interface(kind: str, size: float) -> Case:
+    """A bar that begins at f_t, with elements of that size."""
+    return Case.model_validate({
         "plane": "strain", "order": 2, "duration": 2.2e-6,
         "mesh": {"kind": "two_plates", "length": size, "height": LENGTH, "element_size": size},
-        "materials": {"default": {
-            "kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.0, "density": DENSITY,
-        }},
+        "materials": {"default": STIFF},
         "faults": {"main": {
             "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 0.5},
             "cohesion": {"kind": kind, **BOND}, "initial_stress": {"tensor": [0.0, BOND["f_t"], 0.0]},
         }},
-        "boundaries": [
-            {"kind": "driven", "edge": edge, "component": "y", "velocity": STRAIN_RATE * y} for edge, y in ends.items()
-        ],
+        "boundaries": pulled({"upper.top": LENGTH, "lower.bottom": -LENGTH}),
     })  # fmt: skip
+
+
+def triangles(kind: str, size: float) -> Case:
+    """A bar that begins at rest, with springs between all cells."""
+    never = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
+    rubs = {"kind": "coulomb", "mu_d": 0.5}
+    return Case.model_validate({
+        "plane": "strain", "order": 1, "duration": 2.2e-6 + AT_REST,
+        "mesh": {
+            "kind": "specimen", "shape": {"kind": "rectangle", "width": WIDTH, "height": 2 * LENGTH},
+            "element_size": size, "joints": {"plane": [-0.5 * WIDTH, 0.0, 0.5 * WIDTH, 0.0]},
+        },
+        "materials": {"default": STIFF},
+        "fracture": {
+            "kind": "everywhere", "stiffness_ratio": 100.0, "default": {"cohesion": never, "friction": rubs},
+            "joints": {"plane": {"cohesion": {"kind": kind, **BOND}, "friction": rubs}},
+        },
+        "boundaries": pulled({"specimen.top": LENGTH, "specimen.bottom": -LENGTH}),
+    })  # fmt: skip
+
+
+def opened(case: Case, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times since the stress was f_t [s] and openings [m], to an opening."""
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     state.velocity.reshape(-1, 2)[:, 1] = STRAIN_RATE * model.coordinates[:, 1]
+    begun = AT_REST if case.fracture is not None else 0.0
     time, opening = [], []
     while state.time < case.duration:
         motion.step(state)
-        time.append(state.fault_time)
-        opening.append(float(state.faults["main"]["opening"].mean()))
-        if opening[-1] > law.opening_at_failure:
+        now = state.faults["main"]["opening"].mean() if not begun else openings(model, state)["plane"]
+        time.append(state.fault_time - begun)
+        opening.append(float(now))
+        if opening[-1] > end:
             break
     return np.array(time), np.array(opening)
 
 
+Way = tuple[Callable[[str, float], Case], list[float], float]
+WAYS: dict[str, Way] = {
+    "interface": (interface, [2.5e-3, 0.5e-3, 0.25e-3, 0.125e-3], 5e-3),
+    "rigid facets": (lambda *of: rigid(triangles(*of), check_every=1), [1e-3, 0.5e-3, 0.25e-3, 0.125e-3], 5e-3),
+    "springs": (triangles, [1e-3, 0.5e-3, 0.25e-3, 0.125e-3], 1.5e-2),
+}  # fmt: skip
+"""Case by law and size, sizes [m], of which the last is fine, and the aim at the second."""
+
+
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
-    sizes = [2.5e-3, 0.5e-3, 0.25e-3, *([0.125e-3] if fine else [])]
     checks, curves = [], []
     known = exact("linear")
     checks.append(Check("times of linear softening, integrated", 0.0, float(np.max(np.abs(known / linear() - 1))), 1e-6,
                         "1", "closed form"))  # fmt: skip
-    for kind in ("linear", "munjiza"):
-        known, errors = exact(kind), []
-        for size in sizes:
-            time, opening = opened(kind, size)
-            end = law_of(kind).opening_at_failure
+    for (way, (case, sizes, aim)), kind in product(WAYS.items(), ("linear", "munjiza")):
+        known, end, errors = exact(kind), law_of(kind).opening_at_failure, []
+        for size in sizes[: None if fine else 3]:
+            time, opening = opened(case(kind, size), end)
             begun = opening > 0.01 * end
             reached = CubicSpline(opening[begun], time[begun])(np.array(PARTS) * end)
             errors.append(float(np.max(np.abs(reached / known - 1))))
-        checks.append(Check(f"{kind}: error of times at elements of 0.5 mm", 0.0, errors[1], 5e-3, "1", SOURCE))
-        order = float(np.log(errors[0] / errors[-1]) / np.log(sizes[0] / sizes[-1]))
-        checks.append(Check(f"{kind}: order", 1.7, order, 0.0, "1", "leapfrog", "at least"))
-        curves.append((kind, time, opening / end, known))
+        checks.append(Check(f"{way}, {kind}: error of times at elements of 0.5 mm", 0.0, errors[1], aim, "1", SOURCE))
+        if way != "springs":
+            order = float(np.log(errors[0] / errors[-1]) / np.log(sizes[0] / size))
+            checks.append(Check(f"{way}, {kind}: order", 1.7, order, 0.0, "1", "leapfrog", "at least"))
+        if kind == "linear":
+            curves.append((way, time, opening / end))
     return Outcome(checks, lambda: _draw(curves))
 
 
-def _draw(curves: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Figure:
+def _draw(curves: list[tuple[str, np.ndarray, np.ndarray]]) -> Figure:
     from ruptfx.figure_style import new_figure
 
     figure, ((ax,),) = new_figure(1, 1, 3.0, 5)
-    for number, (kind, time, opening, known) in enumerate(curves):
-        ax.plot(1e6 * time, opening, f"C{number}", lw=1, label=kind)
-        ax.plot(1e6 * known, PARTS, f"C{number}o", mfc="none")
-    ax.set(xlabel="Time (µs)", ylabel="opening / opening at failure")
+    for number, (way, time, opening) in enumerate(curves):
+        ax.plot(1e6 * time, opening, f"C{number}{('-', '--', ':')[number]}", lw=1 + 0.5 * number, label=way)
+    ax.plot(1e6 * exact("linear"), PARTS, "ko", mfc="none", label="wave equation")
+    ax.set(xlabel="Time (µs)", ylabel="opening / opening at failure", xlim=(0, None), ylim=(0, 1.05))
     ax.legend(frameon=False)
     return figure

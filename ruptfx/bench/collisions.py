@@ -141,7 +141,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     for name, angle, gaps in (("head-on", 0.0, GAPS), ("oblique", 25.0, (5e-4,))):
         momentum, lost, missing = np.max([collide(angle, gap) for gap in gaps], axis=0).tolist()
         checks += [
-            Check(f"{name}: change of momentum and angular momentum", 0.0, momentum, 1e-10, "1", "exact"),
+            Check(f"{name}: change of momentum and angular momentum", 0.0, momentum, 1e-12, "1", "exact"),
             Check(f"{name}: energy lost in the collision", 0.0, lost, 1e-3, "1", "elastic"),
             Check(f"{name}: energy missing in the budget", 0.0, missing, 1e-5, "1", "Biot strain in finite steps"),
         ]

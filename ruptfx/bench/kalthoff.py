@@ -1,9 +1,10 @@
 """A crack leaves a notch under an edge impact at some 70 degrees: the plate of Kalthoff and Winkler (1988).
 
 The demo, and the same with facets that are rigid until their strength; fine, the median of three meshes. The path is a
-line through the middles of failed facets at y = 27 to 70 mm, weighted with their lengths. The band is that of the
-experiment, about 70 degrees, and of published computations. On coarser cells the path is a matter of the mesh: with
-springs 56, 65 and 56 degrees on cells of 1.8, 2 and 2.2 mm, 63 on 1.6 mm.
+line through the middles of failed facets at y = 27 to 70 mm, weighted with their lengths. One mesh is to be within 56
+to 75 degrees, the median of three within 60 to 72, the band of the experiment, about 70, and of published computations.
+On coarser cells the path is a matter of the mesh: with springs 56, 65 and 56 degrees on cells of 1.8, 2 and 2.2 mm, 63
+on 1.6 mm.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 def _checks(kind: str, found: list[Broken]) -> list[Check]:
     angle = float(np.median([_angle(each) for each in found]))
     first = float(np.median([each.events["time_of_failure"][0] for each in found]))
+    expected, within = (65.5, 9.5) if len(found) == 1 else (66.0, 6.0)
     return [
         Check(f"{kind}: first failure", 24.5e-6, first, 4.5e-6, "s", "other codes"),
-        Check(f"{kind}: angle of the path to the notch", 65.5, angle, 9.5, "degree", SOURCE),
+        Check(f"{kind}: angle of the path to the notch", expected, angle, within, "degree", SOURCE),
         max((each.budget() for each in found), key=lambda check: check.found),
     ]
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import rigid
+from ruptfx.bench._broken import openings, rigid
 from ruptfx.case import Case
 from ruptfx.model import Model
 
@@ -141,16 +141,10 @@ def spalled(case: Case) -> Spalled:
             energy = motion.energies(state)
             lost.append(energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work"))
             work = max(work, abs(energy["boundary_work"]))
-    cracks = model.cracks
-    assert cracks is not None
-    net, openings = cracks.network, np.zeros(PLANES)
-    for name, number in zip(model.bodies.joints, range(PLANES), strict=True):
-        facets = net.joint[cracks.order] == number
-        weight = net.length[cracks.order][facets]
-        mean = state.cracks["inelastic_opening"][facets].mean(axis=1)
-        openings[int(name.removeprefix("plane")) - 1] = weight @ mean / weight.sum()
+    opened = openings(model, state)
     scab = float(velocity[beyond] @ mass[beyond] / mass[beyond].sum())
-    return Spalled(np.array(times), np.array(velocities), openings, scab, float(np.max(np.abs(lost))) / work)
+    found = np.array([opened[f"plane{i + 1}"] for i in range(PLANES)])
+    return Spalled(np.array(times), np.array(velocities), found, scab, float(np.max(np.abs(lost))) / work)
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from crack_cases import NEVER, RUBS, WEAK, case
 from pydantic import TypeAdapter
+from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
 from ruptfx import fem
 from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.cracks._step import ENDS
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
 from ruptfx.recording.edge_sums import EdgeSums
@@ -105,6 +107,74 @@ def test_slip_under_pressure_takes_friction_besides() -> None:
     assert facet.taken("fracture") == pytest.approx(law.G_IIc, rel=1e-6)
     slip = facet.state.cracks["slip"][0, 0]
     assert facet.taken("frictional_dissipation") == pytest.approx(3e6 * slip, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in COHESION if kind != "benzeggagh_kenane"])
+@pytest.mark.parametrize("angle", [20, 45, 70])
+def test_proportional_jumps_take_parts_of_both_energies(kind: str, angle: float) -> None:
+    """Along w = D cos(angle) w_I, s = D sin(angle) s_II the work is cos(angle) G_Ic + sin(angle) G_IIc.
+
+    The jump is that and what the spring has at the strength which is left, from the peak of both modes at once.
+    """
+    law = law_of(kind)
+    facet, cos, sin = Facet(law), np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    damage = np.concatenate([np.zeros(1000), np.linspace(0, 1, 9 * 500 + 1)])  # the kink of the bilinear law is at 2/9
+    held = np.concatenate([np.linspace(0, 1, 1000), law.left(damage[1000:])]) / facet.stiffness
+    openings, slips = damage * cos * law.opening_at_failure, damage * sin * law.slip_at_failure
+    facet.follow(openings + law.f_t * held, slips + law.c * held)
+    assert np.all(facet.state.cracks["damage"] > 1 - 1e-9) and facet.stored() < 1e-9 * law.G_Ic
+    expected = cos * law.G_Ic + sin * law.G_IIc
+    assert facet.taken("fracture") == pytest.approx(expected, rel=1e-6)
+    assert facet.work / facet.length == pytest.approx(expected, rel=1e-6)
+
+
+def answer(law: CohesiveLaw, stiffness: float, mu: float, opening: float, slip: float, old: dict[str, float]) -> Any:
+    """The law of an end with a spring, as `docs/explanation/cracks.md` has it: tractions and new state."""
+
+    def at(damage: float) -> dict[str, float]:
+        left = float(law.left(np.array(damage))) if damage < 1 else 0.0
+        loading = opening - law.f_t * left / stiffness
+        peak = stiffness * old["largest"]
+        secant = opening * peak / (peak + law.f_t * left) if left > 0 else 0.0
+        inelastic = max(loading, secant) if opening > 0 else 0.0
+        trial = stiffness * (slip - old["slip"])
+        shear = np.clip(trial, *(np.array([-1, 1]) * (law.c * left + mu * stiffness * max(-opening, 0.0))))
+        new = {"inelastic": inelastic, "largest": max(old["largest"], inelastic),
+               "slip": old["slip"] + (trial - shear) / stiffness,
+               "cohesive": old["cohesive"] + abs(trial - shear) / stiffness}  # fmt: skip
+        wanted = float(law.damage(np.array(new["largest"]), np.array(new["cohesive"])))
+        return new | {"normal": stiffness * (opening - inelastic), "shear": float(shear), "rest": wanted - damage}
+
+    before = old["damage"]
+    if before >= 1 or at(before)["rest"] <= 0:
+        damage = before
+    elif at(1.0)["rest"] >= 0:
+        damage = 1.0
+    else:
+        damage = brentq(lambda d: at(d)["rest"], before, 1.0, xtol=1e-16, rtol=1e-15)
+    new = at(damage)
+    if before >= 1:
+        new |= {"largest": old["largest"], "cohesive": old["cohesive"]}
+    return new | {"damage": damage}
+
+
+@pytest.mark.parametrize("kind", COHESION)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_compiled_step_is_the_law(kind: str, seed: int) -> None:
+    """Along a random path of all modes, against the law in scalars and the root finder of SciPy."""
+    law, random = law_of(kind), np.random.default_rng(seed)
+    facet, state = Facet(law), dict.fromkeys(("damage", "largest", "slip", "cohesive"), 0.0)
+    scale = np.array([law.opening_at_failure, law.slip_at_failure])
+    way = np.cumsum(random.normal(size=(60, 2)) * [0.1, 0.05], axis=0) * scale
+    names = {"normal_traction": "normal", "shear_traction": "shear", "damage": "damage", "slip": "slip",
+             "inelastic_opening": "inelastic", "largest_opening": "largest", "cohesive_slip": "cohesive"}  # fmt: skip
+    size = {"Pa": law.c + facet.stiffness * np.abs(way).max(), "m": np.abs(way).max(), "1": 1.0}
+    for opening, slip in way:
+        facet.jump(opening, slip)
+        state = answer(law, facet.stiffness, 0.6, opening, slip, state)
+        for name, mine in names.items():
+            assert facet.state.cracks[name][0] == pytest.approx(state[mine], abs=1e-12 * size[ENDS[name][0]]), name
+    assert state["damage"] > 0 and state["slip"] != 0 and state["largest"] > 0
 
 
 @pytest.mark.parametrize("kind", COHESION)

@@ -200,13 +200,21 @@ def test_a_star_falls_apart_with_its_second_cut() -> None:
     assert pieces_at(model, (1e-3, 0.0)) == 1
 
 
+IRREGULAR = {"kind": "specimen", "shape": {"kind": "rectangle", "width": 8e-3, "height": 8e-3}, "element_size": 1e-3}
+
+
+@pytest.mark.parametrize("mesh", [{}, {"mesh": IRREGULAR}], ids=["squares", "irregular"])
 @pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.8, 1.0])
-def test_pieces_are_what_tied_facets_connect(part: float) -> None:
-    """Any facets inserted, against the components of a graph of corners."""
+def test_pieces_are_what_tied_facets_connect(part: float, mesh: dict[str, Any]) -> None:
+    """Any facets inserted, at stars of four to eight facets, against the components of a graph of corners."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    model = rigid({})
+    if mesh:
+        pytest.importorskip("gmsh")
+    model = rigid(mesh)
+    around = np.bincount(model.cracks.network.vertices.ravel())
+    assert set(np.unique(around)) >= ({5, 6, 7} if mesh else {4, 8})
     cracks, rng = model.cracks, np.random.default_rng(int(10 * part))
     inserted = rng.random(len(cracks.order)) < part
     leader = parted(model, np.flatnonzero(inserted)).astype(int)
