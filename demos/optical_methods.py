@@ -48,6 +48,17 @@ shear = 1e-6 * max_shear(record, PIXEL).sel(time=SHOWN, method="nearest")
 area = contact_light(record, hardness=0.6e9, growth=0.05, cutoff=1e-6)
 
 
+def name_levels(ax, lines):
+    """Labels on the longest line of every level, away from the edges of the plates and from each other."""
+    places = []
+    for number, level in enumerate(lines.allsegs):
+        line = max(level, key=len, default=np.zeros((0, 2)))
+        room = line[(line[:, 0] > 4) & (line[:, 1] > 7) & (line[:, 1] < 32)]
+        if len(room):
+            places.append(room[np.argmin(abs(room[:, 1] - (12, 27, 19)[number % 3]))])
+    ax.clabel(lines, fmt="%g", fontsize=6, manual=places)
+
+
 @styled
 def picture():
     """All of it at the time, and the contact light in space and time."""
@@ -60,11 +71,11 @@ def picture():
             1e3 * orders.x, 1e3 * orders.y, orders, np.arange(0.5, float(orders.max()), 0.5), colors="#1769aa",
             linewidths=0.6,
         )  # fmt: skip
-        ax.clabel(lines, fmt="%g", fontsize=6)
+        name_levels(ax, lines)
     *optics, stress, light = axes.ravel()
     levels = np.arange(0.25, 4.0, 0.5)  # not the 3 MPa of the initial stress
     lines = stress.contour(1e3 * shear.x, 1e3 * shear.y, shear, levels, cmap="viridis", linewidths=0.8)
-    stress.clabel(lines, fmt="%g", fontsize=6)
+    name_levels(stress, lines)
     stress.set_title("largest shear (MPa)", loc="right")
     for ax in (*optics, stress):
         ax.axhline(0, color="#d9480f", lw=0.5)

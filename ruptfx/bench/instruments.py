@@ -56,6 +56,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     with TemporaryDirectory() as folder:
         checks = _pressed(Path(folder) / "pressed")
+        checks += _bent(Path(folder) / "bent")
         disc, line = _disc(Path(folder) / "disc", 0.25e-3 if fine else 0.5e-3)
         wave, traces = _wave(Path(folder) / "wave", 0.5e-3 if fine else 1e-3)
     correlated, hidden = _correlation()
@@ -127,6 +128,46 @@ def _pressed(folder: Path) -> list[Check]:
         Check("pressed plates: rosette, largest error over the strain", 0.0, strain, 1e-4, "1", EXACT),
         Check("pressed plates: contact light, largest error", 0.0,
               float(abs(area / ((PRESSURE + 1e3) / HARDNESS) - 1).max()), 1e-4, "1", EXACT),
+    ]  # fmt: skip
+
+
+def _bent(folder: Path) -> list[Check]:
+    """A beam under moments at its ends, which tractions on every row of elements make: sigma_xx = M y / I.
+
+    How they are spread over the ends is forgotten within its height.
+    """
+    length, height, size = 40e-3, 5e-3, 1e-3
+    rows = (np.arange(-5, 5) + 0.5) * size
+    pull = PRESSURE * rows / height
+    inertia = 2 * height**3 / 3  # per thickness
+    slope = float(np.sum(pull * rows * size)) / inertia
+    held = {"kind": "driven", "velocity": 0.0, "x_range": [0.5 * length - 0.1 * size, 0.5 * length + 0.1 * size]}
+    case = plates({
+        "duration": 1.0, "order": 2, "stepper": {"kind": "quasi_static", "first_step": 0.5, "largest_step": 0.5},
+        "mesh": {"kind": "two_plates", "length": length, "height": height, "element_size": size},
+        "boundaries": [
+            *({"kind": "traction", "edge": f"{'upper' if y > 0 else 'lower'}.{side}", "traction": [sign * part, 0.0],
+               "y_range": [y - 0.4 * size, y + 0.4 * size], "ramp": 1.0}
+              for y, part in zip(rows, pull, strict=True) for side, sign in (("left", -1.0), ("right", 1.0))),
+            # For reasons of symmetry nothing acts there along x.
+            {**held, "edge": "lower.bottom", "component": "x"}, {**held, "edge": "upper.top", "component": "x"},
+            {**held, "edge": "lower.bottom", "component": "y"},
+        ],
+        "output": {"figures": False, "bulk_interval": 0.5, "interface_interval": 0.5, "plate_thickness": THICK},
+    })  # fmt: skip
+    with kept(case, folder) as record:
+        orders = fringe_orders(record, 0.25e-3).isel(time=-1)
+        light = Camera(4.0, 1e-3, 0.25e-3).film(record, fringe_constant=8 * FRINGE).isel(time=-1)
+    middle = {"x": slice(0.4 * length, 0.6 * length)}
+    order = THICK * abs(slope * orders.y + 1e3) / FRINGE  # with the pressure on the interface
+    flat = order.max() / 8 * (float(light.time) + 0.5e-3)
+    dark = np.sin(np.pi * flat * order / order.max()) ** 2
+    along = orders.sel(middle).mean("x")
+    return [
+        Check("bent beam: fringe order over its height, largest error over the largest", 0.0,
+              float(abs(along - order).max() / order.max()), 5e-3, "1", "M y / I"),
+        Check("bent beam: dark field, largest error of the light", 0.0,
+              float(abs(light.sel(middle).mean("x") - dark).max()), 5e-3, "1", "M y / I"),
     ]  # fmt: skip
 
 
