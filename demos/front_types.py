@@ -16,7 +16,7 @@ import numpy as np
 
 from ruptfx import read_case, simulate
 from ruptfx.analysis.front import local_speed
-from ruptfx.figure_style import GUIDE, new_figure, remark, styled
+from ruptfx.figure_style import GUIDE, letter, new_figure, remark, styled
 
 CASE = Path(__file__).with_name("front_types.toml")
 EVEN = (1.6e6, 1.65e6, 1.7e6, 1.75e6, 1.8e6, 1.9e6, 2.0e6, 2.15e6)  # shear stress under 5 MPa [Pa]
@@ -71,10 +71,11 @@ def picture():
         for ax in axes:
             ax.axhline(attrs[name], color=GUIDE, ls="--", lw=0.7)
         axes[1].annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va="center")
-    axes[0].set(xlabel="Position (mm)", ylabel="Speed of the front (m/s)", ylim=(0, 1800))
-    axes[1].set(xlabel="Shear over normal stress where it passes", ylim=(0, 1800))
+    axes[0].set(xlabel="Position (mm)", ylabel="Speed of the front (m/s)", ylim=(0, 2000))
+    axes[1].set(xlabel="Shear over normal stress where it passes", ylim=(0, 2000))
     axes[0].legend(title="ratio, even load", ncols=2)
-    axes[1].legend(loc="upper left")
+    axes[1].legend(loc="upper left", borderaxespad=0.3)
+    letter(axes)
     remark(figure, f"Speeds over {WIDTH * 1e3:.0f} mm. Static friction 0.5, 0.55 or 0.6 at random in cells of 5 mm.")
     return figure
 

@@ -74,7 +74,7 @@ def picture():
     for name, label in (("c_R", "$c_R$"), ("c_s", "$c_s$"), ("c_p", "$c_l$")):
         left.axhline(attrs[name], color=GUIDE, ls="--", lw=0.7)
         left.annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va="center")
-    left.set(xlabel="Shear over normal stress before the front", ylabel="Speed of the front (m/s)", ylim=(0, 2000))
+    left.set(xlabel="Shear over normal stress before the front", ylabel="Speed of the front (m/s)", ylim=(0, 2700))
     left.legend(loc="upper left")
     for number, data in enumerate(springs):
         until = int(data.event_large.values.argmax()) + 1
