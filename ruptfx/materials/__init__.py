@@ -107,6 +107,7 @@ class Material(Alternative):
 
 if TYPE_CHECKING:
     from ruptfx.fem import Expr
+
     AnyMaterial = Material
 else:
     AnyMaterial = alternative("ruptfx.materials")
