@@ -102,3 +102,4 @@ class Held:
 def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
     """Energy that open points would give back if they closed, T w / 2 [J/m2], shape (n,)."""
     return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
+

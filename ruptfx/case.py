@@ -92,10 +92,7 @@ class Output(Part):
     bulk_interval: Duration | None = None
     """Time between snapshots of the bodies; duration / 6 without it."""
     bulk_fields: Annotated[list[Literal["velocity", "displacement", "stress", "fringe"]], Field(min_length=1)] = [
-        "velocity",
-        "displacement",
-        "stress",
-        "fringe",
+        "velocity", "displacement", "stress", "fringe"
     ]
     """What snapshots hold; `fringe` is sigma_1 - sigma_2 in the plane of x and y."""
     bulk_precision: Literal["double", "single"] = "double"
@@ -290,7 +287,7 @@ class Case(CaseFile):
         if self.faults:
             raise ValueError(
                 f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
-                'one of them out, or make the interface a contact of two bodies, [fracture.pairs."BODY-OTHER"]'
+                "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
             )
         if self.fracture is not None and self.fracture.rigid:
             kind = self.fracture.kind()
@@ -307,9 +304,8 @@ class Case(CaseFile):
                     "true before the first table"
                 )
             if self.fracture.kind() != "everywhere":
-                raise ValueError(
-                    f"collisions: fracture.kind = '{self.fracture.kind()}' has no springs to go by; use 'everywhere'"
-                )
+                raise ValueError(f"collisions: fracture.kind = '{self.fracture.kind()}' has no springs to go by; use "
+                                 "'everywhere'")
         if self.fracture is None:
             if self.initial_velocity:
                 raise ValueError(
@@ -324,7 +320,7 @@ class Case(CaseFile):
         if self.faults:
             raise ValueError(
                 f"faults.{next(iter(self.faults))}: bodies that break have no interfaces of their own yet; make the "
-                'interface a contact of two bodies, [fracture.pairs."BODY-OTHER"] without cohesion'
+                "interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"] without cohesion"
             )
         if self.stepper.kind() != "leapfrog":
             kind = self.stepper.kind()

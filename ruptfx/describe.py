@@ -54,12 +54,7 @@ TABLES: dict[str, dict[str, type[Part]]] = {
     "stop_when": {"stop_when": StopWhen},
     "damping": {"damping": Damping, "damping.kelvin_voigt": KelvinVoigt},
     "study": {
-        "study": Study,
-        "axes": Axis,
-        "refine": Refine,
-        "marks": Mark,
-        "search": Search,
-        "search.goals": Goal,
+        "study": Study, "axes": Axis, "refine": Refine, "marks": Mark, "search": Search, "search.goals": Goal,
     },
 }
 """Tables of a case or a study that have no kind, by what asks for them and by their own keys."""

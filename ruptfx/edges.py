@@ -51,7 +51,9 @@ class Edge:
         """Local nodes."""
         if self.model.layout.broken:
             return self._corners()
-        return fem.dolfinx.fem.locate_dofs_topological(self.model.space, self.model.mesh.topology.dim - 1, self.facets)
+        return fem.dolfinx.fem.locate_dofs_topological(
+            self.model.space, self.model.mesh.topology.dim - 1, self.facets
+        )
 
     def _corners(self) -> np.ndarray:
         """Local nodes of cells with nodes of their own: the owner of a cell tells the others; collective."""
@@ -149,12 +151,10 @@ class Edge:
                 "of an anisotropic material, along an axis"
             )
         dim = model.mesh.geometry.dim
-        diagonal = np.array(
-            [
-                np.diagonal(material.impedance(np.eye(dim), model.case.plane), axis1=1, axis2=2)
-                for material in model.materials
-            ]
-        )  # by body, axis of the normal and component
+        diagonal = np.array([
+            np.diagonal(material.impedance(np.eye(dim), model.case.plane), axis1=1, axis2=2)
+            for material in model.materials
+        ])  # by body, axis of the normal and component
         return self.integral(lambda tests, n: sum(
             model.by_cell(diagonal[model.bodies.cell_body, axis, i]) * n[axis] ** 2 * tests[i]
             for axis in range(dim) for i in range(model.components)

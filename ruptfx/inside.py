@@ -42,7 +42,9 @@ class Inside:
         On all ranks: a point outside of the bodies, or on a side of several.
     """
 
-    def __init__(self, model: Model, point: Sequence[float], body: str | None, key: str, field: str = "point") -> None:
+    def __init__(
+        self, model: Model, point: Sequence[float], body: str | None, key: str, field: str = "point"
+    ) -> None:
         self.model = model
         names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:

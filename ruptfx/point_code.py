@@ -148,7 +148,9 @@ class PointCode:
             opening_jump=opening, slip_jump=each("points->jump[NORMAL + {}][l]"), slip=each("OLD(slip + {})"),
             since=symbol("since"), dt=symbol("dt"), **known,
         ))  # fmt: skip
-        taken: Array = record(self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate")))
+        taken: Array = record(
+            self._contact.dissipated, *map(symbol, ("traction_old", "traction", "rate_old", "rate"))
+        )
         at = Moment(**{field.name: symbol(field.name) for field in fields(Moment)})
         formulas = {
             "TRIAL": {

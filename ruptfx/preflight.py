@@ -108,12 +108,8 @@ def preflight(case: Case) -> Iterator[Row]:
     if model.cracks is not None:
         yield from _crack_rows(model, model.cracks, motion.dt)
     if model.collisions is not None:
-        yield Row(
-            "collisions: cells that may meet",
-            model.collisions.cells(),
-            "",
-            f"of {model.mesh.topology.index_map(2).size_global}, at the start; every facet that fails adds two",
-        )
+        yield Row("collisions: cells that may meet", model.collisions.cells(), "",
+                  f"of {model.mesh.topology.index_map(2).size_global}, at the start; every facet that fails adds two")
     yield from (_doubtful(doubt) for doubt in doubts(model))
     yield from _cost(model, motion, steps, started, built)
 
@@ -425,10 +421,8 @@ def _sliding_rows(
     ratio = sides[0].spacing / sides[1].spacing
     coarse = "; the finer side had better carry the points: swap plus and minus" if ratio > COARSER else ""
     if ratio < 1 / FAR_COARSER:
-        coarse = (
-            f"; the facing side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not "
-            "resolved, refine it"
-        )
+        coarse = f"; the facing side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not " \
+                 "resolved, refine it"
     spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
     chord = sides[0].points[-1] - sides[0].points[0]

@@ -177,6 +177,7 @@ class Sensed:
             found.append((label, shares, offset))
         return found
 
+
     def _initial_force(self, edge: Edge) -> np.ndarray:
         """Nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
         c, stresses = self.model.components, self._initial_stress(self.model.coordinates)

@@ -43,13 +43,8 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @overload
 def simulate(
-    case: Case,
-    out: str | Path = "run",
-    comm: fem.MPI.Comm | None = None,
-    progress: bool = True,
-    resume: bool = False,
-    complete: Callable[[], None] = lambda: None,
-    overwrite: bool = False,
+    case: Case, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True, resume: bool = False,
+    complete: Callable[[], None] = lambda: None, overwrite: bool = False,
 ) -> Record: ...
 
 
@@ -131,7 +126,9 @@ def simulate(
     return Record(out)
 
 
-def _run(model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float) -> None:
+def _run(
+    model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float
+) -> None:
     """The time loop, in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):

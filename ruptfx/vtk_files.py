@@ -73,7 +73,9 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
         else:
             cells, kind_of_cell = np.arange(count)[:, None], VERTEX
         still = {str(key): field.values for key, field in data.data_vars.items() if field.dims == ("position",)}
-        moments = ((float(time), {**_moving(data, number), **still}) for number, time in enumerate(data["time"].values))
+        moments = (
+            (float(time), {**_moving(data, number), **still}) for number, time in enumerate(data["time"].values)
+        )
         _write(path, _three(along), cells, kind_of_cell, {}, moments)
         yield path
 

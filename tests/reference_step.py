@@ -133,15 +133,7 @@ def settle(
     if fault.cohesion is not None:
         closed |= held(fault, old, jump, trial, clock).intact
     at = Moment(
-        time,
-        since,
-        speed,
-        then,
-        done.normal_stress,
-        old["normal_stress"],
-        closed,
-        power,
-        duration,
+        time, since, speed, then, done.normal_stress, old["normal_stress"], closed, power, duration,
         fault.threshold_at(time, threshold),
     )
     new |= {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}

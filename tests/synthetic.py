@@ -17,15 +17,8 @@ C_P, C_S, C_R, V_IMP = 2200.0, 1255.0, 1155.0, 2.0
 LENGTH, DURATION = 0.1, 60e-6
 
 UNITS = {
-    "slip": "m",
-    "slip_rate": "m/s",
-    "displacement_jump": "m",
-    "shear_traction": "Pa",
-    "normal_stress": "Pa",
-    "opening": "m",
-    "theta": "s",
-    "peak_slip_rate": "m/s",
-    "rupture_time": "s",
+    "slip": "m", "slip_rate": "m/s", "displacement_jump": "m", "shear_traction": "Pa", "normal_stress": "Pa",
+    "opening": "m", "theta": "s", "peak_slip_rate": "m/s", "rupture_time": "s",
 }
 _GLL4 = np.array([0, 1 - np.sqrt(3 / 7), 1, 1 + np.sqrt(3 / 7)]) / 2
 
@@ -169,18 +162,9 @@ def _write_interface(
             "y": ("position", np.zeros_like(position), {"units": "m"}),
         },
         attrs={
-            "fault": "main",
-            "c_p": C_P,
-            "c_s": C_S,
-            "c_R": C_R,
-            "plane": plane,
-            "case_hash": "0" * 12,
-            "ruptfx_version": "0",
-            "dolfinx_version": "0",
-            "complete": int(complete),
-            "loaded_end": 0.0,
-            "V_imp": V_imp,
-            "rupture_threshold": 1e-3,
+            "fault": "main", "c_p": C_P, "c_s": C_S, "c_R": C_R, "plane": plane, "case_hash": "0" * 12,
+            "ruptfx_version": "0", "dolfinx_version": "0", "complete": int(complete), "loaded_end": 0.0,
+            "V_imp": V_imp, "rupture_threshold": 1e-3,
         },
     )
     for name in (*histories, *along):

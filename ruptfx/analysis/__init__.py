@@ -15,37 +15,18 @@ if TYPE_CHECKING:
     from ruptfx.record import Data, Files
 
 __all__ = [
-    "UNITS",
-    "UNITS_OF_FRACTURE",
-    "Modes",
-    "classify",
-    "modes_of",
-    "nucleation",
-    "rupture_origin",
-    "sliding_rate",
-    "summarise",
+    "UNITS", "UNITS_OF_FRACTURE", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
+    "sliding_rate", "summarise",
 ]
 
 UNITS_OF_FRACTURE = {
-    "first_peak_stress": "Pa",
-    "largest_stress": "Pa",
-    "elastic_modulus": "Pa",
-    "first_peak_time": "s",
+    "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
     "failed_length": "m",
 }
 UNITS = {
-    "tip_speed": "m/s",
-    "tip_speed_error": "m/s",
-    "peak_slip_rate": "m/s",
-    "fastest_trailing_speed": "m/s",
-    "max_slip": "m",
-    "max_opening": "m",
-    "reach": "m",
-    "pulse_width": "m",
-    "pulse_spacing": "m",
-    "first_sliding": "s",
-    "healing_time": "s",
-    **UNITS_OF_FRACTURE,
+    "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
+    "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
+    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE,
 }  # of the summary; everything else is a name or a pure number
 
 

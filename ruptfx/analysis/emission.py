@@ -99,9 +99,8 @@ def read_catalogue(path: str | Path) -> Catalogue:
             f"energy (J), and this file has {', '.join(names) or 'none'}"
         )
     try:
-        rows = [
-            [number(row[name], path, line) for name in wanted] for row, (line, _) in zip(reader, lines[1:], strict=True)
-        ]
+        rows = [[number(row[name], path, line) for name in wanted]
+                for row, (line, _) in zip(reader, lines[1:], strict=True)]
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     columns = np.array(sorted(rows), dtype=float).reshape(-1, len(wanted)).T
@@ -326,16 +325,10 @@ def _hessian(function: Callable[[Array], float], point: Array, step: float = 1e-
     """Second derivatives by central differences."""
     n = len(point)
     moves = np.eye(n) * step
-    return np.array(
-        [
-            [
-                sum(s * t * function(point + s * moves[i] + t * moves[j]) for s in (1, -1) for t in (1, -1))
-                / (4 * step**2)
-                for j in range(n)
-            ]
-            for i in range(n)
-        ]
-    )
+    return np.array([
+        [sum(s * t * function(point + s * moves[i] + t * moves[j]) for s in (1, -1) for t in (1, -1)) / (4 * step**2)
+         for j in range(n)] for i in range(n)
+    ])
 
 
 @dataclass(frozen=True)
@@ -414,9 +407,7 @@ class Estimates:
 
 
 def estimate(
-    found: Catalogue,
-    completeness: float | None = None,
-    distances: tuple[float, float] | None = None,
+    found: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
     failure_time: float | None = None,
 ) -> Estimates:
     """All that the catalogue allows.

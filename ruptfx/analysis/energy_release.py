@@ -187,7 +187,7 @@ def process_zone(fall: Breakdown, speed: float) -> float:
 
 
 def slides_like(duration: Array, left: Array) -> str:
-    """ "pulse" or "crack", by how long points slide.
+    """"pulse" or "crack", by how long points slide.
 
     Parameters
     ----------

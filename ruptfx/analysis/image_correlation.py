@@ -138,15 +138,8 @@ def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.
 
 
 def experiment(
-    record: Record,
-    row: int,
-    pixel: float,
-    subset: int = 21,
-    window: int | None = None,
-    noise: float = 2.0,
-    speckle_size: float = 4.0,
-    seed: int = 0,
-    since: int | None = None,
+    record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
+    speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
 ) -> xarray.Dataset:
     """What image correlation shows of a snapshot of a run, and what is true.
 

@@ -17,50 +17,25 @@ if TYPE_CHECKING:
 
 
 def events(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            help="Directory of a run whose bodies broke, or a CSV file with the columns time (s), x, y (m) and magnitude "
-            "or energy (J).",
-            show_default=False,
-        ),
-    ],
-    smallest: Annotated[
-        float | None,
-        typer.Option(
-            help="Smallest magnitude that counts; default: all of a catalogue, -10 of a run.", show_default=False
-        ),
-    ] = None,
-    completeness: Annotated[
-        float | None, typer.Option(help="Magnitude from which on all events were recorded; default: where most are.")
-    ] = None,
-    distances: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            help="Smallest and largest distance of the fractal dimension in m; default: of a catalogue a thirtieth and a "
-            "third of the narrower extent, of a run two cells and a third of the narrower side."
-        ),
-    ] = None,
-    failure_time: Annotated[
-        float | None,
-        typer.Option(
-            help="Time in s of the failure that events precede; default: of a run that of its first stress peak."
-        ),
-    ] = None,
-    link: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            help="Distance in m and speed in m/s: closer events within the time that the speed needs are one; default: of "
-            "a run three cells and half the slowest shear wave speed."
-        ),
-    ] = None,
-    table: Annotated[
-        bool, typer.Option("--csv", help="Also write all events of a run as events.csv beside its files.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="The figure; default: events.png, of a run that of its figures.", show_default=False),
-    ] = None,
+    source: Annotated[Path, typer.Argument(
+        help="Directory of a run whose bodies broke, or a CSV file with the columns time (s), x, y (m) and magnitude "
+             "or energy (J).", show_default=False)],
+    smallest: Annotated[float | None, typer.Option(
+        help="Smallest magnitude that counts; default: all of a catalogue, -10 of a run.", show_default=False)] = None,
+    completeness: Annotated[float | None, typer.Option(
+        help="Magnitude from which on all events were recorded; default: where most are.")] = None,
+    distances: Annotated[tuple[float, float] | None, typer.Option(
+        help="Smallest and largest distance of the fractal dimension in m; default: of a catalogue a thirtieth and a "
+             "third of the narrower extent, of a run two cells and a third of the narrower side.")] = None,
+    failure_time: Annotated[float | None, typer.Option(
+        help="Time in s of the failure that events precede; default: of a run that of its first stress peak.")] = None,
+    link: Annotated[tuple[float, float] | None, typer.Option(
+        help="Distance in m and speed in m/s: closer events within the time that the speed needs are one; default: of "
+             "a run three cells and half the slowest shear wave speed.")] = None,
+    table: Annotated[bool, typer.Option(
+        "--csv", help="Also write all events of a run as events.csv beside its files.")] = False,
+    out: Annotated[Path | None, typer.Option(
+        help="The figure; default: events.png, of a run that of its figures.", show_default=False)] = None,
 ) -> None:
     """b-value, fractal dimension and Omori exponent of acoustic emission, each with its error, and a figure.
 

@@ -28,8 +28,7 @@ def new(
     from_: Annotated[
         str,
         typer.Option(
-            "--from",
-            help="A demo: impact, antiplane, bimaterial, gmsh ...; a wrong name lists them.",
+            "--from", help="A demo: impact, antiplane, bimaterial, gmsh ...; a wrong name lists them.",
             autocompletion=completed_from(cases),
         ),
     ] = "impact",
@@ -56,3 +55,4 @@ def new(
         for file in files:
             shutil.copy(file, case.parent)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
+

@@ -177,7 +177,6 @@ def require(faults: Iterable[Fault], way: Way) -> None:
 
 if TYPE_CHECKING:
     from ruptfx.fault import Fault
-
     AnyContact = ContactMethod
 else:
     AnyContact = alternative("ruptfx.contact")

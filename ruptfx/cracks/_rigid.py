@@ -228,7 +228,9 @@ class RigidCracks(CrackStep):
         self._wait(cracks)
         return vertices
 
-    def hold(self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray) -> None:
+    def hold(
+        self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray
+    ) -> None:
         """Find the tractions of inserted facets, and the velocity after them.
 
         Parameters

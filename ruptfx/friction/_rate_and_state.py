@@ -55,7 +55,9 @@ class Creeping(FrictionLaw):
         """Initial state, where it is given."""
         raise NotImplementedError
 
-    def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
+    def initial_state(
+        self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray
+    ) -> LawState:
         given = self.given_state(normal_stress)
         if given is not None:
             return given

@@ -107,7 +107,6 @@ class Material(Alternative):
 
 if TYPE_CHECKING:
     from ruptfx.fem import Expr
-
     AnyMaterial = Material
 else:
     AnyMaterial = alternative("ruptfx.materials")

@@ -103,7 +103,9 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
     )  # fmt: skip
 
 
-def _that_slide(record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any) -> Film:
+def _that_slide(
+    record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any
+) -> Film:
     """The film of bodies that slide far: where they are at the time, not where they began."""
     bulk = record.bulk
     points, cells, times = bulk["points"].values, bulk["cells"].values, bulk["time"].values
@@ -241,11 +243,7 @@ def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]
 
 
 def save(
-    record: Record,
-    what: str,
-    path: Path,
-    rate: float = 12.0,
-    most: int = 200,
+    record: Record, what: str, path: Path, rate: float = 12.0, most: int = 200,
     told: Told = lambda part, text: None,
 ) -> int:
     """Write a movie; its format is that of the name.

@@ -76,26 +76,14 @@ class FusedOperator(Operator, Protocol):
         """Say which nodes steps leave to the caller, shape (nodes,); nodes known to other ranks in any case."""
 
     def step_boundary(
-        self,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        force: np.ndarray,
-        inverse_mass: np.ndarray,
-        dt: float,
-        decay: float = 1.0,
-        energy: np.ndarray | None = None,
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """First part of a step, as `MatrixFree.step`: the elements at nodes that other ranks know."""
 
     def step_interior(
-        self,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        force: np.ndarray,
-        inverse_mass: np.ndarray,
-        dt: float,
-        decay: float = 1.0,
-        energy: np.ndarray | None = None,
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """The rest of the step."""
 

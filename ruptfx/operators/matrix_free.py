@@ -135,14 +135,8 @@ class MatrixFree:
         self._hold("block", first.astype(np.int32))
 
     def step(
-        self,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        force: np.ndarray,
-        inverse_mass: np.ndarray,
-        dt: float,
-        decay: float = 1.0,
-        energy: np.ndarray | None = None,
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """Internal force of all elements, and one leapfrog step of every node that is not held.
 
@@ -171,14 +165,8 @@ class MatrixFree:
         return self.step_boundary(*arrays, dt, decay, energy) + self.step_interior(*arrays, dt, decay, energy)
 
     def step_boundary(
-        self,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        force: np.ndarray,
-        inverse_mass: np.ndarray,
-        dt: float,
-        decay: float = 1.0,
-        energy: np.ndarray | None = None,
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """First part of `step`: the elements at nodes that other ranks know; after it `force` is ready to send."""
         if not self._boundary_blocks:
@@ -187,14 +175,8 @@ class MatrixFree:
         return self._run(0, self._boundary_blocks, arrays, dt, decay, energy)
 
     def step_interior(
-        self,
-        displacement: np.ndarray,
-        velocity: np.ndarray,
-        force: np.ndarray,
-        inverse_mass: np.ndarray,
-        dt: float,
-        decay: float = 1.0,
-        energy: np.ndarray | None = None,
+        self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
     ) -> float:
         """The rest of `step`; neither reads nor writes the force of nodes that other ranks know."""
         arrays = displacement, velocity, force, inverse_mass
@@ -311,7 +293,9 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
     return np.where(place < np.repeat(length // lanes * lanes, length), place % lanes, -1)
 
 
-def _reference_cell(space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool, large: bool) -> tuple[np.ndarray, str]:
+def _reference_cell(
+    space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool, large: bool
+) -> tuple[np.ndarray, str]:
     """Tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim

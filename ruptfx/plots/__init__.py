@@ -54,9 +54,7 @@ def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, F
 
 
 def save_all(
-    record: Files,
-    directory: str | Path | None = None,
-    formats: Sequence[str] = ("png",),
+    record: Files, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
     only: Sequence[str] | None = None,
 ) -> list[Path]:
     """Draw and save every figure.

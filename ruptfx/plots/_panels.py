@@ -70,12 +70,12 @@ def panels(
                 slides = sliding(data, saved[row])
                 ax.plot(x[slides], y[slides], ".", color=marks, ms=2.2, mew=0, gid="sliding")
         ax.set_title(f"{saved[row] / t_size:.3g} {t_unit}", loc="right")
-    for ax in axes.ravel()[: len(rows)][-columns:]:
+    for ax in axes.ravel()[:len(rows)][-columns:]:
         ax.set_xlabel(f"x{moved} ({x_unit})")
         ax.tick_params(labelbottom=True)
     for ax in axes[:, 0]:
         ax.set_ylabel(f"y{moved} ({x_unit})")
-    for ax in axes.ravel()[len(rows) :]:
+    for ax in axes.ravel()[len(rows):]:
         ax.set_visible(False)
     figure.colorbar(
         shown, ax=axes.ravel().tolist(), label=label, location="bottom", shrink=0.4, aspect=30, extend=extend

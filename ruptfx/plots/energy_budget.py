@@ -10,16 +10,9 @@ from ruptfx.figure_style import MUTED, letter, new_figure, note, scale, styled
 from ruptfx.record import Files
 
 _COLOURS = {
-    "kinetic": "#0072b2",
-    "strain": "#009e73",
-    "interface_elastic": "#cc79a7",
-    "frictional_dissipation": "#d55e00",
-    "fracture": "#8b5a2b",
-    "damping": "#e69f00",
-    "impact": "#56b4e9",
-    "collisions": "#332288",
-    "collision_loss": "#999933",
-    "facing": "#7f7f7f",
+    "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
+    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "collisions": "#332288",
+    "collision_loss": "#999933", "facing": "#7f7f7f",
 }  # safe for colour-blind readers
 _ROUNDING = 100 * np.finfo(float).eps  # per cent: less cannot be told from nothing
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
@@ -54,15 +47,8 @@ def energy_budget(record: Files) -> Figure:
     axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
     axes[1].set(xlabel=f"Time ({t_unit})", ylabel="Unaccounted (% of boundary work)")
     axes[1].set_ylim(top=100 * max(10 * _TOLERANCE, 2 * missing.max(initial=0) / 100))
-    axes[1].annotate(
-        "tolerance",
-        (0.02, 100 * _TOLERANCE),
-        (0, -2),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        color=MUTED,
-        va="top",
-    )
+    axes[1].annotate("tolerance", (0.02, 100 * _TOLERANCE), (0, -2), xycoords=("axes fraction", "data"),
+                     textcoords="offset points", color=MUTED, va="top")
     for ax in axes:
         if len(time) < 2:
             note(ax, "fewer than two times were saved")

@@ -67,10 +67,8 @@ def forces(record: Files, window: float | None = None) -> Figure:
     letter(axes.ravel())
     size, unit = scale(window, "s")
     falls = f"falls by more than {100 * DROP:.0f} % of the median normal force"
-    told = (
-        f"Drops: {falls}, until it rises by a fifth of that; knees: bends of a broken line that follows within "
-        f"{100 * BEND:.0f} % of it."
-    )
+    told = f"Drops: {falls}, until it rises by a fifth of that; knees: bends of a broken line that follows within " \
+           f"{100 * BEND:.0f} % of it."
     if too_many:
         told = f"{len(found)} {falls} are too many to be marked: the bodies bounce, or what slides chatters."
     elif not found and not bends:

@@ -52,16 +52,8 @@ def front(record: Files) -> Figure:
     heights = spread(np.array([guide.speed for guide in speeds]) / top, ROOM)
     for (name, speed, style), height in zip(speeds, heights, strict=True):
         axes[1].axhline(speed / size, ls=style, color=GUIDE, lw=0.8)
-        axes[1].annotate(
-            name,
-            (1, height),
-            (3, 0),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            color=GUIDE,
-            va="center",
-            annotation_clip=False,
-        )
+        axes[1].annotate(name, (1, height), (3, 0), xycoords="axes fraction", textcoords="offset points",
+                         color=GUIDE, va="center", annotation_clip=False)
     if not np.isfinite(arrival).any():
         for ax in axes:
             note(ax, "no sliding")

@@ -57,11 +57,8 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
     position, sign = data["position"].values, direction(record)
     x_size, x_unit = scale(np.ptp(position), "m")
     strengths = strength(record, rows)
-    names = {
-        "slip_rate": ("Slip rate", "m/s"),
-        "shear_traction": ("Shear traction", "Pa"),
-        "normal_stress": ("Normal stress", "Pa"),
-    }
+    names = {"slip_rate": ("Slip rate", "m/s"), "shear_traction": ("Shear traction", "Pa"),
+             "normal_stress": ("Normal stress", "Pa")}
     figure, axes = new_figure(len(rows), 3, 0.6 + 1.25 * len(rows), sharex=True, sharey="col")
     axes[0, 0].set_xlim(position[0] / x_size, position[-1] / x_size)
     marked = False
@@ -120,15 +117,6 @@ def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> 
         ax.axvline(place, color=GUIDE, lw=0.5, ls=style, zorder=0)
         if named and place > labelled + 0.08 * (right - left):
             labelled = place
-            ax.annotate(
-                name,
-                (place, 1),
-                (0, 1),
-                xycoords=("data", "axes fraction"),
-                color=GUIDE,
-                textcoords="offset points",
-                ha="center",
-                va="bottom",
-                annotation_clip=False,
-            )
+            ax.annotate(name, (place, 1), (0, 1), xycoords=("data", "axes fraction"), color=GUIDE,
+                        textcoords="offset points", ha="center", va="bottom", annotation_clip=False)
     return seen

@@ -51,10 +51,8 @@ def space_time(record: Files) -> Figure:
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]
     ax.set(
-        xlabel=along(record, x_size, x_unit),
-        ylabel=f"Time ({t_unit})",
-        xlim=(position[0] / x_size, position[-1] / x_size),
-        ylim=(0, until / t_size),
+        xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
+        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
     )
     if 0 < since < until:  # loaded first
         ax.set_ylim(bottom=(since - 0.1 * (until - since)) / t_size)

@@ -21,7 +21,9 @@ def suits(record: Files) -> bool:
 
 
 @styled
-def surfaces(record: Files, times: Sequence[float] | None = None, x_range: tuple[float, float] | None = None) -> Figure:
+def surfaces(
+    record: Files, times: Sequence[float] | None = None, x_range: tuple[float, float] | None = None
+) -> Figure:
     """Normal stress and shear traction, and below them both surfaces where they are, with the state of every point.
 
     Heights are stretched; the facing surface is drawn where points face it.

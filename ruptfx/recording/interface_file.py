@@ -74,13 +74,8 @@ class InterfaceFile(GrowingFile):
 
 
 def _variable(
-    file: h5netcdf.File,
-    name: str,
-    dimensions: tuple[str, ...],
-    unit: str,
-    text: str,
-    values: np.ndarray | None = None,
-    meanings: tuple[str, ...] = (),
+    file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str,
+    values: np.ndarray | None = None, meanings: tuple[str, ...] = (),
 ) -> None:
     """A quantity, or a state of a few meanings as the CF conventions have them."""
     missing = np.nan if values is None and not meanings else None

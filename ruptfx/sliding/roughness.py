@@ -121,7 +121,9 @@ def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
     return (float(abs(upper - lower)), shortest), shortest
 
 
-def _pressure(model: Model, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]) -> float | None:
+def _pressure(
+    model: Model, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
+) -> float | None:
     """Its initial stress and what edges add to a body that nothing else holds across the interface."""
     area: Floats = (face.weight[:, None] * face.frame[:, 0]).sum(axis=0)
     length = float(np.linalg.norm(area))

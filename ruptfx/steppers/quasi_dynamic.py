@@ -274,7 +274,9 @@ class QuasiDynamicMotion(SlowMotion):
         force = self.equilibrium.forces.load(time) + self.model.internal_force(u)
         return np.asarray(u + self._bodies.solve(force - self._jumps.force(push, len(u))))
 
-    def _solution(self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray) -> Solution:
+    def _solution(
+        self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> Solution:
         """What the step leaves, from slip and age, tractions and slip rates at its end."""
         model, jumps, time = self.model, self._jumps, state.time + dt
         jump = self._with_normal(end[:, :-1]) + self._compliance * traction

@@ -343,18 +343,8 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
         place, way = ("left", 6) if across < 0.25 else ("right", -6) if across > 0.75 else ("center", 9)
         halo = [withStroke(linewidth=1.5, foreground="white")]
         ax.annotate(
-            mark.label,
-            (x, y),
-            (way, 5.5),
-            textcoords="offset points",
-            ha=place,
-            va="center",
-            fontsize=6,
-            fontweight="bold",
-            zorder=6,
-            path_effects=halo,
-            parse_math=False,
-            gid="mark",
+            mark.label, (x, y), (way, 5.5), textcoords="offset points", ha=place, va="center", fontsize=6,
+            fontweight="bold", zorder=6, path_effects=halo, parse_math=False, gid="mark",
         )
 
 

@@ -65,7 +65,8 @@ class Store:
                 )
             if theirs != mine:
                 raise RuptfxError(
-                    f"{self.path}: holds another study: the case differs in keys that are no axes; choose another --out"
+                    f"{self.path}: holds another study: the case differs in keys that are no axes; "
+                    "choose another --out"
                 )
         write_json(marker, {"identity": mine, "study": self._study.model_dump(mode="json", exclude_none=True)})
 

@@ -98,7 +98,9 @@ class Child:
             self._process.wait()
 
 
-def run_point(path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None) -> Result:
+def run_point(
+    path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None
+) -> Result:
     """Run one point and make it finished; a failure is a result like any other.
 
     Runs on a worker, which sees the directory of the study under the same path.

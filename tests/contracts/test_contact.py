@@ -238,16 +238,8 @@ def test_failure_names_the_point(method: str) -> None:
             fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS), 2e-6
         ),
         lambda: advance_reference(
-            fault,
-            fault.traced_law(),
-            fault.initial_state(),
-            displacement,
-            velocity,
-            np.zeros(4 * POINTS),
-            np.ones(4 * POINTS),
-            Clock.of_step(1e-7),
-            2e-6,
-            1e-3,
+            fault, fault.traced_law(), fault.initial_state(), displacement, velocity, np.zeros(4 * POINTS),
+            np.ones(4 * POINTS), Clock.of_step(1e-7), 2e-6, 1e-3,
         ),
     ):
         with pytest.raises(ProjectionError, match=r"coulomb: the trial traction is not a number.*point 13 .*'main'"):
@@ -265,7 +257,9 @@ def test_trial_is_relieved_as_it_says(method: str) -> None:
         before = contact.trial(point)
         relieved, V = 1e2, 1e2 / before.impedance[0]  # 100 Pa, by which springs that stiffen do not change
         opened = replace(point, opening_jump=point.opening_jump + relieved * before.normal_compliance)
-        slid = replace(point, slip=[point.slip[0] + V * point.since], slip_velocity=[point.slip_velocity[0] - V])
+        slid = replace(
+            point, slip=[point.slip[0] + V * point.since], slip_velocity=[point.slip_velocity[0] - V]
+        )
         size = abs(before.normal_stress) + 1e6 * abs(point.opening_velocity) + abs(before.shear_traction[0])
         found = before.normal_stress - contact.trial(opened).normal_stress
         np.testing.assert_allclose(found, relieved, rtol=1e-3, atol=1e-14 * size)

@@ -387,7 +387,9 @@ def test_names_that_are_not_there(names: dict[str, Any], message: str, tmp_path:
         with_interfaces(tmp_path, names).build()
 
 
-@pytest.mark.parametrize("content, message", [(None, "no such mesh file"), ("nonsense", "not a mesh that can be read")])
+@pytest.mark.parametrize(
+    "content, message", [(None, "no such mesh file"), ("nonsense", "not a mesh that can be read")]
+)
 def test_files_that_are_no_mesh(content: str | None, message: str, tmp_path: Path) -> None:
     pytest.importorskip("meshio")
     path = tmp_path / "some.msh"

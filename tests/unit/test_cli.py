@@ -272,7 +272,9 @@ def test_a_title_is_printed_as_it_is(tmp_path: Path, needs_fem: None) -> None:
 
 
 @pytest.mark.fem
-def test_ranks_are_given_names_as_they_are(tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ranks_are_given_names_as_they_are(
+    tmp_path: Path, needs_fem: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     write(tmp_path).rename("-x.toml")

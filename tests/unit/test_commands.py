@@ -264,14 +264,10 @@ def test_cite_says_what_the_citation_file_says() -> None:
 
 def test_events_of_a_measured_catalogue(tmp_path: Path) -> None:
     random = np.random.default_rng(5)
-    table = np.column_stack(
-        [
-            1e-3 * random.random(200),
-            0.05 * random.random(200),
-            0.1 * random.random(200),
-            -8 + random.exponential(np.log10(np.e), 200),
-        ]
-    )
+    table = np.column_stack([
+        1e-3 * random.random(200), 0.05 * random.random(200), 0.1 * random.random(200),
+        -8 + random.exponential(np.log10(np.e), 200),
+    ])
     np.savetxt(tmp_path / "measured.csv", table, delimiter=",", header="time,x,y,magnitude", comments="")
     result = ruptfx("events", tmp_path / "measured.csv", "--out", tmp_path / "events.png", "--completeness", "-7.95")
     assert result.exit_code == 0 and "200 events that radiate energy" in said(result)
@@ -300,3 +296,4 @@ def test_events_of_a_run(tmp_path: Path) -> None:
     assert refused.exit_code != 0 and "is a table already" in said(refused)
     missing = ruptfx("events", tmp_path / "nowhere", "--csv")
     assert missing.exit_code != 0 and "nowhere: no such file or directory" in said(missing)
+

@@ -107,12 +107,10 @@ def test_fit_finds_the_parameters_of_a_noisy_trace(trace: Path) -> None:
 
 @pytest.mark.parametrize(
     "text, message",
-    [
-        ("t,v,mu\n1,2,3\n", "column time, drive_speed, friction is missing"),
-        ("# a\ntime,drive_speed,friction\n0,1e-6,0.3\n\n1,1e-6,x\n", r"line 5 of .*t\.csv: 'x' is not a finite number"),
-        ("time,drive_speed,friction\n1,1e-6,0.3\n0,1e-6,0.3\n", r"line 3 of .*t\.csv: 0 after 1"),
-        ("time,drive_speed,friction\n0,1e-6,0.3\n", "at least 20 rows"),
-    ],
+    [("t,v,mu\n1,2,3\n", "column time, drive_speed, friction is missing"),
+     ("# a\ntime,drive_speed,friction\n0,1e-6,0.3\n\n1,1e-6,x\n", r"line 5 of .*t\.csv: 'x' is not a finite number"),
+     ("time,drive_speed,friction\n1,1e-6,0.3\n0,1e-6,0.3\n", r"line 3 of .*t\.csv: 0 after 1"),
+     ("time,drive_speed,friction\n0,1e-6,0.3\n", "at least 20 rows")],
 )
 def test_bad_traces_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "t.csv").write_text(text)

@@ -153,9 +153,7 @@ def test_modules_beside_a_plugin_are_refused(tmp_path: Path, monkeypatch: pytest
 
 
 def test_several_classes_of_several_folders(tmp_path: Path) -> None:
-    text = (
-        LAW
-        + '''
+    text = LAW + '''
 
 from ruptfx.nucleation import Nucleation
 
@@ -168,7 +166,6 @@ class SmallPush(Nucleation):
     def shear_traction(self, position, time):
         return self.push + 0 * position
 '''
-    )
     path = written(tmp_path, text, **{"faults.main.nucleation": {"kind": "small_push", "push": 2.0}})
     case = read_case(path)
     assert case.faults["main"].nucleation[0].shear_traction(np.zeros(2), 0.0).tolist() == [2.0, 2.0]
@@ -212,7 +209,7 @@ def test_an_operator_from_outside(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     from ruptfx.model import Model
 
-    text = """
+    text = '''
 from ruptfx.operators import Operator
 from ruptfx.operators.ufl_form import UflForm
 
@@ -224,7 +221,7 @@ class Twice(Operator):
     def add_internal_force(self, *arguments):
         self.inner.add_internal_force(*arguments)
         self.inner.add_internal_force(*arguments)
-"""
+'''
     (tmp_path / "twice.py").write_text(text)
     case = parse_case({"plugins": ["twice.py"], **plates({"operator": "twice"})}, tmp_path)
     assert type(Model(case).operator).__name__ == "Twice"
@@ -251,9 +248,7 @@ def test_a_study_keeps_its_plugins(tmp_path: Path) -> None:
 
 # -- classes of a script ---------------------------------------------------------------------------------------------
 
-SCRIPT = (
-    LAW
-    + """
+SCRIPT = LAW + '''
 
 from pathlib import Path
 
@@ -265,8 +260,7 @@ from ruptfx import Case, read_case
     case = Case(**table)
     Path("again.toml").write_text(case.to_toml())
     print(case.hash, read_case("again.toml").hash, read_case("again.toml").faults["main"].friction.kind())
-"""
-)
+'''
 
 
 def run_script(folder: Path, text: str, *how: str) -> subprocess.CompletedProcess[str]:
@@ -291,15 +285,12 @@ def test_what_cannot_be_read_again_is_refused(tmp_path: Path) -> None:
     said = run_script(tmp_path, SCRIPT % "if True:", "-").stderr.splitlines()[-1]
     assert "MyLaw is not defined in a file" in said and "save it in a file of its own, for example my_law.py" in said
     text = SCRIPT % 'if __name__ == "__main__":'
-    text = text.replace(
-        "    case =",
-        """
+    text = text.replace("    case =", """
     class Hidden(MyLaw):
         pass
 
     table["faults"]["main"]["friction"] = Hidden(mu_s=0.6)
-    case =""",
-    )
+    case =""")
     said = run_script(tmp_path, text, "my_script.py").stderr.splitlines()[-1]
     assert "Hidden is not defined at the top level of " in said and "for example hidden.py" in said
 

@@ -38,7 +38,6 @@ def test_supershear_limit_is_that_of_the_material(ratio: float, says: str) -> No
 
 def test_springs_on_which_bodies_chatter() -> None:
     """Springs of 1e15 Pa/m make the step of elements of 0.05 mm several times shorter."""
-
     def warned(stiffness: float, **changes: Any) -> tuple[float, str]:
         springs = {"kind": "compliant", "C_n": stiffness, "C_s": stiffness}
         row = rows(rough({"faults.main.contact": springs, **changes}))[": stable step without springs / with them"]

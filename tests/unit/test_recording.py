@@ -14,7 +14,7 @@ from ruptfx.friction.prakash_clifton import PrakashClifton
 from ruptfx.projection import TracedLaw
 from ruptfx.tracing import record, symbol, to_c, to_numpy
 
-LAW = """
+LAW = '''
 import math
 
 import numpy as np
@@ -39,7 +39,7 @@ class MyLaw(FrictionLaw):
 
     def advance(self, state, slip_rate, normal_stress, dt):
         %s
-"""
+'''
 LINE = LAW[: LAW.index("%s")].count("\n") + 1
 
 WORKS = [

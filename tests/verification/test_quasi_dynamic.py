@@ -120,7 +120,6 @@ def test_refuses_what_has_no_slip_rate_at_every_traction() -> None:
 
 def test_zeros_of_falling_functions() -> None:
     """One of them steep, one zero far below its guess, one nowhere."""
-
     def missing(x: np.ndarray) -> np.ndarray:
         return np.array([5 - np.exp(x[0]), -1e-3 * (x[1] + 40), -1 - np.exp(x[2])])
 

@@ -47,3 +47,4 @@ def population(dataset: xarray.Dataset) -> Figure:
     letter(grid.ravel())
     remark(figure, "Laws are fitted to the velocity steps alone; the hold comes later. Points: last tenths of steps.")
     return figure
+

@@ -88,10 +88,7 @@ def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np
     """Friction coefficient at the times, from steady sliding at the first speed; `parameters` as in `Fit`."""
     values = dict(zip(_FITTED, (float(v) for v in (*np.exp(parameters[:3]), parameters[3])), strict=True))
     trial = Slider(
-        slider.law.model_copy(update=values),
-        slider.normal_force,
-        slider.stiffness,
-        slider.mass,
+        slider.law.model_copy(update=values), slider.normal_force, slider.stiffness, slider.mass,
         slider.interface_length,
     )
     # Speed i holds from time i to time i + 1.

@@ -114,13 +114,8 @@ class Motion:
 
 
 def integrate(
-    slider: Slider,
-    start: np.ndarray,
-    times: np.ndarray,
-    drive: Signal,
-    normal_force: Signal | None = None,
-    rtol: float = 1e-8,
-    longest_step: float = np.inf,
+    slider: Slider, start: np.ndarray, times: np.ndarray, drive: Signal, normal_force: Signal | None = None,
+    rtol: float = 1e-8, longest_step: float = np.inf,
 ) -> Motion:
     """Motion at the given times, with scipy's LSODA or, if that fails, Radau (both stiff, with error control).
 
@@ -156,14 +151,8 @@ def integrate(
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
             solution = solve_ivp(
-                lambda time, z: scaled(first + time, z),
-                (0.0, span),
-                start / scale,
-                method=method,
-                t_eval=np.minimum(times - first, span),
-                rtol=rtol,
-                atol=rtol,
-                max_step=longest_step,
+                lambda time, z: scaled(first + time, z), (0.0, span), start / scale, method=method,
+                t_eval=np.minimum(times - first, span), rtol=rtol, atol=rtol, max_step=longest_step,
                 events=None if slider.mass else runaway,
             )
         if solution.status == 1:
@@ -248,13 +237,7 @@ def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.
     pattern = kron(np.ones((slider.size, slider.size)), identity(count))
     with np.errstate(all="ignore"):
         solution = solve_ivp(
-            scaled,
-            (0, duration),
-            (start / scale).ravel(),
-            method="BDF",
-            jac_sparsity=pattern,
-            rtol=1e-5,
-            atol=1e-7,
+            scaled, (0, duration), (start / scale).ravel(), method="BDF", jac_sparsity=pattern, rtol=1e-5, atol=1e-7,
             t_eval=np.linspace(0, duration, 400),
         )
     if not solution.success:
