@@ -149,14 +149,17 @@ ENERGIES = {
     "collisions": "energy held where pieces meet that were no neighbours, [collisions]",
     "collision_loss": "taken there by the finite step, and when facets are handed over",
     "facing": "taken from springs in contact when what they face is found again",
+    "turning": "taken by the finite step where bodies turn: work of their forces beyond their energies",
     "boundary_work": "work of boundaries, initial stress and nucleation, and what bodies that fly begin with",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is what the others make up."""
 ACCUMULATED = (
-    "frictional_dissipation", "fracture", "damping", "impact", "collisions", "collision_loss", "facing",
+    "frictional_dissipation", "fracture", "damping", "impact", "collisions", "collision_loss", "facing", "turning",
     "boundary_work",
 )  # fmt: skip
 """Energies that steps add up or keep."""
+OF_BODIES = "force_of_bodies"
+"""Nodal field that explicit steps carry where rotations are large: of cells, facets and supports [N]."""
 TAKEN_IN_SLIDING = ("frictional_dissipation", "impact", "facing")
 """Those of them that are also known of each interface that slides."""
 

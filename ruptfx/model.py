@@ -20,7 +20,7 @@ from ruptfx.collisions._step import FIELD, CollisionStep
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
-from ruptfx.fields import TAKEN_IN_SLIDING
+from ruptfx.fields import OF_BODIES, TAKEN_IN_SLIDING
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
@@ -424,10 +424,16 @@ class Model:
             "collisions": 0.0 if self.collisions is None else self.collisions.stored(state),
             "collision_loss": state.energy["collision_loss"],
             "facing": state.energy["facing"],
+            "turning": self._lost_in_turning(state, strain + held) if self.bulk.large_rotations else 0.0,
             "boundary_work": state.energy["boundary_work"] + preload,
         }
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
+
+    def _lost_in_turning(self, state: State, stored: float) -> float:
+        """What forces of cells, facets and supports did beyond what these hold at the time of the velocity [J]."""
+        over = 0.0 if OF_BODIES not in state.fields else self.layout.owned_dot(state.fields[OF_BODIES], state.velocity)
+        return state.energy["turning"] - stored - 0.5 * state.lag * over
 
     def bulk_energies(self, state: State) -> tuple[float, float]:
         """Kinetic and strain energy of this rank [J]; collective."""

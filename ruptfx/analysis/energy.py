@@ -14,7 +14,7 @@ Array = np.ndarray
 
 PARTS = (
     "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact",
-    "collisions", "collision_loss", "facing",
+    "collisions", "collision_loss", "facing", "turning",
 )  # fmt: skip
 
 

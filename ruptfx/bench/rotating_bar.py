@@ -62,21 +62,23 @@ def spin(case: Case, comm: fem.MPI.Comm) -> dict[str, float]:
         return float(comm.allreduce(np.sum((mass * a * b)[owned])))
 
     momentum = across(now, state.velocity.reshape(-1, 2))
-    inertia, longer, drift, energy = along(x, x), [], 0.0, []
+    inertia, longer, drift, energy, taken = along(x, x), [], 0.0, [], []
     steps = int(np.ceil(case.duration / motion.dt))
     for step in range(steps):
         before = x + state.displacement.reshape(-1, 2)
         motion.step(state)
         if step % 50 == 0 or step == steps - 1:
             drift = max(drift, abs(across(before, state.velocity.reshape(-1, 2)) / momentum - 1))
-            energy.append(sum(model.energies(state).values()))
+            found = model.energies(state)
+            taken.append(found.pop("turning"))
+            energy.append(sum(found.values()))
             now = x + state.displacement.reshape(-1, 2)
             cos, sin = along(x, now), across(x, now)
             longer.append((np.hypot(cos, sin) - inertia) / along(x, stretched))
     angle = np.arctan2(sin, cos) + 2 * np.pi * round((OMEGA * state.time - np.arctan2(sin, cos)) / (2 * np.pi))
     return {
         "angle": angle / (OMEGA * state.time), "momentum": drift, "energy": float(np.ptp(energy) / energy[0]),
-        "extension": float(np.mean(longer)),
+        "closure": float(np.ptp(np.add(energy, taken)) / energy[0]), "extension": float(np.mean(longer)),
     }  # fmt: skip
 
 
@@ -90,5 +92,6 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
             Check(f"{name}: change of angular momentum", 0.0, found["momentum"], 1e-11, "1", "exact"),
             Check(f"{name}: extension", 1.0, found["extension"], 0.01, "1", "rho omega^2 L^3 / (12 E)"),
             Check(f"{name}: change of energy", 0.0, found["energy"], 1e-7, "1", "second order in the step"),
+            Check(f"{name}: the same with what finite steps took", 0.0, found["closure"], 1e-10, "1", "exact"),
         ]
     return Outcome(checks)

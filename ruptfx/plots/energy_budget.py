@@ -12,7 +12,7 @@ from ruptfx.record import Files
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
     "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "collisions": "#332288",
-    "collision_loss": "#999933", "facing": "#7f7f7f",
+    "collision_loss": "#999933", "facing": "#7f7f7f", "turning": "#117733",
 }  # safe for colour-blind readers
 _ROUNDING = 100 * np.finfo(float).eps  # per cent: less cannot be told from nothing
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ruptfx import native, parallel
+from ruptfx.collisions._step import FORCE
 from ruptfx.contact import require
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.fault_step import FaultStep
+from ruptfx.fields import OF_BODIES
 from ruptfx.operators import FusedOperator
 from ruptfx.points import Clock
 from ruptfx.schema import CaseError
@@ -177,6 +179,8 @@ class LeapfrogMotion:
         self._bulk(state, kick, plain)
         loads = self.model.loads
         loads.add_support_force(state.displacement, state.force)
+        if self.model.bulk.large_rotations:
+            self._turn(state, kick.since)
         internal = state.force[self._dofs] if state.watched else None  # a copy
         # Work of the loads by the mean velocity is added once the new one is known.
         factors = [load.factor(state.time) for load in loads.forces]
@@ -303,13 +307,37 @@ class LeapfrogMotion:
         if self._pieces:  # their tractions come with those of other rigid contact
             self._pieces.part(state)
             return None
-        collisions = self.model.collisions
+        collisions, booked = self.model.collisions, self._booked(state)
         if collisions is not None:
             collisions.find(state)
         cracks(state, self.model.mass, kick.since)
+        state.energy["turning"] -= self._booked(state) - booked
         if collisions is not None:
             collisions(state, kick.since)
         return state.force.copy() if state.watched else None
+
+    @staticmethod
+    def _booked(state: State) -> float:
+        """What facets have taken, and springs of those that were handed over [J]."""
+        return sum(state.energy[name] for name in ("frictional_dissipation", "fracture", "impact", "collision_loss"))
+
+    def _turn(self, state: State, since: float) -> None:
+        """Add the work of the forces of cells, facets and supports since those before, which their mean does.
+
+        Leapfrog balances that to rounding. Energies that are no quadratic form change by something else in a finite
+        step, of second order in it: `Model.energies` has the difference as `turning`.
+        """
+        force, model = state.force.copy(), self.model
+        if FORCE in state.fields:  # they account for themselves
+            force -= state.fields[FORCE]
+        if OF_BODIES in state.fields:
+            mean = 0.5 * (state.fields[OF_BODIES] + force)
+            state.energy["turning"] -= since * model.layout.owned_dot(mean, state.velocity)
+        else:
+            state.energy["turning"] += model.strain_energy(state.displacement)
+            if model.cracks is not None:
+                state.energy["turning"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
+        state.fields[OF_BODIES] = force
 
     def _viscous_work(self, state: State, kick: _Kick) -> float:
         """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""

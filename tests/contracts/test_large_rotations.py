@@ -208,6 +208,34 @@ def test_flying_bodies_begin_with_their_energy() -> None:
         Model(case({"mesh.divide": 5e-3, "boundaries": [], "initial_velocity": {"uper": [3.0, -4.0]}})).initial_state()
 
 
+@pytest.mark.parametrize("breaks", [False, True])
+def test_what_finite_steps_take_closes_the_budget(breaks: bool) -> None:
+    """It falls with the square of the step while nothing breaks, watched or not, with a driven edge as well."""
+    taken = []
+    for safety in (0.8, 0.4):
+        model = Model(case({
+            "large_rotations": True, "duration": 4e-6, "stepper": {"kind": "leapfrog", "safety": safety},
+            "initial_velocity": {} if breaks else {"rock": [0.0, 40.0]}, "damping": {"mass": 1e4},
+            "fracture.default.cohesion": WEAK if breaks else NEVER,
+            "boundaries": [
+                {"kind": "driven", "edge": "rock.top", "component": "x", "velocity": 60.0, "ramp": 2e-6},
+                {"kind": "driven", "edge": "rock.bottom", "component": "y", "velocity": 0.0},
+            ],
+        }))  # fmt: skip
+        motion, state, largest = model.case.stepper.bind(model), model.initial_state(), 0.0
+        while state.time < model.case.duration:
+            state.watched = state.step % 2 == 0
+            motion.step(state)
+            energy = motion.energies(state)
+            work = energy.pop("boundary_work")
+            assert abs(work - sum(energy.values())) <= 1e-12 * max(work, 1e-3)
+            largest = max(largest, abs(energy["turning"]))
+        failed = model.comm.allreduce(int(np.isfinite(state.cracks["time_of_failure"]).sum()))
+        assert bool(failed) == breaks
+        taken.append(largest / work)
+    assert 0 < taken[0] < 1e-3 and (breaks or taken[1] == pytest.approx(0.25 * taken[0], rel=0.1))
+
+
 @pytest.mark.parametrize(
     "changes, message",
     [
