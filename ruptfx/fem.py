@@ -258,6 +258,8 @@ def option_was_read(name: str) -> bool:
 class SharedVector:
     """Local degrees of freedom, ghosts included, that can be summed over ranks while other work goes on.
 
+    Where every cell has nodes of its own there is nothing to sum: others have what their owner has.
+
     Attributes
     ----------
     array : ndarray, shape (local dofs,)
@@ -268,14 +270,18 @@ class SharedVector:
         self._function = dolfinx.fem.Function(space)  # owns the memory
         self.array = self._function.x.array
         self._vector = self._function.x.petsc_vec if space.mesh.comm.size > 1 else None
+        self._sums = not space.element.basix_element.discontinuous
+        self._way = (PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE) if self._sums else (
+            PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)  # fmt: skip
 
     def begin(self) -> None:
         """Send what this rank contributed to nodes of others."""
         if self._vector is not None:
-            self._vector.ghostUpdateBegin(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            self._vector.ghostUpdateBegin(*self._way)
 
     def end(self) -> None:
         """Wait for the sums; every rank then has them at all its nodes."""
         if self._vector is not None:
-            self._vector.ghostUpdateEnd(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            self._vector.ghostUpdateEnd(*self._way)
+        if self._vector is not None and self._sums:
             self._vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)

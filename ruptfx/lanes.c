@@ -9,6 +9,13 @@
 #define UNROLL _Pragma("GCC unroll 16")
 #define KEEP _Pragma("GCC unroll 1")
 
+// a b + c, rounded as these loops are by vectors of any width: once where the processor can do that.
+#if defined __FMA__ || defined __ARM_FEATURE_FMA
+#define FUSED(a, b, c) __builtin_fma(a, b, c)
+#else
+#define FUSED(a, b, c) ((a) * (b) + (c))
+#endif
+
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 typedef long long_lanes __attribute__((vector_size(8 * LANES)));
 typedef double loose __attribute__((vector_size(8 * LANES), aligned(8)));

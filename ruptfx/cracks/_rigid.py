@@ -22,6 +22,7 @@ from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
 from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.materials import Plane
 from ruptfx.materials._stiffness import tangent_stiffness
+from ruptfx.operators import Damped
 from ruptfx.state import FaultState, State
 
 
@@ -30,8 +31,8 @@ class _Rigid(ctypes.Structure):
 
     _fields_ = [("cells", ctypes.c_long), ("facets", ctypes.c_long), *((name, ctypes.c_void_p) for name in (
         "star_start", "star", "ends_start", "ends", "place", "corner", "cell", "group", "first_number", "dof", "body",
-        "leader", "split", "inserted", "normal", "weight", "owned", "number", "strength", "gradient", "stiffness",
-        "mass", "stress",
+        "leader", "split", "inserted", "left", "normal", "weight", "owned", "number", "strength", "gradient",
+        "stiffness", "mass", "stress",
     ))]  # fmt: skip
 
 
@@ -62,10 +63,10 @@ class RigidCracks(CrackStep):
         gradient = np.stack([after[..., 1] - last[..., 1], last[..., 0] - after[..., 0]], axis=2) / size[:, None, None]
         moduli = [tangent_stiffness(material, plane) for material in self.cell_materials]
         entries = ((0, 0, 0, 0), (0, 0, 1, 1), (0, 0, 0, 1), (1, 1, 1, 1), (1, 1, 0, 1), (0, 1, 0, 1))
-        self._keep("gradient", gradient)
+        self._keep("gradient", gradient.reshape(count, 6).T)  # numbers of neighbouring cells next to each other
         self._keep("stiffness", np.array([[modulus[entry] for entry in entries] for modulus in moduli]))
-        self._keep("stress", np.zeros((count, 3)))
-        self._keep("dof", self._dof)
+        self._keep("stress", np.zeros((3, count)))
+        self._keep("dof", self._dof.T)
         self._keep("body", bodies.cell_body[:count].astype(np.int32))
         self._keep("corner", self.corners.astype(np.int32))
         self._keep("cell", self.network.cells[self.order].astype(np.int32))
@@ -83,14 +84,20 @@ class RigidCracks(CrackStep):
     def _find_stars(self) -> None:
         """Corners and facet ends of every vertex that a cell of this rank touches."""
         net = self.network
-        touched = np.unique(net.cell_vertices[: net.owned_cells])
         vertex, node = net.cell_vertices.ravel(), self._dof.ravel()
+        _, first, vertex = np.unique(vertex, return_index=True, return_inverse=True)
+        # Neighbours in memory as their corners are; numbers of vertices change no bit.
+        vertex = np.argsort(np.argsort(node[first]))[vertex]
+        touched = np.zeros(len(first), dtype=bool)
+        touched[vertex[: 3 * net.owned_cells]] = True
         # Corners of a star in the order of the cells in the input.
         order = np.lexsort([np.repeat(net.cell_numbers, 3), vertex])
-        order = order[np.isin(vertex[order], touched)]
-        star, bounds = node[order], np.searchsorted(vertex[order], np.append(touched, np.iinfo(np.int64).max))
+        order = order[touched[vertex[order]]]
+        star, vertex = node[order], (np.cumsum(touched) - 1)[vertex[order]]
+        count = int(touched.sum())
+        bounds = np.searchsorted(vertex, np.arange(count + 1))
         self._vertex_of = np.full(self._nodes, -1)
-        self._vertex_of[star] = np.repeat(np.arange(len(touched)), np.diff(bounds))
+        self._vertex_of[star] = vertex
         place = np.zeros(self._nodes, np.int32)
         place[star] = np.arange(len(star)) - np.repeat(bounds[:-1], np.diff(bounds))
         # Ends in the order of facets that no partition changes, by their places here.
@@ -101,13 +108,15 @@ class RigidCracks(CrackStep):
         sorted_ = np.argsort(at, kind="stable")
         sorted_ = sorted_[at[sorted_] >= 0]
         facet, end = facet[sorted_], end[sorted_]
-        ends_start = np.searchsorted(at[sorted_], np.arange(len(touched) + 1))
+        ends_start = np.searchsorted(at[sorted_], np.arange(count + 1))
         self._keep("star", star.astype(np.int32))
         self._keep("star_start", bounds.astype(np.int32))
         self._keep("ends", (2 * facet + end).astype(np.int32))
         self._keep("ends_start", ends_start.astype(np.int32))
         self._keep("place", np.stack([place[self.corners[facet, side, end]] for side in (0, 1)], axis=1))
-        self._keep("split", np.zeros(len(touched), np.int32))
+        self._keep("split", np.zeros(count, np.int32))
+        self._keep("left", np.ones(count, np.int32))
+        self.held = np.arange(count, dtype=np.int32)
         self._keep("leader", np.arange(self._nodes, dtype=np.int32))
         self.leader = self._arrays["leader"]
         self._most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
@@ -132,7 +141,8 @@ class RigidCracks(CrackStep):
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1],
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law *const LAWS[] = {{{laws}}};\n"
-        self._library = native.load("rigid", whole + _source("rigid.c"), given)
+        lanes = files("ruptfx").joinpath("lanes.c").read_text()
+        self._library = native.load("rigid", lanes + whole + _source("rigid.c"), given)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)
         for number, group in enumerate(self.groups):
@@ -195,6 +205,21 @@ class RigidCracks(CrackStep):
         listens = np.isfinite(state["time_of_yield"]) & np.isnan(state["time_of_failure"]) & self.owned
         self._waiting = np.flatnonzero(listens).astype(np.int32)
 
+    def hold_vertices(self, acting: np.ndarray) -> np.ndarray:
+        """Find the vertices that `advance` leaves alone; local nodes that it does not move.
+
+        Parameters
+        ----------
+        acting : ndarray of bool, shape (nodes,)
+            Where something acts, so that the vertex there is left alone, as are those in pieces.
+        """
+        left = self._arrays["split"] > 0
+        touched = acting & (self._vertex_of >= 0)
+        left[self._vertex_of[touched]] = True
+        self._arrays["left"][:] = left
+        self.held = np.flatnonzero(left).astype(np.int32)
+        return np.flatnonzero((self._vertex_of < 0) | left[self._vertex_of])
+
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def grow(self, state: State, mass: np.ndarray) -> np.ndarray:
@@ -227,6 +252,26 @@ class RigidCracks(CrackStep):
         self._mend(vertices)
         self._wait(cracks)
         return vertices
+
+    def advance(self, state: State, dt: float, keep: np.ndarray, push: np.ndarray, damped: Damped | None) -> None:
+        """Move the vertices on that are whole and free, all of their corners alike: v = keep v + push f, u += dt v.
+
+        Parameters
+        ----------
+        state : State
+            Its force becomes zero there.
+        dt : float
+            The step [s].
+        keep, push : ndarray, shape (nodes * 2,)
+            Of every piece [1, m/s/N].
+        damped : Damped, optional
+            Takes of their motion, and its force becomes zero there.
+        """
+        self._library.advance(
+            ctypes.byref(self._c), ctypes.c_long(len(self._arrays["left"])), ctypes.c_double(dt),
+            *map(_at, (keep, push, state.force, state.velocity, state.displacement)),
+            *((ctypes.c_void_p(None),) * 2 if damped is None else map(_at, (damped.force, damped.lost))),
+        )  # fmt: skip
 
     def hold(
         self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray

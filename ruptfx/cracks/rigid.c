@@ -2,6 +2,7 @@
 // the tractions of those that have been inserted. _rigid.py writes in front of this file rigid_types.c, facet_law.c once
 // for every group of facets, and their table LAWS.
 
+#define CHUNK 64  // facets looked at together
 #define SWEEPS 30
 #define TOLERANCE 1e-5  // of the tractions at a vertex, that a last sweep may change
 
@@ -41,6 +42,45 @@ void total(const struct rigid *r, long count, const int *list, const double *val
     }
 }
 
+INLINE void advance_each(const int viscid, const struct rigid *r, long count, double dt, const double *keep,
+                         const double *push, double *force, double *velocity, double *displacement, double *viscous,
+                         double *lost)
+{
+    couple taken = {0};
+    for (long v = 0; v < count; v++) {
+        if (r->left[v]) continue;
+        const int *star = r->star + r->star_start[v];
+        const int corners = r->star_start[v + 1] - r->star_start[v];
+        couple sum = {0}, share = {0};
+        for (int c = 0; c < corners; c++) {
+            couple *const at = (couple *)(force + 2L * star[c]), *const of = (couple *)(viscous + 2L * star[c]);
+            sum += *at;
+            *at = (couple){0};
+            if (viscid) share += *of, *of = (couple){0};
+        }
+        const long first = 2L * star[0];
+        const couple old = load_couple(velocity + first), there = load_couple(displacement + first);
+        const couple k = load_couple(keep + first), added = load_couple(push + first) * sum;
+        const couple now = {FUSED(k[0], old[0], added[0]), FUSED(k[1], old[1], added[1])};
+        const couple moved = {FUSED(dt, now[0], there[0]), FUSED(dt, now[1], there[1])};
+        for (int c = 0; c < corners; c++) {
+            *(couple *)(velocity + 2L * star[c]) = now;
+            *(couple *)(displacement + 2L * star[c]) = moved;
+        }
+        if (viscid) taken += share * (old + now);
+    }
+    if (viscid) *lost -= 0.5 * (taken[0] + taken[1]);
+}
+
+// Velocity and displacement of all vertices that are whole and free: v = keep v + push f, u += dt v, alike at all corners.
+// Forces there become zero; viscous ones among them, where there are any, have taken `lost`.
+void advance(const struct rigid *r, long count, double dt, const double *keep, const double *push, double *force,
+             double *velocity, double *displacement, double *viscous, double *lost)
+{
+    if (viscous) advance_each(1, r, count, dt, keep, push, force, velocity, displacement, viscous, lost);
+    else advance_each(0, r, count, dt, keep, push, force, velocity, displacement, 0, 0);
+}
+
 // Pieces of the stars of some vertices: corners that tied facets connect, under their first one.
 void split(const struct rigid *r, long count, const int *list)
 {
@@ -74,32 +114,57 @@ void split(const struct rigid *r, long count, const int *list)
 // too much for, and which.
 long check(const struct rigid *r, const double *displacement, double *const *state, int *found)
 {
-    for (long c = 0; c < r->cells; c++) {
-        const double *g = r->gradient + 6 * c, *stiffness = r->stiffness + 6 * r->body[c];
+    const long cells = r->cells, facets = r->facets;
+    double *const stress_xx = r->stress, *const stress_yy = stress_xx + cells, *const stress_xy = stress_yy + cells;
+    const double *const g = r->gradient;
+#pragma omp simd
+    for (long c = 0; c < cells; c++) {
         double xx = 0, yy = 0, xy = 0;
-        for (int k = 0; k < 3; k++) {
-            const double x = displacement[2 * r->dof[3 * c + k]], y = displacement[2 * r->dof[3 * c + k] + 1];
-            xx += g[2 * k] * x;
-            yy += g[2 * k + 1] * y;
-            xy += g[2 * k + 1] * x + g[2 * k] * y;
+        UNROLL for (int k = 0; k < 3; k++) {
+            const long at = 2L * r->dof[k * cells + c];
+            const double x = displacement[at], y = displacement[at + 1];
+            const double along_x = g[2 * k * cells + c], along_y = g[(2 * k + 1) * cells + c];
+            xx += along_x * x;
+            yy += along_y * y;
+            xy += along_y * x + along_x * y;
         }
-        double *stress = r->stress + 3 * c;
-        stress[0] = stiffness[0] * xx + stiffness[1] * yy + stiffness[2] * xy;
-        stress[1] = stiffness[1] * xx + stiffness[3] * yy + stiffness[4] * xy;
-        stress[2] = stiffness[2] * xx + stiffness[4] * yy + stiffness[5] * xy;
+        const double *stiffness = r->stiffness + 6 * r->body[c];
+        stress_xx[c] = stiffness[0] * xx + stiffness[1] * yy + stiffness[2] * xy;
+        stress_yy[c] = stiffness[1] * xx + stiffness[3] * yy + stiffness[4] * xy;
+        stress_xy[c] = stiffness[2] * xx + stiffness[4] * yy + stiffness[5] * xy;
     }
     long count = 0;
-    for (long f = 0; f < r->facets; f++) {
-        const double *minus = r->stress + 3 * r->cell[2 * f], *plus = r->stress + 3 * r->cell[2 * f + 1];
-        const double nx = r->normal[2 * f], ny = r->normal[2 * f + 1];
-        const double xx = 0.5 * (minus[0] + plus[0]), yy = 0.5 * (minus[1] + plus[1]), xy = 0.5 * (minus[2] + plus[2]);
-        const double x = xx * nx + xy * ny, y = xy * nx + yy * ny;
-        const double normal = x * nx + y * ny, shear = x * ny - y * nx;
-        if (!r->inserted[f]) {
-            for (int e = 0; e < 2; e++) {
-                state[STATE_normal_traction][2 * f + e] = normal;
-                state[STATE_shear_traction][2 * f + e] = shear;
+    for (long first = 0; first < facets; first += CHUNK) {
+        const long end = first + CHUNK < facets ? first + CHUNK : facets;
+        double normals[CHUNK], shears[CHUNK];
+        long look = 0;
+#pragma omp simd reduction(| : look)
+        for (long f = first; f < end; f++) {
+            const int a = r->cell[2 * f], b = r->cell[2 * f + 1];
+            const double nx = r->normal[2 * f], ny = r->normal[2 * f + 1];
+            const double xx = 0.5 * (stress_xx[a] + stress_xx[b]), yy = 0.5 * (stress_yy[a] + stress_yy[b]);
+            const double xy = 0.5 * (stress_xy[a] + stress_xy[b]);
+            const double x = xx * nx + xy * ny, y = xy * nx + yy * ny;
+            const double normal = x * nx + y * ny, shear = x * ny - y * nx;
+            normals[f - first] = normal, shears[f - first] = shear;
+            const double *strength = r->strength + 2 * r->group[f];
+            look |= (normal >= strength[0]) | (fabs(shear) >= strength[1]) | (r->inserted[f] != 0);
+        }
+        if (!look) {  // as almost everywhere
+            double *const at_normal = state[STATE_normal_traction], *const at_shear = state[STATE_shear_traction];
+            for (long f = first; f < end; f++) {
+                at_normal[2 * f] = at_normal[2 * f + 1] = normals[f - first];
+                at_shear[2 * f] = at_shear[2 * f + 1] = shears[f - first];
             }
+            continue;
+        }
+        for (long f = first; f < end; f++) {
+            const double normal = normals[f - first], shear = shears[f - first];
+            for (int e = 0; e < 2; e++)  // an end that cannot move yet carries what the bodies give
+                if (!r->inserted[f] || r->leader[r->corner[4 * f + e]] == r->leader[r->corner[4 * f + 2 + e]]) {
+                    state[STATE_normal_traction][2 * f + e] = normal;
+                    state[STATE_shear_traction][2 * f + e] = shear;
+                }
             const double *strength = r->strength + 2 * r->group[f];
             int breaks = normal >= strength[0];
             if (!breaks && fabs(shear) >= strength[1]) {
@@ -108,13 +173,8 @@ long check(const struct rigid *r, const double *displacement, double *const *sta
                     LAWS[r->group[f]]->friction(r->number + r->first_number[r->group[f]], state, 2 * f, pressure);
                 breaks = fabs(shear) >= strength[1] + (pressure > 0 ? friction : 0);
             }
-            if (breaks) found[count++] = (int)f;
-        } else
-            for (int e = 0; e < 2; e++)  // an end that cannot move yet carries what the bodies give
-                if (r->leader[r->corner[4 * f + e]] == r->leader[r->corner[4 * f + 2 + e]]) {
-                    state[STATE_normal_traction][2 * f + e] = normal;
-                    state[STATE_shear_traction][2 * f + e] = shear;
-                }
+            if (breaks && !r->inserted[f]) found[count++] = (int)f;
+        }
     }
     return count;
 }

@@ -15,11 +15,11 @@ struct law {
                     double since);
 };
 
-// What does not change during a run but for leader, split and inserted; _rigid.py explains the arrays.
+// What does not change during a run but for leader, split, inserted and left; _rigid.py explains the arrays.
 struct rigid {
     long cells, facets;
     const int *star_start, *star, *ends_start, *ends, *place, *corner, *cell, *group, *first_number, *dof, *body;
-    int *leader, *split, *inserted;
+    int *leader, *split, *inserted, *left;
     const double *normal, *weight, *owned, *number, *strength, *gradient, *stiffness, *mass;
     double *stress;
 };

@@ -60,7 +60,6 @@ class Operator(Protocol):
 
 
 @runtime_checkable
-@runtime_checkable
 class EnergyOperator(Operator, Protocol):
     """An operator that knows the strain energy itself: where that is no quadratic form, forces do not tell it."""
 
@@ -68,22 +67,45 @@ class EnergyOperator(Operator, Protocol):
         """Strain energy of the cells this rank owns [J, per metre of thickness in 2D]."""
 
 
+@dataclass
+class Damped:
+    """Kelvin-Voigt damping of all elements in a step: the force -eta K v.
+
+    Attributes
+    ----------
+    eta : float
+        [s]
+    force : ndarray, shape (nodes * components,)
+        That force [N], in the force of the step, too; zero before it, and after it where nodes have moved on.
+    lost : ndarray, shape (1,)
+        What it takes of the nodes that move on, over the time that forces act, is added to it [W].
+    """
+
+    eta: float
+    force: np.ndarray
+    lost: np.ndarray
+
+
 @runtime_checkable
 class FusedOperator(Operator, Protocol):
     """An operator that can also make explicit steps: it moves nodes on as soon as their force is complete."""
+
+    @property
+    def damps(self) -> bool:
+        """Whether its steps know the damping of all elements."""
 
     def prepare_step(self, held: np.ndarray) -> None:
         """Say which nodes steps leave to the caller, shape (nodes,); nodes known to other ranks in any case."""
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
         """First part of a step, as `MatrixFree.step`: the elements at nodes that other ranks know."""
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
         """The rest of the step."""
 

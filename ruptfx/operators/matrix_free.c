@@ -378,6 +378,37 @@ INLINE void batch_force(const int geometry, const struct plan *plan, long b, con
     }
 }
 
+// Where all elements have the Kelvin-Voigt damping eta: force -= K (u + eta v) and viscous -= eta K v, in one sweep.
+#define VISCID (SIMPLEX && COMPONENTS == DIM && !LARGE_ROTATIONS)
+#if VISCID
+static void add_damped_force(const struct plan *plan, long first, long last, double eta, const double *displacement,
+                             const double *velocity, double *force, double *viscous)
+{
+    for (long b = first; b < last; b++) {
+        const int *dof = plan->dof + b * NODES * LANES;
+        const lanes *number = plan->number + plan->start[b];
+        lanes u[COMPONENTS][NODES], v[COMPONENTS][NODES];
+        UNROLL for (int node = 0; node < NODES; node++) {
+            lanes x[COMPONENTS], y[COMPONENTS];
+            gather(displacement, dof + node * LANES, x);
+            gather(velocity, dof + node * LANES, y);
+            UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c], v[c][node] = y[c];
+        }
+        apply(AFFINE, number, u);
+        apply(AFFINE, number, v);
+        UNROLL for (int node = 0; node < NODES; node++) {
+            lanes both[COMPONENTS], lost[COMPONENTS];
+            UNROLL for (int c = 0; c < COMPONENTS; c++) {
+                lost[c] = eta * MINUS_WEIGHT[node] * v[c][node];
+                both[c] = MINUS_WEIGHT[node] * u[c][node] + lost[c];
+            }
+            scatter_add(force, dof + node * LANES, both);
+            scatter_add(viscous, dof + node * LANES, lost);
+        }
+    }
+}
+#endif
+
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
 void add_internal_force(const struct plan *plan, long first, long last, const double *u, double *force)
@@ -420,32 +451,37 @@ double strain_energy(const struct plan *plan, long batches, const double *displa
     return total;
 }
 
-// v = decay v + dt f / m, u += dt v, f = 0; with damping also the sum of m |mean v|^2, which says what was lost, and when
-// measured energy[0] += m v^2 and energy[1] += u f, with the new u and v.
+// v = decay v + dt f / m, u += dt v, f = 0; with damping of the mass also the sum of m |mean v|^2, which says what was lost;
+// where elements are viscid their share of the force works on the mean v, lost -= f v, and becomes 0; and when measured
+// energy[0] += m v^2 and energy[1] += u f without that share, with the new u and v.
 struct motion {
     double *displacement, *velocity, *force;
     const double *inverse_mass;
-    double dt, decay;
+    double dt, decay, *viscous, *lost;
 };
 
-INLINE double advance_node(const int damped, const int measured, const struct motion *motion, long node, double *energy)
+INLINE double advance_node(const int damped, const int viscid, const int measured, const struct motion *motion, long node,
+                           double *energy)
 {
     const double inverse_mass = motion->inverse_mass[node], push = motion->dt * inverse_mass;
     double square = 0;
     UNROLL for (long i = node * COMPONENTS; i < (node + 1) * COMPONENTS; i++) {
-        const double old = motion->velocity[i], v = (damped ? motion->decay * old : old) + push * motion->force[i];
+        const double old = motion->velocity[i], force = motion->force[i];
+        const double v = damped ? FUSED(motion->decay, old, push * force) : FUSED(push, force, old);
         if (damped) square += (old + v) * (old + v);
         motion->velocity[i] = v;
         motion->displacement[i] += motion->dt * v;
-        if (measured) energy[0] += v * v / inverse_mass, energy[1] += motion->displacement[i] * motion->force[i];
+        const double share = viscid ? motion->viscous[i] : 0;
+        if (viscid) *motion->lost -= 0.5 * share * (old + v), motion->viscous[i] = 0;
+        if (measured) energy[0] += v * v / inverse_mass, energy[1] += motion->displacement[i] * (force - share);
         motion->force[i] = 0;
     }
     return damped ? 0.25 * square / inverse_mass : 0;
 }
 
 // The same for LANES nodes in a row; adds to the sums lane by lane.
-INLINE void advance_row(const int damped, const int measured, const struct motion *motion, long node, lanes *sum,
-                        lanes *energy)
+INLINE void advance_row(const int damped, const int viscid, const int measured, const struct motion *motion, long node,
+                        lanes *sum, lanes *lost, lanes *energy)
 {
     const lanes inverse_mass = *(const loose *)(motion->inverse_mass + node), push = motion->dt * inverse_mass;
     const lanes quarter_mass = damped ? 0.25 / inverse_mass : push;
@@ -453,47 +489,73 @@ INLINE void advance_row(const int damped, const int measured, const struct motio
         long_lanes pick;
         UNROLL for (int l = 0; l < LANES; l++) pick[l] = (k * LANES + l) / COMPONENTS;
         const long i = node * COMPONENTS + k * LANES;
-        loose *const velocity = (loose *)(motion->velocity + i), *const force = (loose *)(motion->force + i);
-        const lanes old = *velocity, v = (damped ? motion->decay * old : old) + __builtin_shuffle(push, pick) * *force;
+        loose *const velocity = (loose *)(motion->velocity + i), *const at = (loose *)(motion->force + i);
+        const lanes old = *velocity, force = *at, pushed = __builtin_shuffle(push, pick);
+        lanes v;
+        if (damped) {
+            const lanes added = pushed * force;
+            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(motion->decay, old[l], added[l]);
+        } else
+            UNROLL for (int l = 0; l < LANES; l++) v[l] = FUSED(pushed[l], force[l], old[l]);
         if (damped) *sum += __builtin_shuffle(quarter_mass, pick) * (old + v) * (old + v);
         *velocity = v;
         loose *const displacement = (loose *)(motion->displacement + i);
         *displacement += motion->dt * v;
+        lanes share = {0};
+        if (viscid) {
+            loose *const viscous = (loose *)(motion->viscous + i);
+            share = *viscous;
+            *lost -= 0.5 * share * (old + v);
+            *viscous = (lanes){0};
+        }
         if (measured) {
             energy[0] += v * v / __builtin_shuffle(inverse_mass, pick);
-            energy[1] += *displacement * *force;
+            energy[1] += *displacement * (force - share);
         }
-        *force = (lanes){0};
+        *at = (lanes){0};
     }
 }
 
-INLINE double advance_block(const int damped, const int measured, const struct motion *motion, const struct plan *plan,
-                            long block, double *energy)
+INLINE double advance_block(const int damped, const int viscid, const int measured, const struct motion *motion,
+                            const struct plan *plan, long block, double *energy)
 {
-    lanes row_sum = {0}, row_energy[2] = {{0}};
+    lanes row_sum = {0}, row_lost = {0}, row_energy[2] = {{0}};
     double sum = 0;
     for (long r = plan->row_start[block]; r < plan->row_start[block + 1]; r++)
-        advance_row(damped, measured, motion, plan->row[r], &row_sum, row_energy);
+        advance_row(damped, viscid, measured, motion, plan->row[r], &row_sum, &row_lost, row_energy);
     for (long n = plan->single_start[block]; n < plan->single_start[block + 1]; n++)
-        sum += advance_node(damped, measured, motion, plan->single[n], energy);
+        sum += advance_node(damped, viscid, measured, motion, plan->single[n], energy);
     if (damped)
         UNROLL for (int l = 0; l < LANES; l++) sum += row_sum[l];
+    if (viscid)
+        UNROLL for (int l = 0; l < LANES; l++) *motion->lost += row_lost[l];
     if (measured)
         UNROLL for (int l = 0; l < LANES; l++) energy[0] += row_energy[0][l], energy[1] += row_energy[1][l];
     return sum;
 }
 
-// Elements of some blocks; after each block the nodes that no later element touches move on.  `energy` may be null.
+// Elements of some blocks; after each block the nodes that no later element touches move on.  `energy` and `viscous`, the
+// force of Kelvin-Voigt damping of all elements, may be null.
 double step(const struct plan *plan, long first, long last, double *u, double *v, double *force,
-            const double *inverse_mass, double dt, double decay, double *energy)
+            const double *inverse_mass, double dt, double decay, double *energy, double eta, double *viscous, double *lost)
 {
-#define ADVANCE(damped, measured) advance_block(damped, measured, &motion, plan, block, energy)
-    const struct motion motion = {u, v, force, inverse_mass, dt, decay};
+#define ADVANCE(damped, viscid) \
+    (energy ? advance_block(damped, viscid, 1, &motion, plan, block, energy) \
+            : advance_block(damped, viscid, 0, &motion, plan, block, energy))
+    const struct motion motion = {u, v, force, inverse_mass, dt, decay, viscous, lost};
     double sum = 0;
     for (long block = first; block < last; block++) {
+#if VISCID
+        if (viscous) {
+            add_damped_force(plan, plan->block[block], plan->block[block + 1], eta, u, v, force, viscous);
+            sum += decay == 1 ? ADVANCE(0, 1) : ADVANCE(1, 1);
+            continue;
+        }
+#else
+        (void)eta;
+#endif
         add_internal_force(plan, plan->block[block], plan->block[block + 1], u, force);
-        if (energy) sum += decay == 1 ? ADVANCE(0, 1) : ADVANCE(1, 1);
-        else sum += decay == 1 ? ADVANCE(0, 0) : ADVANCE(1, 0);
+        sum += decay == 1 ? ADVANCE(0, 0) : ADVANCE(1, 0);
     }
     return sum;
 }

@@ -12,11 +12,13 @@ from importlib.resources import files
 import numpy as np
 
 from ruptfx import RuptfxError, fem, native
-from ruptfx.operators import Bulk
+from ruptfx.operators import Bulk, Damped
 from ruptfx.operators._geometry import AFFINE, BOX, geometry_element, is_tensor, numbers, root_of_size
 
 # Nodes computed between updates.  Measured: with 2000 the update is slower by half (its memory comes in short pieces).
 BLOCK_NODES = 16384
+# Where every cell has nodes of its own they come in one piece: as many as the second cache holds.
+BROKEN_BLOCK_NODES = 3072
 
 
 class _Plan(ctypes.Structure):
@@ -65,6 +67,9 @@ class MatrixFree:
         plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and kind.max(initial=BOX) <= AFFINE
         self._root = root_of_size(space.mesh, cells) if plain else None
         self._cell_nodes = len(permutation)
+        linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)
+        self._damps = linear_simplex and self._components == space.mesh.topology.dim
+        self._block_nodes = BROKEN_BLOCK_NODES if bool(space.element.basix_element.discontinuous) else BLOCK_NODES
         self._hold_lines(_fetch(space))
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
@@ -104,6 +109,11 @@ class MatrixFree:
         )  # fmt: skip
         return True
 
+    @property
+    def damps(self) -> bool:
+        """Whether steps know the Kelvin-Voigt damping of all elements: linear simplices, in the plane or in space."""
+        return self._damps
+
     # -- the fused step --------------------------------------------------------------------------------------------
 
     def prepare_step(self, held: np.ndarray) -> None:
@@ -114,7 +124,7 @@ class MatrixFree:
         held : ndarray of bool, shape (nodes,)
         """
         node = self._keep["dof"].reshape(self._batches, self._cell_nodes, -1) // self._components
-        size = max(1, BLOCK_NODES * 4 // (node.shape[1] * node.shape[2]))
+        size = max(1, self._block_nodes * 4 // (node.shape[1] * node.shape[2]))
         first = np.unique(np.r_[
             np.arange(0, self._boundary_batches, size), np.arange(self._boundary_batches, self._batches, size),
             self._batches,
@@ -136,7 +146,7 @@ class MatrixFree:
 
     def step(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
         """Internal force of all elements, and one leapfrog step of every node that is not held.
 
@@ -154,7 +164,9 @@ class MatrixFree:
             Factor of the old velocity; below 1 with mass damping.
         energy : ndarray, shape (2,), optional
             Of plain nodes the sums of |velocity|^2 / inverse_mass, and of the new displacement times the force that
-            acted, are added to it.
+            acted, are added to it; the latter without that of `damped`.
+        damped : Damped, optional
+            The elements are, where the operator `damps`.
 
         Returns
         -------
@@ -162,34 +174,39 @@ class MatrixFree:
             With decay below 1: sum over plain nodes of |(old + new velocity) / 2|^2 / inverse_mass [J], else 0.
         """
         arrays = displacement, velocity, force, inverse_mass
-        return self.step_boundary(*arrays, dt, decay, energy) + self.step_interior(*arrays, dt, decay, energy)
+        rest = dt, decay, energy, damped
+        return self.step_boundary(*arrays, *rest) + self.step_interior(*arrays, *rest)
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
         """First part of `step`: the elements at nodes that other ranks know; after it `force` is ready to send."""
         if not self._boundary_blocks:
             return 0.0
         arrays = displacement, velocity, force, inverse_mass
-        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy)
+        return self._run(0, self._boundary_blocks, arrays, dt, decay, energy, damped)
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
-        dt: float, decay: float = 1.0, energy: np.ndarray | None = None,
+        dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
         """The rest of `step`; neither reads nor writes the force of nodes that other ranks know."""
         arrays = displacement, velocity, force, inverse_mass
-        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy)
+        return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped)
 
     def _run(
-        self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float, energy: np.ndarray | None
-    ) -> float:
+        self, first: int, last: int, arrays: tuple[np.ndarray, ...], dt: float, decay: float,
+        energy: np.ndarray | None, damped: Damped | None,
+    ) -> float:  # fmt: skip
         *vectors, inverse_mass = arrays
         return self._library.step(
             ctypes.byref(self._plan), ctypes.c_long(first), ctypes.c_long(last), *self._pointers(*vectors),
             *self._pointers(inverse_mass, size=1), ctypes.c_double(dt), ctypes.c_double(decay),
             ctypes.c_void_p(None if energy is None else energy.ctypes.data),
+            ctypes.c_double(0.0 if damped is None else damped.eta),
+            *([ctypes.c_void_p(None)] * 2 if damped is None else
+              [*self._pointers(damped.force), ctypes.c_void_p(damped.lost.ctypes.data)]),
         )  # fmt: skip
 
     # -- preparation -----------------------------------------------------------------------------------------------

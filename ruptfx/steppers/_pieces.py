@@ -14,6 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ruptfx.cracks._rigid import RigidCracks
     from ruptfx.model import Model
+    from ruptfx.operators import Damped
     from ruptfx.state import State
 
 Renew = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
@@ -33,6 +34,12 @@ class Pieces:
         Called with all degrees of freedom that have changed.
     once : ndarray, shape (nodes * 2,)
         Kept as 1 where this rank counts a piece, else 0.
+
+    Attributes
+    ----------
+    held : ndarray of int
+        Degrees of freedom that `advance` leaves alone: at vertices that are in pieces or on which something acts, and
+        of corners whose star is not here.
     """
 
     def __init__(
@@ -43,6 +50,14 @@ class Pieces:
         self._together = tuple(np.empty_like(values) for values in self._own)
         self._adopted: State | None = None
         self._followers = self._leaders = np.zeros(0, np.int64)  # degrees of freedom that move as driven ones do
+        acting = model.loads.acting.reshape(-1, 2).any(axis=1)
+        acting |= model.case.damping.mass > 0  # its work is summed with that of dashpots
+        for fault in model.faults:
+            acting[fault.interface.nodes] = True
+        for tied in (model.layout.kept, model.layout.copies):
+            acting[tied] = True
+        self._acting = acting
+        self.held = np.zeros(0, np.int64)
 
     def part(self, state: State) -> None:
         """Insert the facets whose strength is reached, before a step."""
@@ -55,8 +70,12 @@ class Pieces:
             self._sum(found)
 
     def join(self, force: np.ndarray) -> None:
-        """Give the corners of every piece the force on all of them [N]."""
-        self._rigid.total(force, force)
+        """Give the corners of every held piece the force on all of them [N]."""
+        self._rigid.total(force, force, self._rigid.held)
+
+    def advance(self, state: State, dt: float, keep: np.ndarray, push: np.ndarray, damped: Damped | None) -> None:
+        """Move the vertices on that are not held, and what `damped` takes of them; as of `RigidCracks.advance`."""
+        self._rigid.advance(state, dt, keep, push, damped)
 
     def hold(self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray) -> None:
         """Give velocities what inserted facets make of them; arguments as of `RigidCracks.hold`."""
@@ -82,6 +101,7 @@ class Pieces:
         self._once[dofs] = np.repeat(first.astype(float), 2)
         if vertices is None or driven.any():
             self._follow()
+        self.held = (2 * rigid.hold_vertices(self._acting)[:, None] + np.arange(2)).ravel()
 
     def _follow(self) -> None:
         """Find what hangs on driven corners; where several are driven, the last motion counts, as it does at nodes."""

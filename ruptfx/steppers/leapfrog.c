@@ -1,31 +1,34 @@
-// The nodes the bulk kernel leaves to the stepper: interfaces, boundaries, nodes shared with other ranks.  Where these are
-// all there are, `dof` is null.
+// The nodes the bulk kernel leaves to the stepper: interfaces, boundaries, nodes shared with other ranks.  Arrays are over
+// those it may leave, numbered by `dof`, or by themselves where these are all there are and `dof` is null; `which` are those
+// it does leave now, all where it is null.  leapfrog.py writes lanes.c in front of this file.
 
-#define INLINE static inline __attribute__((always_inline))
-
-INLINE void kick_each(long n, const long *dof, const double *keep, const double *push, const double *force,
-                      double *restrict velocity, double *restrict velocity_old)
+// v = keep v + push f. As the kernel rounds it where masses are not damped (alike), or as it always was.
+INLINE void kick_each(long n, const long *which, const long *dof, const int alike, const double *keep, const double *push,
+                      const double *force, double *restrict velocity, double *restrict velocity_old)
 {
-    for (long i = 0; i < n; i++) {
-        const long d = dof ? dof[i] : i;
-        velocity_old[i] = velocity[d];
-        velocity[d] = keep[i] * velocity[d] + push[i] * force[d];
+    for (long k = 0; k < n; k++) {
+        const long i = which ? which[k] : k, d = dof ? dof[i] : i;
+        const double old = velocity[d], acting = force[d];
+        velocity_old[i] = old;
+        velocity[d] = alike ? FUSED(push[i], acting, keep[i] * old) : FUSED(keep[i], old, push[i] * acting);
     }
 }
 
 // Velocity half a step later without contact: v = keep v + push f; the old velocity is kept for the work integrals.
-void kick(long n, const long *dof, const double *keep, const double *push, const double *force, double *velocity,
-          double *velocity_old)
+void kick(long n, const long *which, const long *dof, long alike, const double *keep, const double *push,
+          const double *force, double *velocity, double *velocity_old)
 {
-    if (dof) kick_each(n, dof, keep, push, force, velocity, velocity_old);
-    else kick_each(n, 0, keep, push, force, velocity, velocity_old);
+#define KICK(which, dof, alike) kick_each(n, which, dof, alike, keep, push, force, velocity, velocity_old)
+    if (which) alike ? KICK(which, dof, 1) : KICK(which, dof, 0);
+    else if (dof) alike ? KICK(0, dof, 1) : KICK(0, dof, 0);
+    else alike ? KICK(0, 0, 1) : KICK(0, 0, 0);
 }
 
-INLINE void drift_each(long n, const long *dof, double dt, const double *velocity, double *restrict displacement,
-                       double *restrict force)
+INLINE void drift_each(long n, const long *which, const long *dof, double dt, const double *velocity,
+                       double *restrict displacement, double *restrict force)
 {
-    for (long i = 0; i < n; i++) {
-        const long d = dof ? dof[i] : i;
+    for (long k = 0; k < n; k++) {
+        const long i = which ? which[k] : k, d = dof ? dof[i] : i;
         displacement[d] += dt * velocity[d];
         force[d] = 0;
     }
@@ -33,9 +36,9 @@ INLINE void drift_each(long n, const long *dof, double dt, const double *velocit
 
 // work[0] += energy lost in dashpots, work[1] += work of prescribed motion; both by the mean of the velocities before and
 // after forces acted for the time `kick`, at the `special` ones, where there is either.
-void drift(long n, const long *dof, long specials, const long *special, double dt, double kick, const double *mass,
-           const double *dashpot, const double *driven, const double *owned, const double *velocity_old,
-           const double *velocity, double *displacement, double *force, double *work)
+void drift(long n, const long *which, const long *dof, long specials, const long *special, double dt, double kick,
+           const double *mass, const double *dashpot, const double *driven, const double *owned,
+           const double *velocity_old, const double *velocity, double *displacement, double *force, double *work)
 {
     double lost = 0, driving = 0;
     for (long k = 0; k < specials; k++) {
@@ -48,6 +51,7 @@ void drift(long n, const long *dof, long specials, const long *special, double d
     }
     work[0] += lost;
     work[1] += driving;
-    if (dof) drift_each(n, dof, dt, velocity, displacement, force);
-    else drift_each(n, 0, dt, velocity, displacement, force);
+    if (which) drift_each(n, which, dof, dt, velocity, displacement, force);
+    else if (dof) drift_each(n, 0, dof, dt, velocity, displacement, force);
+    else drift_each(n, 0, 0, dt, velocity, displacement, force);
 }

@@ -14,7 +14,7 @@ from ruptfx.contact import require
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.fault_step import FaultStep
 from ruptfx.fields import OF_BODIES
-from ruptfx.operators import FusedOperator
+from ruptfx.operators import Damped, FusedOperator
 from ruptfx.points import Clock
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import Follower
@@ -94,15 +94,16 @@ class LeapfrogMotion:
         held = np.repeat(model.layout.shared, c) | model.loads.acting
         for fault in model.faults:
             held.reshape(-1, c)[fault.interface.nodes] = True
-        if model.viscosity is not None:
+        self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
+        # Bodies that break are damped everywhere, so that elements can be in one sweep with what else they do.
+        viscous_sweep = model.cracks is not None and self._fused is not None and self._fused.damps
+        if model.viscosity is not None and not viscous_sweep:
             held.reshape(-1, c)[model.viscosity.nodes] = True
         for tied in (model.layout.kept, model.layout.copies):
             held.reshape(-1, c)[tied] = True
-        if model.cracks is not None or model.bulk.large_rotations:
-            # Of cracks all are rounded alike, wherever ranks have borders; energies of large rotations need forces.
-            held[:] = True
+        if isinstance(model.cracks, RigidCracks) or model.bulk.large_rotations:
+            held[:] = True  # they move with others, or energies need their forces
         held_nodes = held.reshape(-1, c).any(axis=1)
-        self._fused = model.operator if isinstance(model.operator, FusedOperator) else None
         if self._fused:
             self._fused.prepare_step(held_nodes)
         else:
@@ -121,19 +122,25 @@ class LeapfrogMotion:
         for load in model.loads.forces:
             places = np.searchsorted(dofs, load.dofs)
             self._shares.append((places, load.values * self._owned[places]))
+        self._damped: Damped | None = None
         if model.viscosity is not None:
-            viscous = np.flatnonzero(np.repeat(model.viscosity.nodes, c))
+            viscous = dofs if viscous_sweep else np.flatnonzero(np.repeat(model.viscosity.nodes, c))
             self._viscous = _places(viscous, len(held))
             self._viscous_among_held = _places(np.searchsorted(dofs, viscous), len(dofs))
             self._viscous_force = np.zeros(len(model.mass))
+            if viscous_sweep:
+                self._damped = Damped(model.viscosity.eta, self._viscous_force, np.zeros(1))
         self._velocity_old, self._work = np.zeros(len(dofs)), np.zeros(2)
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
         self._followers = [Follower(fault) for fault in model.faults if fault.slides]
         self._kicks = [_Kick(model, dofs, dt, number, mass, dashpot, self._velocity_old) for number in range(3)]
+        # Where ranks have borders the kernel leaves nodes to us that it moves elsewhere: both round them alike then.
+        self._alike = int(model.cracks is not None and all(kick.plain_keep == 1 for kick in self._kicks))
         self._pieces: Pieces | None = None
         if isinstance(model.cracks, RigidCracks):
             self._pieces = Pieces(model, model.cracks, mass, dashpot, self._renew, self._once)
-        self._library = native.load("leapfrog", files("ruptfx.steppers").joinpath("leapfrog.c").read_text())
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("lanes.c", "steppers/leapfrog.c"))
+        self._library = native.load("leapfrog", source)
 
     def _damped_or_driven(self) -> np.ndarray:
         """Places among the held degrees of freedom at which work is done."""
@@ -181,7 +188,7 @@ class LeapfrogMotion:
         loads.add_support_force(state.displacement, state.force)
         if self.model.bulk.large_rotations:
             self._turn(state, kick.since)
-        internal = state.force[self._dofs] if state.watched else None  # a copy
+        internal = self._forces_of_bodies(state) if state.watched else None
         # Work of the loads by the mean velocity is added once the new one is known.
         factors = [load.factor(state.time) for load in loads.forces]
         for load, factor in zip(loads.forces, factors, strict=True):
@@ -191,10 +198,13 @@ class LeapfrogMotion:
             self._pieces.join(state.force)
         moving = [fault.opening_rate(state.faults[name], state.velocity) for name, fault in kick.faults]
         pointer = _pointer
-        n, held = ctypes.c_long(len(self._dofs)), None if isinstance(self._held, slice) else pointer(self._dofs)
+        held = None if isinstance(self._held, slice) else pointer(self._dofs)
+        which = None if self._pieces is None else self._pieces.held
+        count = ctypes.c_long(len(self._dofs if which is None else which))
+        now = count, None if which is None else pointer(which), held
         self._library.kick(
-            n, held, pointer(kick.keep), pointer(kick.push), pointer(state.force), pointer(state.velocity),
-            pointer(self._velocity_old),
+            *now, ctypes.c_long(self._alike), pointer(kick.keep), pointer(kick.push), pointer(state.force),
+            pointer(state.velocity), pointer(self._velocity_old),
         )  # fmt: skip
         loads.drive(state.velocity, state.time + 0.5 * self.dt)
         for (name, fault), rate_old in zip(kick.faults, moving, strict=True):
@@ -207,15 +217,16 @@ class LeapfrogMotion:
         # Tied nodes move together; an interface that ends there has changed the velocity of one of them only.
         self.model.layout.equalise(state.velocity)
         if self._pieces:
+            self._pieces.advance(state, self.dt, kick.keep, kick.push, self._damped)
             self._pieces.hold(state, self.dt, kick.length, kick.since, kick.push, self._velocity_old)
         self._load_work(state, kick, factors)
         self._library.drift(
-            n, held, ctypes.c_long(len(self._special)), pointer(self._special), ctypes.c_double(self.dt),
+            *now, ctypes.c_long(len(self._special)), pointer(self._special), ctypes.c_double(self.dt),
             ctypes.c_double(kick.length), pointer(self._mass), pointer(self._dashpot), pointer(self._driven),
             pointer(self._once), pointer(self._velocity_old), pointer(state.velocity), pointer(state.displacement),
             pointer(state.force), pointer(self._work),
         )  # fmt: skip
-        state.energy["damping"] += self._work[0] + self._viscous_work(state, kick)
+        state.energy["damping"] += self._work[0] + self._viscous_work(state, kick, which)
         state.energy["boundary_work"] += self._work[1]
         self._work[:] = 0
         if plain is not None and internal is not None:
@@ -243,7 +254,7 @@ class LeapfrogMotion:
         plain : ndarray, shape (2,)
             What the kernel summed over plain nodes.
         internal : ndarray, shape (held degrees of freedom,)
-            Internal and viscous force, that of elastic supports, cracks and collisions, before anything else acts [N].
+            Internal force, that of elastic supports, cracks and collisions, before anything else acts [N].
         between : ndarray, shape (nodes * components,), optional
             That of cracks and collisions alone, at the nodes this rank owns [N].
         stored : float, optional
@@ -255,11 +266,16 @@ class LeapfrogMotion:
         over = self.dt * velocity if stored is not None else state.displacement[self._held]
         kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
         work = plain[1] + (self._owned * internal) @ over
-        if self.model.viscosity is not None:
-            work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
-        if between is not None:
-            work -= float(between[self._held] @ over)
+        if between is not None:  # they act where the kernel sums, too
+            work -= float(between @ (state.displacement if stored is None else over))
         self._sums = (state.step + 1, 0.5 * float(kinetic), (stored or 0.0) - 0.5 * float(work))
+
+    def _forces_of_bodies(self, state: State) -> np.ndarray:
+        """What acts at the held degrees of freedom but for viscous forces, shape (held degrees of freedom,) [N]."""
+        forces = state.force[self._dofs]
+        if self.model.viscosity is not None:
+            forces[self._viscous_among_held] -= self._viscous_force[self._viscous]
+        return forces
 
     def _strain_energy(self, state: State) -> float | None:
         """Of this rank, where it is no quadratic form [J]."""
@@ -272,18 +288,19 @@ class LeapfrogMotion:
         """
         arrays = (state.displacement, state.velocity, state.force)
         plain = 0.0
-        viscous, first = self.model.viscosity is not None, self.model.cracks is not None
+        viscous = self.model.viscosity is not None and self._damped is None
+        first = self.model.cracks is not None
         if viscous and first:  # at all nodes before the elements, in the order of sums that no partition changes
             self._add_viscous_force(state)
         if self._fused:
-            plain += self._fused.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
+            plain += self._fused.step_boundary(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy, self._damped)
         else:
             self.model.operator.add_internal_force(state.displacement, state.force)
         if viscous and not first:
             self._add_viscous_force(state)
         self.model.force.begin()
         if self._fused:
-            plain += self._fused.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy)
+            plain += self._fused.step_interior(*arrays, kick.plain_push, self.dt, kick.plain_keep, energy, self._damped)
             state.energy["damping"] += kick.plain_loss * plain
         self.model.force.end()
 
@@ -339,12 +356,18 @@ class LeapfrogMotion:
                 state.energy["turning"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
         state.fields[OF_BODIES] = force
 
-    def _viscous_work(self, state: State, kick: _Kick) -> float:
-        """Energy the Kelvin-Voigt layer took in this step [J], from the elements of this rank."""
+    def _viscous_work(self, state: State, kick: _Kick, which: np.ndarray | None) -> float:
+        """Energy that Kelvin-Voigt damping took in this step [J], from the elements of this rank."""
         if self.model.viscosity is None:
             return 0.0
-        mean = 0.5 * (self._velocity_old[self._viscous_among_held] + state.velocity[self._viscous])
-        return -float(self._viscous_force[self._viscous] @ mean) * kick.length
+        here, among_held = (self._viscous, self._viscous_among_held) if which is None else (which, which)
+        mean = 0.5 * (self._velocity_old[among_held] + state.velocity[here])
+        lost = -float(self._viscous_force[here] @ mean)
+        if self._damped is not None:
+            lost += float(self._damped.lost[0])
+            self._damped.lost[:] = 0
+            self._viscous_force[here] = 0
+        return lost * kick.length
 
     def _load_work(self, state: State, kick: _Kick, factors: list[float | np.ndarray]) -> None:
         for (places, share), factor in zip(self._shares, factors, strict=True):
@@ -395,6 +418,9 @@ class _Kick:
         nodal = np.ascontiguousarray(1 / mass.reshape(-1, model.components)[:, 0])
         self.plain_mass = self.length / dt / (1 + lost)
         self.plain_push = self.plain_mass * nodal
+        if model.cracks is not None and not model.cracks.fracture.rigid:
+            plain = ~model.loads.acting[dofs]
+            self.keep[plain], self.push[plain] = self.plain_keep, dt * self.plain_push[dofs[plain] // model.components]
         # For contact, mass includes the dashpots, and nodes whose motion is prescribed cannot be moved.
         inverse_mass = np.where(prescribed, 0.0, effective)
         threshold = model.case.output.rupture_threshold

@@ -22,6 +22,7 @@ from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
 from ruptfx.recording.edge_sums import EdgeSums
 from ruptfx.schema import CaseError, alternatives
+from ruptfx.spectrum import highest_frequency, stable_time_step
 
 pytestmark = pytest.mark.fem
 KINDS = list(alternatives("ruptfx.cracks"))
@@ -257,6 +258,25 @@ def test_the_elastic_forces_are_those_of_the_weak_form(kind: str) -> None:
     added = np.zeros_like(expected)
     model.cracks.add_force(state.cracks, added)
     np.testing.assert_allclose(added, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_damped_cells_between_undamped_springs_bear_a_step_that_cells_alone_set() -> None:
+    """4 M - dt^2 (K + springs) - 2 eta dt K is positive definite up to that step and not beyond."""
+    model = Model(case({"fracture.default.cohesion": NEVER, "damping": {"kelvin_voigt": {"fraction": 1.0}}}))
+    assert model.viscosity is not None and model.cracks is not None
+    stable, columns = stable_time_step(model), np.eye(len(model.mass))
+    free = model.free_inverse_mass() > 0
+    bodies, springs = (np.zeros_like(columns) for _ in range(2))
+    for column, bulk, between in zip(columns, bodies, springs, strict=True):
+        model.operator.add_internal_force(column, bulk)
+        model.cracks.add_spring_force(column, between)
+    signs = []
+    for dt in (0.97 * stable, 1.03 * stable):
+        matrix = 4 * np.diag(model.mass) + dt**2 * (bodies + springs) + 2 * model.viscosity.eta * dt * bodies
+        signs.append(np.linalg.eigvalsh(matrix[np.ix_(free, free)])[0] > 0)
+    assert signs == [True, False]
+    undamped = 2 / highest_frequency(model)
+    assert stable > 1.5 * model.viscosity.eta * (np.sqrt(1 + (undamped / model.viscosity.eta) ** 2) - 1)
 
 
 def test_a_rigid_motion_exerts_no_force() -> None:
