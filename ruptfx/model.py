@@ -25,6 +25,7 @@ from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.nodes import Nodes
+from ruptfx.nucleation import first_begun
 from ruptfx.operators import ufl_form
 from ruptfx.places import Place, located, positions, shifted
 from ruptfx.profiles import evaluate
@@ -278,7 +279,7 @@ class Model:
         parallel.raise_on_all(self.comm, error)
         after = self.case.output.rupture_after
         if after is None:
-            after = min((each.onset for each in fault.nucleation if each.onset > 0), default=0.0)
+            after = max(first_begun(fault.nucleation)[0], 0.0)
         return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after)
 
     def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "UNITS", "UNITS_OF_FRACTURE", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
-    "sliding_rate", "summarise",
+    "slides_far", "sliding_rate", "summarise",
 ]
 
 UNITS_OF_FRACTURE = {
@@ -33,6 +33,11 @@ UNITS = {
 OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
 
 
+def slides_far(data: Data) -> bool:
+    """Whether what was recorded is an interface that slides (`[faults.NAME.sliding]`): it has states of contact."""
+    return "contact" in data
+
+
 def sliding_rate(record: Files) -> np.ndarray:
     """Slip rate along the first interface [m/s], shape (times, points): zero where bodies that slide far do not touch.
 
@@ -40,20 +45,14 @@ def sliding_rate(record: Files) -> np.ndarray:
     """
     data = record.interface
     rate = np.asarray(data["slip_rate"].values)
-    if "contact" not in data:
+    if not slides_far(data):
         return rate
     return np.where(np.isin(data["contact"].values, (OPEN, UNCOVERED)), 0.0, rate)
 
 
-def nucleation(record: Files, data: Data) -> tuple[float, float]:
+def nucleation(data: Data) -> tuple[float, float]:
     """When [s] and where [m] the case starts a rupture of an interface after it has loaded it; else never, nowhere."""
-    of_fault = record.case.get("faults", {}).get(str(data.attrs.get("fault", "")), {})
-    started = [
-        (float(each["time"]), float(each["center"]))
-        for each in of_fault.get("nucleation", [])
-        if all(isinstance(each.get(key), int | float) for key in ("time", "center")) and each["time"] > 0
-    ]
-    return min(started, default=(-np.inf, np.nan))
+    return float(data.attrs.get("nucleation_time", -np.inf)), float(data.attrs.get("nucleation_position", np.nan))
 
 
 def rupture_origin(record: Files) -> tuple[float, float]:
@@ -65,8 +64,8 @@ def rupture_origin(record: Files) -> tuple[float, float]:
     """
     data = record.interface
     position = data["position"].values
-    since, center = nucleation(record, data)
-    if np.isfinite(since):
+    since, center = nucleation(data)
+    if np.isfinite(center):
         return center, since
     arrival = data["rupture_time"].values
     end = float(data.attrs.get("loaded_end", position[0]))

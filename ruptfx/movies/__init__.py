@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ruptfx import RuptfxError
+from ruptfx.analysis import slides_far
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import STYLE, Array, new_figure, remark, scale
 from ruptfx.plots._record import along, has_slip_rates
@@ -86,7 +87,7 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
             "several, in two; reduce output.bulk_interval and run again"
         )
     points, times = bulk["points"].values, bulk["time"].values
-    if any("contact" in data for data in record.interfaces.values()):
+    if any(map(slides_far, record.interfaces.values())):
         return _that_slide(record, picture, label, line, **look)
     raster = Raster(points, bulk["cells"].values, pixels=900)
     size, unit = scale(np.ptp(points, axis=0), "m")
@@ -123,7 +124,7 @@ def _that_slide(
     look = _brightest(image, len(times), look)
     size, unit = scale(np.ptp(frame, axis=0), "m")
     (left, bottom), (right, top) = frame / size
-    faces = [data for data in record.interfaces.values() if "contact" in data]
+    faces = list(filter(slides_far, record.interfaces.values()))
 
     def move(axes: Axes, row: int) -> None:
         for drawn in list(axes.lines):
@@ -229,7 +230,7 @@ def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]
     (line,) = axes.plot(position / x_size, 0 * position, color="#c1440e")
     place = along(record, x_size, x_unit)
     # Bodies that slide far are shown where they are, and their points are told by where they began.
-    axes.set(xlabel=f"{place}, before it slid" if "contact" in data else place, ylabel=f"Slip rate ({unit})")
+    axes.set(xlabel=f"{place}, before it slid" if slides_far(data) else place, ylabel=f"Slip rate ({unit})")
     axes.set_ylim(0, 1.05 * float(np.nanmax(rate)) / size or 1.0)
     left, right = (position[0] / x_size, position[-1] / x_size)
     if scene.x_label == axes.get_xlabel():

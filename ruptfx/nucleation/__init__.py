@@ -6,6 +6,8 @@ The state of the law is that of the stress without it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +39,15 @@ class Nucleation(Alternative):
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         """The law that acts instead of `law` (with its profiles evaluated at the points)."""
         return law
+
+
+def first_begun(nucleations: Iterable[Nucleation]) -> tuple[float, float]:
+    """When [s] and at which position [m] the first one begins that does so after zero.
+
+    Minus infinity and NaN without one; a position of NaN where it has no `center`.
+    """
+    begun = [(each.onset, float(getattr(each, "center", np.nan))) for each in nucleations if each.onset > 0]
+    return min(begun, key=itemgetter(0), default=(-np.inf, np.nan))
 
 
 if TYPE_CHECKING:

@@ -32,6 +32,10 @@ class ForcedRupture(Nucleation):
     end: Instant = NEVER
     """Time [s] from which nothing is forced any more."""
 
+    @property
+    def onset(self) -> float:
+        return self.start
+
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
         distance = np.abs(position - self.center)
         arrival = self.start + distance / self.speed

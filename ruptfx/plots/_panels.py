@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from ruptfx.analysis import slides_far
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import WIDTH, Array, empty_figure, letter, new_figure, scale
 from ruptfx.plots._record import default_times, nearest, sliding
@@ -61,7 +62,7 @@ def panels(
         shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
         for data in record.interfaces.values():
             x, y = data["x"].values, data["y"].values
-            if moved and "contact" in data:
+            if moved and slides_far(data):
                 (now,) = nearest(data["time"].values, saved[row])
                 x, y = (data[name].isel(time=int(now)).values for name in ("deformed_x", "deformed_y"))
             x, y = x / x_size, y / x_size
@@ -94,7 +95,7 @@ def raster_of(record: Files) -> Raster:
 
 def _displaced(record: Files, rows: Array) -> list[Raster] | None:
     """Pixels of every row where pieces move or slide far, all of the same part of the plane; else None."""
-    far = record.case.get("large_rotations") or any("contact" in data for data in record.interfaces.values())
+    far = record.case.get("large_rotations") or any(map(slides_far, record.interfaces.values()))
     if not far or "displacement" not in record.bulk:
         return None
     start, cells = record.bulk["points"].values, record.bulk["cells"].values

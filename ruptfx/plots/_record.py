@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ruptfx.analysis import SLIDING, nucleation
+from ruptfx.analysis import SLIDING, nucleation, slides_far
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import Array
 from ruptfx.record import Data, Files
@@ -165,7 +165,7 @@ def slid(record: Files) -> bool:
     if not has_slip_rates(record):
         return False
     data = record.interface
-    field = data["contact"].values == SLIDING if "contact" in data else data["slip_rate"].values
+    field = data["contact"].values == SLIDING if slides_far(data) else data["slip_rate"].values
     return bool(np.any(field))
 
 
@@ -177,12 +177,12 @@ def has_front(record: Files) -> bool:
     if not has_slip_rates(record):
         return False
     began = np.isfinite(record.interface["rupture_time"].values)
-    return bool(began.sum() >= LEAST and (began.mean() >= 0.5 or "contact" not in record.interface))
+    return bool(began.sum() >= LEAST and (began.mean() >= 0.5 or not slides_far(record.interface)))
 
 
 def has_origin(record: Files) -> bool:
     """Whether waves start from one place along the first interface: of a front, or where the case starts a rupture."""
-    return has_front(record) or bool(np.isfinite(nucleation(record, record.interface)[0]))
+    return has_front(record) or bool(np.isfinite(nucleation(record.interface)[1]))
 
 
 def is_uneven(record: Files) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
+from ruptfx.analysis import slides_far
 from ruptfx.record import Files
 
 COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "uncovered": "#fbf3d5"}
@@ -15,7 +16,7 @@ COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "unco
 
 def has_states(record: Files) -> bool:
     """Whether an interface of the run slides far."""
-    return bool(record.interfaces) and "contact" in record.interface and record.interface.sizes["time"] > 0
+    return bool(record.interfaces) and slides_far(record.interface) and record.interface.sizes["time"] > 0
 
 
 def explain(ax: Axes, **options: Any) -> None:

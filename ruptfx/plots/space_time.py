@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator
 
-from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, rupture_origin
+from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, rupture_origin, slides_far
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark, scale, styled
 from ruptfx.plots._record import (
@@ -44,9 +44,9 @@ def space_time(record: Files) -> Figure:
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
-    states = data["contact"].values if "contact" in data else None
+    states = data["contact"].values if slides_far(data) else None
     rate = rate if states is None else np.where(states == SLIDING, rate, 0.0)
-    until, (since, _) = end_time(record), nucleation(record, data)
+    until, (since, _) = end_time(record), nucleation(data)
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     figure, axes = new_figure(1, 1, 3.6, 4.8)
     ax = axes[0, 0]

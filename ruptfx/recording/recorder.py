@@ -21,6 +21,7 @@ import numpy as np
 from ruptfx import RuptfxError, Table, __version__, fem, parallel
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
+from ruptfx.nucleation import first_begun
 from ruptfx.recording import edge_sums, forces
 from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.crack_files import CrackFiles, facets_of
@@ -181,12 +182,14 @@ class Recorder:
         # The end of the interface where an edge is driven; the left one when there is none.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
+        onset, center = first_begun(fault.nucleation)
         return {
             "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
             "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
             "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
             "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0,
+            "nucleation_time": onset, "nucleation_position": center,
             "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
             "laws of contact and friction there",
             **versions(),

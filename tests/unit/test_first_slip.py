@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import synthetic
-import tomli_w
 
 from ruptfx import plots
 from ruptfx.analysis import rupture_origin, sliding_rate
@@ -19,10 +18,9 @@ TIME, POSITION = synthetic.times(121), synthetic.points(40)
 
 
 def started(path: Path, time: float, center: float) -> Path:
-    """Add a nucleation to the case of a run."""
-    case = tomllib.loads((path / "case.toml").read_text())
-    case["faults"] = {"main": {"nucleation": [{"kind": "friction_drop", "time": time, "center": center}]}}
-    (path / "case.toml").write_text(tomli_w.dumps(case))
+    """Say in a run where and when its case starts a rupture."""
+    with h5py.File(path / "interface.h5", "a") as file:
+        file.attrs["nucleation_time"], file.attrs["nucleation_position"] = time, center
     return path
 
 

@@ -10,9 +10,11 @@ from small_cases import SPLIT, case
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.analysis import rupture_origin
 from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
+from ruptfx.simulation import simulate
 from ruptfx.state import State
 
 pytestmark = pytest.mark.fem
@@ -54,6 +56,21 @@ def test_nucleation_starts_a_rupture_and_its_work_is_accounted_for(kind: str, co
     energy = model.energies(state)
     lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
     assert abs(lost) < 1e-10 * abs(energy["frictional_dissipation"])
+
+
+@pytest.mark.parametrize("center", [6e-3, {"x": 6e-3, "y": 0.0}], ids=["position", "point"])
+@pytest.mark.parametrize(("kind", "key"), [
+    ("normal_stress_drop", "begin"), ("friction_drop", "time"), ("forced_rupture", "start"),
+])  # fmt: skip
+def test_analysis_knows_where_and_when_a_case_starts_a_rupture(
+    kind: str, key: str, center: object, tmp_path: Path
+) -> None:
+    """The origin of the rupture is where the nucleation is, when it begins."""
+    begins = 4e-7
+    given = loaded(SPLIT, {"kind": kind, **NUCLEATIONS[kind], "center": center, key: begins})
+    with simulate(given, out=tmp_path / "run", progress=False) as record:
+        # The element is 1 mm long and has a node at 6 mm.
+        assert rupture_origin(record) == (pytest.approx(6e-3, rel=1e-12), begins)
 
 
 def test_nothing_moves_without_nucleation() -> None:
