@@ -71,7 +71,10 @@ from ruptfx import fem  # noqa: E402
 
 if fem.MPI.COMM_WORLD.rank == 0:
     import matplotlib.pyplot as plt
+    import numpy as np
     from matplotlib.colors import LogNorm
+
+    from ruptfx.figure_style import RATE_MAP
 
     (OUT / "table.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
@@ -79,8 +82,8 @@ if fem.MPI.COMM_WORLD.rank == 0:
     for axis, ((set_name, case_name), record) in zip(axes.flat, records.items(), strict=True):
         data, (sigma, speed) = record.interface, LOADINGS[case_name]
         picture = axis.pcolormesh(
-            data.position * 1e3, data.time * 1e6, abs(data.slip_rate) / speed, norm=LogNorm(0.01, 10), cmap="magma",
-            rasterized=True, shading="nearest",
+            data.position * 1e3, data.time * 1e6, np.maximum(abs(data.slip_rate) / speed, 1e-3), rasterized=True,
+            norm=LogNorm(0.01, 10), cmap=RATE_MAP, shading="nearest",
         )  # fmt: skip
         axis.set_title(f"{set_name}  {case_name}: {sigma / 1e6:g} MPa, {speed:g} m/s", fontsize=10)
     for axis in axes[-1]:
