@@ -67,10 +67,10 @@ def picture():
     for (name, (x, ratio, speed, _)), colour in zip(uneven.items(), ("#b5382a", "#2a6099"), strict=True):
         axes[0].plot(x * 1e3, speed, color=colour, lw=0.8)
         axes[1].plot(ratio, speed, ".", color=colour, ms=2, label=f"normal stress {name} along the block")
-    for name, label in (("c_R", "$c_R$"), ("c_s", "$c_s$"), ("c_p", "$c_l$")):
+    for name, label, side in (("c_R", "$c_R$", "top"), ("c_s", "$c_s$", "bottom"), ("c_p", "$c_l$", "center")):
         for ax in axes:
             ax.axhline(attrs[name], color=GUIDE, ls="--", lw=0.7)
-        axes[1].annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va="center")
+        axes[1].annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va=side)
     axes[0].set(xlabel="Position (mm)", ylabel="Speed of the front (m/s)", ylim=(0, 2000))
     axes[1].set(xlabel="Shear over normal stress where it passes", ylim=(0, 2000))
     axes[0].legend(title="ratio, even load", ncols=2)

@@ -71,9 +71,9 @@ def picture():
         label = ("pushed" if load == "pushed" else f"sheared, normal stress {load}") if seed == 1 else None
         left.plot(ratio, speed, ".", ms=4, color=COLOURS[load], label=label)
     attrs = pushed[0].attrs
-    for name, label in (("c_R", "$c_R$"), ("c_s", "$c_s$"), ("c_p", "$c_l$")):
+    for name, label, side in (("c_R", "$c_R$", "top"), ("c_s", "$c_s$", "bottom"), ("c_p", "$c_l$", "center")):
         left.axhline(attrs[name], color=GUIDE, ls="--", lw=0.7)
-        left.annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va="center")
+        left.annotate(label, (1.01, attrs[name]), xycoords=("axes fraction", "data"), color=GUIDE, va=side)
     left.set(xlabel="Shear over normal stress before the front", ylabel="Speed of the front (m/s)", ylim=(0, 2700))
     left.legend(loc="upper left")
     for number, data in enumerate(springs):
