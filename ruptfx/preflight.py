@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, TypeVar
 
@@ -14,6 +14,7 @@ from ruptfx import fem, parallel, stages
 from ruptfx.analysis import fracture, rough_contact
 from ruptfx.case import Case, FaultCase
 from ruptfx.cost import available, measured, need_memory, rehearse
+from ruptfx.cracks import CrackLaws
 from ruptfx.cracks._step import CrackStep
 from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.fault import Fault
@@ -83,7 +84,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
         yield Row(f"{name}: c_s", speeds.c_s, "m/s", f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.6g}")
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
-    if len(model.materials) > 1 and case.plane in ("stress", "strain"):
+    if len(model.materials) > 1 and case.plane in ("stress", "strain") and model.faults:
         yield from _pairing(model)
     stable = stable_time_step(model)
     yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
@@ -133,14 +134,17 @@ def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
             continue
         modulus = moduli.get(pair, min(young.values()))
         for mode, energy, strength in (("I", law.G_Ic, law.f_t), ("II", law.G_IIc, law.c)):
-            cells = modulus * energy / strength**2 / cracks.edge
+            zone = modulus * energy / strength**2
+            cells = zone / cracks.edge
             fine, far = cells >= RESOLVED, cells < LOST and not fracture.unresolved
             yield Row(
                 f"fracture {pair}: process zone {mode}", cells, "facets",
-                "" if fine else f"below {RESOLVED:g}: strength and path depend on the mesh; refine it, or a larger "
+                f"{zone:.4g} m, E G / strength^2" if fine else
+                f"below {RESOLVED:g}: strength and path depend on the mesh; refine it, or a larger "
                 + f"G_{mode}c" + ("; or say that you know: fracture.unresolved = true" if far else ""),
                 "ok" if fine else "error" if far else "warning",
             )  # fmt: skip
+    yield from _loading(model, of_pairs)
     if isinstance(fracture, OnStrength):
         fastest = max(material.wave_speeds(model.case.plane).c_p for material in model.materials)
         way = fracture.check_every * dt * fastest / cracks.edge
@@ -157,6 +161,25 @@ def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
             f"{stiffer:+.1%}, which the springs take off again" if stiffer else
             f"not compensated: the body is softer by about {_softer(model, cracks, material):.1%}",
             "ok" if stiffer else "warning",
+        )  # fmt: skip
+
+
+def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
+    """How often waves pass a body before what moves has loaded it to f_t: f_t / (rho c_p v) of the softer of a pair."""
+    flying = [float(np.hypot(*velocity)) for velocity in model.case.initial_velocity.values()]
+    speed = max(model.case.impact_speed, *flying, 0.0)
+    impedance = {
+        name: material.density * material.wave_speeds(model.case.plane).c_p
+        for name, material in zip(model.bodies.names, model.materials, strict=True)
+    }
+    waves = [
+        each.cohesion.f_t / (speed * min(impedance[name] for name in pair.split("-")))
+        for pair, each in laws.items() if speed and each.cohesion is not None
+    ]  # fmt: skip
+    if waves:
+        yield Row(
+            "fracture: passages of waves until f_t", min(waves), "", f"at {speed:.4g} m/s: "
+            + ("the first wave alone reaches it" if min(waves) < 1 else "loading is slow where these are many"),
         )  # fmt: skip
 
 

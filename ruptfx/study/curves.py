@@ -121,7 +121,9 @@ def _panel(ax: Axes, by_value: dict[float, list[Row]], names: list[str]) -> None
     text = "part of events" if len(names) > 1 else label + (f" ({unit})" if unit else "")
     ax.set_ylabel(text, fontsize=6.5, parse_math=False)
     if len(names) > 1:
-        ax.legend(fontsize=6)
+        low, high = ax.get_ylim()
+        ax.set_ylim(top=high + 0.4 * (high - low))  # room for the legend, which hides no line there
+        ax.legend(fontsize=6, loc="upper center", ncols=2)
 
 
 def _median(values: Sequence[float] | np.ndarray) -> float:

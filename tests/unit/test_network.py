@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crack_cases import NEVER, RUBS, WEAK, block, case
+from crack_cases import GRANITE, NEVER, RUBS, WEAK, block, case
 
 pytest.importorskip("dolfinx")
 
@@ -81,6 +81,26 @@ def test_check_says_what_the_mesh_resolves() -> None:
     fine, lost, known = rows(G_Ic=20.0)[name], rows(G_Ic=0.02)[name], rows(G_Ic=0.0200001)[name]
     assert (fine.verdict, lost.verdict, known.verdict) == ("ok", "error", "warning")
     assert 50 < fine.value < 60 and lost.value == pytest.approx(1e-3 * fine.value) and "refine" in lost.note
+    assert fine.note.startswith("0.0625 m")
+
+
+def test_check_says_how_fast_loading_is() -> None:
+    """f_t / (rho c_p v), of edges and of bodies that fly, with the softer body of a pair; Rayleigh waves of none."""
+
+    def rows(changes: dict[str, Any]) -> dict[str, Any]:
+        found = {row.quantity: row for row in preflight(case({"duration": 1e-6, **changes}))}
+        assert "generalized Rayleigh speed" not in found
+        return found
+
+    name, impedance = "fracture: passages of waves until f_t", np.sqrt(2600 * 60e9)  # lambda + 2 G = 1.2 E
+    driven = rows({})[name]
+    assert driven.value == pytest.approx(4e6 / (impedance * 3.0), rel=1e-12) and "first wave alone" in driven.note
+    steel = {**GRANITE, "young_modulus": 200e9}
+    flying = rows({"mesh.divide": 5e-3, "boundaries": [], "large_rotations": True, "materials.upper": steel,
+                   "fracture.pairs": {"upper-upper": {"cohesion": NEVER, "friction": RUBS}},
+                   "initial_velocity": {"upper": [0.03, -0.04]}})[name]  # fmt: skip
+    assert flying.value == pytest.approx(4e6 / (impedance * 0.05), rel=1e-12) and "slow" in flying.note
+    assert name not in rows({"boundaries": []})
 
 
 def test_check_says_how_far_waves_go_between_two_looks_at_the_strength() -> None:

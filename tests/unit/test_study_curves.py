@@ -82,3 +82,19 @@ def test_draws_are_points_around_their_median(tmp_path: Path) -> None:
     assert (low["speed"], low["draws"], low["b_value_draws"], low["b_value"]) == (1.0, 3, 2, 2.0)
     assert (high["b_value_draws"], high["b_value"]) == (0, None)
     assert len(draw(path)) == 6, "plot draws the map and the curves"
+
+
+def test_the_legend_of_shares_hides_no_sample(tmp_path: Path) -> None:
+    """As of granite, where curves cross and fill the panel."""
+    path = study(
+        tmp_path / "study", [AXIS | {"values": [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]}],
+        tensile_share=[0.57, 0.37, 0.28, 0.16, 0.12, 0.09], shear_share=[0.17, 0.38, 0.48, 0.58, 0.66, 0.71],
+        mixed_share=[0.21, 0.23, 0.26, 0.26, 0.23, 0.2], aseismic_share=[0.0] * 6,
+    )  # fmt: skip
+    figure = curves.draw(read_map(path))
+    figure.savefig(tmp_path / "curves.png")
+    (ax,) = [ax for ax in figure.axes if ax.axison]
+    samples = [ax.transData.transform(line.get_xydata()) for line in ax.lines if len(line.get_xydata()) == 6]
+    assert len(samples) == 4
+    assert ax.get_legend().get_window_extent().y0 > max(points[:, 1].max() for points in samples)
+    assert ax.get_legend().get_window_extent().y1 < ax.get_window_extent().y1
