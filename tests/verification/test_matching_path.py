@@ -1,9 +1,10 @@
 """Interfaces whose nodes match give what they gave before there were others.
 
 The saved fields are of the last version without interfaces that slide; only energies, which have other columns since,
-and arrivals where a gap closes, which have another meaning, are newer. Bits depend on compiler and processor; what is saved is held to far less than any change of a formula and far more than
-rounding does: with the weak form instead of the fast kernel (RUPTFX_TEST_OPERATOR=ufl_form), whose sums have another
-order, the same numbers come out within TOLERANCE, too. Where a change is meant, write them again and say why:
+and arrivals where a gap closes, which have another meaning, are newer. Bits depend on compiler and processor; what is
+saved is held to far less than any change of a formula and far more than rounding does: with the weak form instead of
+the fast kernel (RUPTFX_TEST_OPERATOR=ufl_form), whose sums have another order, the same numbers come out within
+TOLERANCE, too. Where a change is meant, write them again and say why:
 
     python tests/verification/test_matching_path.py
 """
@@ -36,7 +37,9 @@ def _fixed(table: dict, step: float, steps: int) -> dict:
 
 CASES = {
     "rupture between rigid sides": _fixed(slip_weakening(), 1e-7, 60),
-    "impact on springs with rate, state and memory": _fixed(impact(6e6, 20.0, changes={"mesh.length": 20e-3}), 2e-8, 250),
+    "impact on springs with rate, state and memory": _fixed(
+        impact(6e6, 20.0, changes={"mesh.length": 20e-3}), 2e-8, 250
+    ),
     "gap that closes and slides": _fixed(plates({
         "faults.main.contact": SPLIT, "faults.main.friction": {"kind": "coulomb", "mu_d": 0.3},
         "faults.main.initial_stress.normal": 0.0, "faults.main.gap": 2e-8,
