@@ -1,7 +1,7 @@
 """Draws the pictures of the site that no demo leaves: `python docs/make_pictures.py` (three minutes of processor time).
 
 `tpv205.png`, `time_order.png`, `self_similar.png`, `smooth_rupture.png` and `bp1.png` are the figures of
-`ruptfx bench NAME --fine`;
+`ruptfx bench NAME --fine`, `sliding_test.png` is that of `smooth_sliding`;
 `antiplane.png`, `bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of
 `ruptfx mesh`,
 `rough_rupture.png`, `contact_fringes.png` and `pushed_block.png` are what these scripts save, `sliding_start.png` and
