@@ -166,7 +166,7 @@ def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
 
 def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
     """How often waves pass a body before what moves has loaded it to f_t: f_t / (rho c_p v) of the softer of a pair."""
-    flying = [float(np.hypot(*velocity)) for velocity in model.case.initial_velocity.values()]
+    flying = [float(np.linalg.norm(velocity)) for velocity in model.case.initial_velocity.values()]
     speed = max(model.case.impact_speed, *flying, 0.0)
     impedance = {
         name: material.density * material.wave_speeds(model.case.plane).c_p
