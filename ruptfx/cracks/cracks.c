@@ -56,15 +56,20 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
     return at;
 }
 
-// The damage that agrees with the strength it leaves: false position between what it was and 1.
-static __attribute__((noinline)) double damage_after(const struct end *end, const double *number)
+// What it carries at the damage that agrees with the strength it leaves: false position between what it was and 1.
+static __attribute__((noinline)) struct answer settle(const struct end *end, const double *number, double *damage)
 {
     double low = end->damage, high = 1, now = low;
-    if (low >= 1) return low;
-    double below = respond(end, number, low).damage - low;
-    if (below <= 0) return low;
-    double above = respond(end, number, high).damage - high;
-    if (above >= 0) return high;
+    *damage = low;
+    const struct answer held = respond(end, number, low);
+    double below = held.damage - low;
+    if (low >= 1 || below <= 0) return held;
+    const struct answer failed = respond(end, number, high);
+    double above = failed.damage - high;
+    if (above >= 0) {
+        *damage = high;
+        return failed;
+    }
     for (int iteration = 0, side = 0; iteration < 100; iteration++) {
         now = (low * above - high * below) / (above - below);
         const double rest = respond(end, number, now).damage - now;
@@ -79,7 +84,8 @@ static __attribute__((noinline)) double damage_after(const struct end *end, cons
             side = -1;
         }
     }
-    return now;
+    *damage = now;
+    return respond(end, number, now);
 }
 
 // One end by the full law; what it took of the energy is added to taken: friction, fracture, contact [J/m2].
@@ -96,8 +102,9 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
         FRICTION
         end.friction = friction;
     }
-    const double damage = damage_after(&end, number), before = OLD(normal_traction);
-    const struct answer at = respond(&end, number, damage);
+    double damage;
+    const struct answer at = settle(&end, number, &damage);
+    const double before = OLD(normal_traction);
     // Between two tractions their mean works; what is elastic, along the secant too, is stored.
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);
     const double given_back = 0.5 * (before * end.inelastic * (before > 0) - at.normal * at.inelastic * (at.normal > 0));

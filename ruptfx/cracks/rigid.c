@@ -55,8 +55,8 @@ INLINE void advance_each(const int viscid, const struct rigid *r, long count, do
         for (int c = 0; c < corners; c++) {
             couple *const at = (couple *)(force + 2L * star[c]), *const of = (couple *)(viscous + 2L * star[c]);
             sum += *at;
-            *at = (couple){0};
             if (viscid) share += *of, *of = (couple){0};
+            *at = (couple){0};
         }
         const long first = 2L * star[0];
         const couple old = load_couple(velocity + first), there = load_couple(displacement + first);
