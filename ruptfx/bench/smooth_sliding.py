@@ -3,8 +3,9 @@
 Di Bartolomeo et al. (ESDA2010-25247, section 4, Fig. 8 to 12): two bodies of 20 x 5 mm, of 5.3 and 3.392 GPa, bilinear
 quadrilaterals, Coulomb friction, mu = 1, mass damping 10 1/s; they are pressed together, then the lower side of the
 lower one moves by 93.5 mm/s. Not printed are the normal force, the time step and the parameter of the time integration,
-how the upper side is held meanwhile, and the radius of the fine part of the mesh. Here the pressure is 5.3 MPa, so
-that the first drop on coarse elements comes when theirs does, and the upper side stays where it is when the bodies are pressed.
+how the upper side is held meanwhile, and the radius of the fine part of the mesh. Here the pressure is 5.3 MPa, with
+which the first drop on coarse elements comes when theirs does, and the upper side stays where it is when the bodies
+are pressed.
 
 Checked are numbers that the paper prints or that follow from what it says: the first macro-slip at 0.5 ms; others at
 about 1.1 and 1.7 ms; a ramp between these with 94 % sticking in its beginning, and more than half sliding in the drop
