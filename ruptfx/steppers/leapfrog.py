@@ -254,7 +254,7 @@ class LeapfrogMotion:
         plain : ndarray, shape (2,)
             What the kernel summed over plain nodes.
         internal : ndarray, shape (held degrees of freedom,)
-            Internal force, that of elastic supports, cracks and collisions, before anything else acts [N].
+            Of `_forces_of_bodies`, before anything else acts [N].
         between : ndarray, shape (nodes * components,), optional
             That of cracks and collisions alone, at the nodes this rank owns [N].
         stored : float, optional
@@ -266,14 +266,16 @@ class LeapfrogMotion:
         over = self.dt * velocity if stored is not None else state.displacement[self._held]
         kinetic = kick.plain_mass * plain[0] + (self._once * self._mass * velocity) @ velocity
         work = plain[1] + (self._owned * internal) @ over
+        if self.model.viscosity is not None and self._damped is None:  # of this rank's elements, as forces were summed
+            work -= float(self._viscous_force[self._viscous] @ state.displacement[self._viscous])
         if between is not None:  # they act where the kernel sums, too
             work -= float(between @ (state.displacement if stored is None else over))
         self._sums = (state.step + 1, 0.5 * float(kinetic), (stored or 0.0) - 0.5 * float(work))
 
     def _forces_of_bodies(self, state: State) -> np.ndarray:
-        """What acts at the held degrees of freedom but for viscous forces, shape (held degrees of freedom,) [N]."""
+        """What acts at the held degrees of freedom, without viscous forces of a sweep, shape (those,) [N]."""
         forces = state.force[self._dofs]
-        if self.model.viscosity is not None:
+        if self._damped is not None:
             forces[self._viscous_among_held] -= self._viscous_force[self._viscous]
         return forces
 
