@@ -37,43 +37,12 @@ from ruptfx.sliding.surface import Floats, Integers, Surface
 REACH = 10  # facets of either side: what is farther away is not faced
 OVERHANG = 0.02  # of a facet: the ends of two bodies one above the other are not beside each other because they tilt
 SLIVER = 1e-9  # of a facet: what is shorter is not integrated
-BLOCK = 8  # rows of B, or of B', that C code takes together
+COLUMNS = 8  # rows of B are filled up to a multiple of this
 
 
-def whole(rows: int) -> int:
-    """The next multiple of `BLOCK`."""
-    return -(-rows // BLOCK) * BLOCK
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """A matrix whose neighbouring rows have their entries in neighbouring columns, `BLOCK` rows at a time.
-
-    Attributes
-    ----------
-    spans : ndarray of int, shape (blocks, 3)
-        From the first column to before the last one in which a block has entries, and where its values begin.
-    values : ndarray, shape (columns of all blocks, BLOCK)
-        For each of those columns the entries in the rows of the block.
-    """
-
-    spans: Integers
-    values: Floats
-
-    @classmethod
-    def of(cls, row: Integers, column: Integers, values: Floats, rows: int) -> Blocks:
-        """From the entries of a matrix."""
-        block = row // BLOCK
-        spans = np.zeros((whole(rows) // BLOCK, 3), dtype=np.int64)
-        spans[:, 0] = column.max(initial=0)
-        np.minimum.at(spans[:, 0], block, column)
-        np.maximum.at(spans[:, 1], block, column + 1)
-        spans[:, 0] = np.minimum(spans[:, 0], spans[:, 1])  # where there are none
-        ends = np.cumsum(spans[:, 1] - spans[:, 0])
-        spans[1:, 2] = ends[:-1]
-        found = np.zeros((int(ends[-1]) if rows else 0, BLOCK))
-        found[spans[block, 2] + column - spans[block, 0], row % BLOCK] = values
-        return cls(spans, found)
+def whole(columns: int) -> int:
+    """The next multiple of `COLUMNS`."""
+    return -(-columns // COLUMNS) * COLUMNS
 
 
 @dataclass(frozen=True)
@@ -106,11 +75,15 @@ class Coupling:
         """With the squares of all entries."""
         return Coupling(self.first, self.values**2, self.nodes)
 
-    def in_blocks(self) -> tuple[Blocks, Blocks]:
-        """B and B'."""
+    def transposed(self) -> Coupling:
+        """B': the points that face every node of the other side, which follow each other, too."""
         point, column = np.nonzero(self.values)
-        node, values = self.first[point] + column, self.values[point, column]
-        return Blocks.of(point, node, values, len(self.first)), Blocks.of(node, point, values, self.nodes)
+        node = self.first[point] + column
+        first, last = np.zeros((2, self.nodes), dtype=np.int64)
+        first[node[::-1]], last[node] = point[::-1], point  # in order: the one that is written last counts
+        values = np.zeros((self.nodes, whole(int(np.max(last - first, initial=0)) + 1)))
+        values[node, point - first[node]] = self.values[point, column]
+        return Coupling(first, values, len(self.first))
 
     def nearest(self) -> Integers:
         """The node that a point faces most."""
@@ -242,7 +215,8 @@ class Mortar:
         first, last = np.append(of_node[0], begin[-1]), np.append(of_node[1], end[-1])
         inner = np.arange(1, facets) * order  # nodes of two facets
         first[inner], last[inner] = np.minimum(begin[1:], begin[:-1]), np.maximum(end[1:], end[:-1])
-        return np.where(last > 0, first, 0), int(np.max(last - first, initial=1))
+        columns = int(np.max(last - first, initial=1))
+        return np.where(last > 0, first, 0), whole(columns)
 
     def _own_tangent(self, plus: Floats) -> Floats:
         """Mean tangent of the plus side at its nodes, not normalised."""

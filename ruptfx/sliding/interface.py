@@ -25,7 +25,7 @@ from ruptfx.lobatto import nodes_between
 from ruptfx.meshes import FACETS, Base
 from ruptfx.nodes import Nodes
 from ruptfx.sliding import Sliding
-from ruptfx.sliding.facing import Blocks, Coupling, Mortar, whole
+from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 JUMP = files("ruptfx.sliding").joinpath("jump.c")
@@ -35,9 +35,9 @@ OVERLAP = 0.01  # of the distance of nodes: what surfaces may overlap before any
 class Table(ctypes.Structure):
     """`struct facing` of jump.c."""
 
-    _fields_ = [(name, ctypes.c_long) for name in ("n", "m")] + [
+    _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
         (name, ctypes.c_void_p) for name in (
-            "dofs", "faced", "coupling", "facing", "transposed", "frame", "weight", "across", "back", "held",
+            "dofs", "first", "coupling", "facing", "transposed", "frame", "weight", "across", "back", "held",
         )
     ]  # fmt: skip
 
@@ -69,8 +69,6 @@ class Geometry:
         Grows with every update.
     slides : float
         What no point slides more than in the step that follows; infinite where a step does not say so [m].
-    blocks : (Blocks, Blocks)
-        B and its transpose.
     table : Table
         All of it as the C code takes it.
     """
@@ -78,7 +76,6 @@ class Geometry:
     coupling: Coupling
     opposite: Coupling
     covered: NDArray[np.bool_]
-    blocks: tuple[Blocks, Blocks]
 
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus
@@ -120,7 +117,7 @@ class Geometry:
         self._acting[:] = self.frame * found.covered[:, None, None]
         self.opposite, self.weight[:], self.covered = found.coupling, found.weight, found.covered
         self.all_covered = bool(self.covered.all())
-        none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), 0)
+        none = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, COLUMNS)), 0)
         self.coupling = none if rigid else found.coupling
         self._tabulate()
         apart = self.plus.points - self.opposite @ self.minus.points
@@ -131,13 +128,14 @@ class Geometry:
         self.nearest[:] = self.plus.nodes if rigid else self.minus.nodes[self.coupling.nearest()]
 
     def _tabulate(self) -> None:
-        n, m = len(self.plus.nodes), len(self.minus.nodes)
-        faced, facing = self.blocks = self.coupling.in_blocks()
+        n, m, columns = len(self.plus.nodes), len(self.minus.nodes), self.coupling.values.shape[1]
+        back = self.coupling.transposed()
+        width = back.values.shape[1]
         self._arrays = (
-            self._dofs, faced.spans, faced.values, facing.spans, facing.values, self._acting, self.weight,
-            *np.zeros((2, 2, whole(m))), np.zeros((2, whole(n))),
+            self._dofs, self.coupling.first, self.coupling.values, back.first, back.values, self._acting, self.weight,
+            *np.zeros((2, 2, m + columns)), np.zeros((2, n + width)),
         )  # fmt: skip
-        self.table = Table(n, m, *(array.ctypes.data for array in self._arrays))
+        self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 
     def rate(self, field: Floats) -> Floats:
         """J field; of all degrees of freedom of this rank, shape (n, 2)."""

@@ -1,52 +1,62 @@
-// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Neighbours face neighbours: rows of B, and of
-// B', are taken in blocks, with what each node that a block faces gives to all of its rows. Nodes are those of the plus
-// side, then those of the other one; arrays of either side are filled up to whole blocks.
-enum { BLOCK = 8 };
-enum { FROM, TO, ROWS, SPAN };  // of a block: from the first node it faces to before the last one, where rows begin
+// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Every row of B and of B' is a run of
+// neighbouring nodes, filled up with zeros; nodes are those of the plus side, then those of the other one.
+#include <string.h>
+
+enum { RUN = 8 };
 
 struct facing {
     long n, m;                // points, nodes of the other side
+    long columns, width;      // lengths of the rows of B and B': multiples of RUN
     const long *dofs;         // first degree of freedom of every node
-    const long *faced;        // spans of the blocks of points
-    const double *coupling;   // B
-    const long *facing;       // spans of the blocks of nodes of the other side: points that face them
-    const double *transposed; // B'
+    const long *first;        // of every point: the first node it faces
+    const double *coupling;   // B, n rows
+    const long *facing;       // of every node of the other side: the first point that faces it
+    const double *transposed; // B', m rows
     const double *frame;      // n times 2 x 2, zero where nothing is faced
     const double *weight;     // n
-    double *across, *back;    // x, y of what is faced, and of the forces on it
-    double *held;             // x, y of the forces at the points that these come from
+    double *across, *back;    // x, y of what is faced, m + columns each, and of the forces on it
+    double *held;             // x, y of the forces at the points that these come from, n + width each
 };
 
-typedef double block __attribute__((vector_size(BLOCK * sizeof(double)), aligned(8), may_alias));
+typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
+typedef double half __attribute__((vector_size(RUN / 2 * sizeof(double)), may_alias));
+typedef union { run all; half halves[2]; double each[RUN]; } row;
 
-static inline __attribute__((always_inline)) long whole(long rows) { return (rows + BLOCK - 1) / BLOCK * BLOCK; }
-
-// A block of rows times x and y.
-static inline __attribute__((always_inline)) void product(const long *span, const double *rows, const double *x,
-                                                          const double *y, block result[2])
+static inline __attribute__((always_inline)) double total(run values)
 {
-    block of_x = {0}, of_y = {0};
-    const double *row = rows + span[ROWS] * BLOCK;
-    for (long j = span[FROM]; j < span[TO]; j++, row += BLOCK) {
-        const block values = *(const block *)row;
-        of_x += values * x[j];
-        of_y += values * y[j];
+    const row sum = {values};
+    row part;
+    part.halves[0] = sum.halves[0] + sum.halves[1];
+    return (part.each[0] + part.each[2]) + (part.each[1] + part.each[3]);
+}
+
+// A row times x and y.
+static inline __attribute__((always_inline)) void product(const double *each, long columns, const double *x,
+                                                          const double *y, double result[2])
+{
+    run of_x = {0}, of_y = {0};
+    for (long j = 0; j < columns; j += RUN) {
+        const run values = *(const run *)(each + j);
+        of_x += values * *(const run *)(x + j);
+        of_y += values * *(const run *)(y + j);
     }
-    result[0] = of_x, result[1] = of_y;
+    result[0] = total(of_x), result[1] = total(of_y);
 }
 
-// B times x and y at the nodes of the other side, of the block of points that begins at `first`.
-static inline __attribute__((always_inline)) void faced(const struct facing *f, long first, block mean[2])
+// B times x and y at the nodes of the other side, of point i.
+static inline __attribute__((always_inline)) void faced(const struct facing *f, long i, double mean[2])
 {
-    product(f->faced + first / BLOCK * SPAN, f->coupling, f->across, f->across + whole(f->m), mean);
+    const double *x = f->across + f->first[i];
+    product(f->coupling + i * f->columns, f->columns, x, x + f->m + f->columns, mean);
 }
 
-// back = B' times the forces of the points, of the block of nodes of the other side that begins at `first`.
-static inline __attribute__((always_inline)) void react(const struct facing *f, long first)
+// back = B' times the forces of the points, of node j of the other side.
+static inline __attribute__((always_inline)) void react(const struct facing *f, long j)
 {
-    block sum[2];
-    product(f->facing + first / BLOCK * SPAN, f->transposed, f->held, f->held + whole(f->n), sum);
-    for (int c = 0; c < 2; c++) *(block *)(f->back + c * whole(f->m) + first) = sum[c];
+    const double *x = f->held + f->facing[j];
+    double sum[2];
+    product(f->transposed + j * f->width, f->width, x, x + f->n + f->width, sum);
+    for (int c = 0; c < 2; c++) f->back[c * (f->m + f->columns) + j] = sum[c];
 }
 
 // local = J field, n x 2.
@@ -56,16 +66,13 @@ void jump(const struct facing *f, const double *field, double *local)
     // Nodes are far apart in memory: all are asked for before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(field + f->dofs[i]);
     for (long j = 0; j < f->m; j++)
-        for (int c = 0; c < 2; c++) f->across[c * whole(f->m) + j] = field[dofs[j] + c];
-    for (long first = 0; first < f->n; first += BLOCK) {
-        block mean[2];
-        faced(f, first, mean);
-        for (long i = first; i < first + BLOCK && i < f->n; i++) {
-            const double *frame = f->frame + 4 * i, *own = field + f->dofs[i];
-            for (int k = 0; k < 2; k++)
-                local[2 * i + k] =
-                    frame[2 * k] * (own[0] - mean[0][i - first]) + frame[2 * k + 1] * (own[1] - mean[1][i - first]);
-        }
+        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[dofs[j] + c];
+    for (long i = 0; i < f->n; i++) {
+        const double *frame = f->frame + 4 * i, *own = field + f->dofs[i];
+        double mean[2];
+        faced(f, i, mean);
+        for (int k = 0; k < 2; k++)
+            local[2 * i + k] = frame[2 * k] * (own[0] - mean[0]) + frame[2 * k + 1] * (own[1] - mean[1]);
     }
 }
 
@@ -77,11 +84,12 @@ void assemble(const struct facing *f, const double *local, double *field)
         const double *frame = f->frame + 4 * i, *value = local + 2 * i;
         for (int c = 0; c < 2; c++) {
             const double force = f->weight[i] * (frame[c] * value[0] + frame[2 + c] * value[1]);
-            f->held[c * whole(f->n) + i] = force;
+            f->held[c * (f->n + f->width) + i] = force;
             field[f->dofs[i] + c] += force;
         }
     }
-    for (long first = 0; first < f->m; first += BLOCK) react(f, first);
-    for (long j = 0; j < f->m; j++)
-        for (int c = 0; c < 2; c++) field[dofs[j] + c] -= f->back[c * whole(f->m) + j];
+    for (long j = 0; j < f->m; j++) {
+        react(f, j);
+        for (int c = 0; c < 2; c++) field[dofs[j] + c] -= f->back[c * (f->m + f->columns) + j];
+    }
 }

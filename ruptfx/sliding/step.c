@@ -17,28 +17,31 @@ struct sweeps {
     double *jump, *before;  // of the displacement, and, where anything acts, of the velocities before the step
     double *traction;       // normal stress and shear traction
     double *rate;           // of the jump
-    long parts;             // blocks of nodes of the other side
+    long parts;             // of RUN nodes of the other side
     const long *reach;      // of every block of points: the parts it faces, from the first one to before the last one
-    unsigned char *stirred; // how much forces have changed in each part
-    long *upto;             // how many parts before each, and in all, had changed when it was counted
+    unsigned char *stirred; // parts where forces have changed in this sweep
+    long *upto;             // how many parts before each, and in all, changed in the last one
 };
 
-// How much forces have changed: in an earlier sweep, but not before the first one; in this one; beyond the tolerance.
-enum { EARLIER = 1, MOVED, UNSETTLED };
+enum { MOVED = 1, UNSETTLED = 2 };  // how much forces have changed: at all, and beyond the tolerance
 
-_Static_assert(LANES == BLOCK, "points are taken together as rows of B are");
+INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
 
 #define EACH_BLOCK \
     for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
 // What a block does not share with what it faces, in its frame.
-INLINE void apart(const struct facing *f, const struct sweeps *s, long first, const lanes own[2], double *local)
+INLINE void apart(const struct facing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
 {
-    const long points = whole(f->n);
+    const long points = filled(f);
     const double *frame = s->frame + first;
-    block mean[2];
-    faced(f, first, mean);
+    lanes mean[2] = {{0}};
+    for (int l = 0; l < count; l++) {
+        double of_point[2];
+        faced(f, first + l, of_point);
+        mean[0][l] = of_point[0], mean[1][l] = of_point[1];
+    }
     EACH_LANE {
         const double x = own[0][l] - mean[0][l], y = own[1][l] - mean[1][l];
         local[first + l] = frame[l] * x + frame[points + l] * y;
@@ -50,7 +53,7 @@ INLINE void apart(const struct facing *f, const struct sweeps *s, long first, co
 INLINE void look_across(const struct facing *f, const double *field, const long *places)
 {
     for (long j = 0; j < f->m; j++)
-        for (int c = 0; c < 2; c++) f->across[c * whole(f->m) + j] = field[places[f->n + j] + c];
+        for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[places[f->n + j] + c];
 }
 
 // J of that field, of a block.
@@ -60,28 +63,28 @@ INLINE void jump_of(const struct facing *f, const struct sweeps *s, const double
     lanes own[2] = {{0}};
     for (int l = 0; l < count; l++)
         for (int c = 0; c < 2; c++) own[c][l] = field[places[first + l] + c];
-    apart(f, s, first, own, local);
+    apart(f, s, first, count, own, local);
 }
 
 // Rates of the jump of a block from the velocities as they are.
-INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first)
+INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first, int count)
 {
-    const long nodes = whole(f->n) + whole(f->m);
+    const long nodes = filled(f) + f->m;
     lanes own[2];
     for (int c = 0; c < 2; c++) {
         const double *begun = s->begun + c * nodes + first, *push = s->push + c * nodes + first;
-        const double *held = f->held + c * whole(f->n) + first;
+        const double *held = f->held + c * (f->n + f->width) + first;
         EACH_LANE own[c][l] = begun[l] - push[l] * held[l];
     }
-    apart(f, s, first, own, s->rate);
+    apart(f, s, first, count, own, s->rate);
 }
 
 // Forces of the tractions of a block: whether they have changed.
 INLINE int hold_of(const struct facing *f, const struct sweeps *s, long first)
 {
-    const long points = whole(f->n);
+    const long points = filled(f);
     const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
-    double *held_x = f->held + first, *held_y = held_x + whole(f->n), any = 0;
+    double *held_x = f->held + first, *held_y = held_x + f->n + f->width, any = 0;
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) {
         const double normal = -traction[l], shear = traction[points + l] - load[l];
@@ -96,27 +99,24 @@ INLINE int hold_of(const struct facing *f, const struct sweeps *s, long first)
 // When the tractions of all blocks are known: forces where they have changed on the other side, and velocities there.
 INLINE void meet(const struct facing *f, const struct sweeps *s)
 {
-    const long points = whole(f->n), nodes = points + whole(f->m);
+    const long points = filled(f), nodes = points + f->m;
     for (long part = 0; part < s->parts; part++) {
-        if (s->stirred[part] < MOVED) continue;
-        const long first = part * BLOCK;
-        react(f, first);
+        if (!s->stirred[part]) continue;
+        const long first = part * RUN, end = first + RUN < f->m ? first + RUN : f->m;
+        for (long j = first; j < end; j++) react(f, j);
         for (int c = 0; c < 2; c++) {
-            const double *begun = s->begun + c * nodes + points + first, *push = s->push + c * nodes + points + first;
-            const double *back = f->back + c * whole(f->m) + first;
-            double *across = f->across + c * whole(f->m) + first;
-            EACH_LANE across[l] = begun[l] + push[l] * back[l];
+            const long of_x = c * (f->m + f->columns);
+            const double *begun = s->begun + c * nodes + points, *push = s->push + c * nodes + points;
+            for (long j = first; j < end; j++) f->across[of_x + j] = begun[j] + push[j] * f->back[of_x + j];
         }
     }
 }
 
-// Count the parts that have changed, for `reached`, and begin another sweep.
+// Count the parts that have changed, for `reached`, and begin anew.
 INLINE void turn(const struct sweeps *s, unsigned char least)
 {
-    for (long i = 0; i < s->parts; i++) {
-        s->upto[i + 1] = s->upto[i] + (s->stirred[i] >= least);
-        s->stirred[i] = s->stirred[i] ? EARLIER : 0;
-    }
+    for (long i = 0; i < s->parts; i++) s->upto[i + 1] = s->upto[i] + (s->stirred[i] >= least);
+    memset(s->stirred, 0, s->parts);
 }
 
 // Whether a block faces one of them.
@@ -137,7 +137,7 @@ INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first,
 {
     double most = 0, largest = *scale;
     for (int k = 0; k < 2; k++) {
-        const double *now = s->traction + k * whole(f->n) + first;
+        const double *now = s->traction + k * filled(f) + first;
         _Pragma("omp simd reduction(max:most, largest)")
         for (int l = 0; l < LANES; l++) {
             most = fmax(most, fabs(now[l] - given[k][l]));
@@ -148,17 +148,16 @@ INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first,
     return most > s->tolerance * largest;
 }
 
-// What the step of a block begins from; in sweeps, rates and `given` tractions that the last one left. stale: whether
-// rates have changed since they were last found.
+// What the step of a block begins from; in sweeps, rates and `given` tractions that the last one left.
 INLINE void begin(const struct facing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
-                  int count, int stale, struct points *points, lanes given[2])
+                  int count, struct points *points, lanes given[2])
 {
-    const long other = whole(f->n);
+    const long other = filled(f);
     lanes *const own = (lanes *)(fixed + first * FIXED_COUNT);
     points->fixed = (const lanes *)own;
     load(first, count, field, points);
     if (s->most) {
-        if (stale) rates_of(f, s, first);
+        rates_of(f, s, first, count);
         for (int k = 0; k < 2; k++) memcpy(given[k], s->traction + k * other + first, sizeof(lanes));
         memcpy(own[FIXED_normal_stress_0], given[0], sizeof(lanes));
         memcpy(own[FIXED_shear_traction_0], given[1], sizeof(lanes));
@@ -183,16 +182,6 @@ INLINE int open(const struct times *times, const double *number, struct points *
     return any == 0;
 }
 
-// Whether anything acts between a block and what it faces.
-INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
-{
-    const double *normal = s->traction + first, *shear = normal + whole(f->n), *load = s->load + first;
-    double any = 0;
-    _Pragma("omp simd reduction(+:any)")
-    for (int l = 0; l < LANES; l++) any += (normal[l] != 0) + (shear[l] != 0) + (load[l] != 0);
-    return any != 0;
-}
-
 // One sweep, over all blocks or those that changes have reached: how many have changed, -1 for a point that failed.
 INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
                   double *fixed, double *const *field, double *result, int every, double *scale)
@@ -203,11 +192,11 @@ INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct t
     turn(s, UNSETTLED);
     EACH_BLOCK {
         if (!every && !reached(s, first)) continue;
-        begin(f, s, fixed, field, first, (int)count, 1, &points, given);
+        begin(f, s, fixed, field, first, (int)count, &points, given);
         if (open(times, number, &points, given)) continue;
         point(times, number, &points);
         if (failed(first, (int)count, &points, result)) return -1;
-        double *normal = s->traction + first, *shear = s->traction + whole(f->n) + first;
+        double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
             const int closed = points.sigma[l] > 0, stuck = (points.rate[l] == 0) & closed, there = l < count;
             const double v = (points.rate[l] + points.taken[l]) * points.way[0][l] - points.turning[0][l];
@@ -227,7 +216,7 @@ INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct t
 INLINE double start(const struct facing *f, const struct sweeps *s, double *const *field, const double *displacement,
                     const double *velocity)
 {
-    const long points = whole(f->n), nodes = points + whole(f->m);
+    const long points = filled(f), nodes = points + f->m;
     const lanes none[2] = {{0}};
     double scale = 0;
     // Nodes are far apart in memory: all are asked for before the first is needed.
@@ -242,51 +231,52 @@ INLINE double start(const struct facing *f, const struct sweeps *s, double *cons
     look_across(f, displacement, f->dofs);
     EACH_BLOCK jump_of(f, s, displacement, f->dofs, first, (int)count, s->jump);
     for (long i = 0; i < 2 * points; i++) s->jump[i] += s->offset[i];
-    memset(f->back, 0, 2 * whole(f->m) * sizeof(double));
-    memset(f->held, 0, 2 * points * sizeof(double));
+    memset(f->back, 0, 2 * (f->m + f->columns) * sizeof(double));
+    memset(f->held, 0, 2 * (f->n + f->width) * sizeof(double));
     memset(s->stirred, 0, s->parts);
     for (int c = 0; c < 2; c++)
-        memcpy(f->across + c * whole(f->m), s->begun + c * nodes + points, f->m * sizeof(double));
+        memcpy(f->across + c * (f->m + f->columns), s->begun + c * nodes + points, f->m * sizeof(double));
     if (!s->most) return 0;
     memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
     memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
     EACH_BLOCK {
-        if (!acts(f, s, first)) continue;
         unsettled(f, s, first, none, &scale);
         if (hold_of(f, s, first)) stir(s, first, MOVED);
     }
     meet(f, s);
-    memset(s->stirred, 0, s->parts);
     return scale;
 }
 
-// The velocities and forces that contact leaves at the nodes of one side, where `sign` times `contact` acts.
-INLINE void leave(const struct sweeps *s, long count, const long *dofs, long at, long nodes, double sign,
-                  const double *contact, double *velocity, double *force)
+// The velocities and forces that contact leaves.
+INLINE void leave(const struct facing *f, const struct sweeps *s, double *velocity, double *force)
 {
-    for (long first = 0; first < count; first += LANES) {
-        lanes pull[2];
-        double any = 0;
+    const long points = filled(f), nodes = points + f->m;
+    for (long i = 0; i < f->n + f->m; i++)
         for (int c = 0; c < 2; c++) {
-            const double *initial = s->initial + c * nodes + at + first, *each = contact + c * whole(count) + first;
-            _Pragma("omp simd reduction(+:any)")
-            for (int l = 0; l < LANES; l++) pull[c][l] = initial[l] + sign * each[l], any += fabs(pull[c][l]);
+            const long j = i - f->n, at = c * nodes + (i < f->n ? i : points + j);
+            const double contact = i < f->n ? -f->held[c * (f->n + f->width) + i] : f->back[c * (f->m + f->columns) + j];
+            const double pull = s->initial[at] + contact;
+            if (pull == 0) continue;
+            velocity[f->dofs[i] + c] = s->begun[at] + s->push[at] * contact;
+            force[f->dofs[i] + c] += pull;
         }
-        if (any == 0) continue;
-        for (int l = 0; l < LANES && first + l < count; l++)
-            for (int c = 0; c < 2; c++) {
-                const long node = c * nodes + at + first + l, dof = dofs[first + l] + c;
-                velocity[dof] = s->begun[node] + s->push[node] * (sign * contact[c * whole(count) + first + l]);
-                force[dof] += pull[c][l];
-            }
-    }
+}
+
+// Whether anything acts between a block and what it faces.
+INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
+{
+    const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
+    double any = 0;
+    _Pragma("omp simd reduction(+:any)")
+    for (int l = 0; l < LANES; l++) any += (normal[l] != 0) + (shear[l] != 0) + (load[l] != 0);
+    return any != 0;
 }
 
 // Work of the tractions on the rates of the jump, however well they have settled: what friction takes and what impacts
 // do [J]; and the largest slip rate.
 INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick, const double *fixed, double *result)
 {
-    const long points = whole(f->n);
+    const long points = filled(f);
     double shear = 0, normal = 0, fastest = 0;
     for (long first = 0; first < f->n; first += LANES) {
         const double *area = fixed + first * FIXED_COUNT + FIXED_owned_area * LANES, *traction = s->traction + first;
@@ -307,7 +297,7 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
            double *fixed, double *const *field, const double *displacement, const double *before, double *velocity,
            double *force, double *result)
 {
-    const long points_of = whole(f->n), nodes = points_of + whole(f->m);
+    const long points_of = filled(f);
     struct points points;
     lanes dissipated = {0}, given[2] = {{0}};
     double scale = start(f, s, field, displacement, velocity);
@@ -319,9 +309,9 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
     }
     const int settled = many == 0;
     many = 0;
-    turn(s, EARLIER);
+    turn(s, MOVED);
     EACH_BLOCK {
-        begin(f, s, fixed, field, first, (int)count, !done || !s->parts || reached(s, first), &points, given);
+        begin(f, s, fixed, field, first, (int)count, &points, given);
         point(times, number, &points);
         if (failed(first, (int)count, &points, result)) return 0;
         settle((int)count, times, number, &points, dissipated);
@@ -333,11 +323,10 @@ long slide(const struct facing *f, const struct sweeps *s, const struct times *t
         stir(s, first, MOVED);
     }
     meet(f, s);
-    leave(s, f->n, f->dofs, 0, nodes, -1, f->held, velocity, force);
-    leave(s, f->m, f->dofs + f->n, points_of, nodes, 1, f->back, velocity, force);
+    leave(f, s, velocity, force);
     turn(s, MOVED);
     // Where nothing has changed rates are those of the last sweep.
-    if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first);
+    if (s->most) EACH_BLOCK if (!s->parts || reached(s, first)) rates_of(f, s, first, (int)count);
     look_across(f, before, s->held);
     EACH_BLOCK if (!s->most || acts(f, s, first)) jump_of(f, s, before, s->held, first, (int)count, s->before);
     if (s->most) work_of(f, s, times->kick, fixed, result);

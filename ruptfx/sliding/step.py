@@ -21,14 +21,15 @@ import numpy as np
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep
 from ruptfx.interface import Interface
+from ruptfx.point_code import LANES
 from ruptfx.points import Clock
-from ruptfx.sliding.facing import BLOCK, whole
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats, Integers
 from ruptfx.state import FaultState
 
 LOG = logging.getLogger("ruptfx.run")
 SLACK = 1 + 1e-6  # of a bound, for rounding
+RUN = 8  # nodes of the other side that are looked at together, as in jump.c
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps that did not settle at which the log says so
 
 
@@ -126,18 +127,18 @@ class SlidingStep:
         # The initial stress of the bodies acts on the nodes where it acted at the start, wherever they slide.
         initial = np.zeros_like(inverse_mass)
         face.initial.assemble(np.column_stack([-fault.normal_stress_0, fault.shear_traction_0]), initial)
-        filled, other = whole(n), whole(m)
+        self._filled = filled = -(-n // LANES) * LANES
         tolerance, most = fault.contact.sweeps_to() or (0.0, 0)
         self._rigid = most > 0
         self._frame, self._offset, self._load = np.zeros((5, filled)), np.zeros((2, filled)), np.zeros(filled)
         self._before, self._rate = np.zeros((2, filled)), np.zeros((2, filled))
         arrays = (
             self._nodal(clock.kick * inverse_mass[face.dofs]), self._nodal(initial[face.dofs]),
-            np.ascontiguousarray(before[1][::2], dtype=np.int64), np.zeros((2, filled + other)), self._frame,
-            self._offset, self._load, np.zeros((2, filled)), self._before, np.zeros((2, filled)), self._rate,
+            np.ascontiguousarray(before[1][::2], dtype=np.int64), np.zeros((2, filled + m)), self._frame, self._offset,
+            self._load, np.zeros((2, filled)), self._before, np.zeros((2, filled)), self._rate,
         )  # fmt: skip
-        parts = other // BLOCK
-        self._reach, stirred = np.zeros((filled // BLOCK, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
+        parts = -(-m // RUN)
+        self._reach, stirred = np.zeros((filled // LANES, 2), dtype=np.int64), np.zeros(parts, dtype=np.uint8)
         marks = self._reach, stirred, np.zeros(parts + 1, dtype=np.int64)
         self._arrays = (*arrays, *marks)
         self._sweeps = _Sweeps(
@@ -147,10 +148,10 @@ class SlidingStep:
 
     def _nodal(self, values: Floats) -> Floats:
         """Values at all degrees of freedom of the two sides as step.c wants them."""
-        n, m = len(self._face.plus), len(self._face.geometry.minus.nodes)
-        found = np.zeros((2, whole(n) + whole(m)))
-        found[:, :n], found[:, whole(n) : whole(n) + m] = np.split(values.reshape(-1, 2).T, [n], axis=1)
-        return found
+        n = len(self._face.plus)
+        x, y = values.reshape(-1, 2).T
+        space = np.zeros(self._filled - n)
+        return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
 
     def opening_rate(self, state: FaultState, velocity: Floats) -> None:
         """Nothing: the step looks at the velocities before it by itself."""
@@ -213,9 +214,19 @@ class SlidingStep:
         self._offset[:, :n] = face.geometry.offset.T
         self._points.refresh()
         self._area[:] = face.owned * face.weight
-        begin, end, _ = face.geometry.blocks[0].spans.T
-        self._reach[:] = np.column_stack([begin // BLOCK, -(-end // BLOCK)])
+        self._find_reach()
         self._revision = face.geometry.revision
+
+    def _find_reach(self) -> None:
+        """From the first to before the last part of the other side that blocks of points face."""
+        coupling, n = self._face.geometry.coupling, len(self._face.plus)
+        faced = coupling.values != 0
+        none, columns = ~faced.any(axis=1), faced.shape[1]
+        low, high = np.full(self._filled, coupling.nodes), np.zeros(self._filled, dtype=np.int64)
+        low[:n] = np.where(none, coupling.nodes, coupling.first + np.argmax(faced, axis=1))
+        high[:n] = np.where(none, 0, coupling.first + columns - np.argmax(faced[:, ::-1], axis=1))
+        self._reach[:, 0] = low.reshape(-1, LANES).min(axis=1) // RUN
+        self._reach[:, 1] = np.maximum(-(-high.reshape(-1, LANES).max(axis=1) // RUN), self._reach[:, 0])
 
     def _report(self, time: float) -> None:
         """A step whose tractions have not settled, now and then."""
