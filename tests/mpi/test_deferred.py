@@ -85,12 +85,15 @@ def test_what_is_seen_is_what_the_whole_system_does(contact: dict[str, Any]) -> 
         assert ours["energies"] == pytest.approx(theirs["energies"], rel=1e-9, abs=1e-9 * largest)
 
 
-def test_looking_changes_no_bit() -> None:
+def test_looking_changes_nothing_but_rounding() -> None:
+    """Not to the bit: sums of BLAS depend on where in memory numbers lie; a run and its repetition differ as much."""
     given = pulled({"faults.main.contact": COMPLIANT})
     often, once = march(given, list(range(1, 13))), march(given, [12])
-    assert often[-1]["energies"] == once[-1]["energies"]
+    largest = max(map(abs, once[-1]["energies"].values()))
+    assert often[-1]["energies"] == pytest.approx(once[-1]["energies"], rel=1e-12, abs=1e-12 * largest)
     for name, values in once[-1]["fields"].items():
-        np.testing.assert_array_equal(often[-1]["fields"][name], values)
+        size = parallel.largest(MPI.COMM_WORLD, np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
+        np.testing.assert_allclose(often[-1]["fields"][name], values, rtol=0, atol=1e-12 * size, err_msg=name)
 
 
 def test_energies_stay_when_another_stepper_takes_over() -> None:
