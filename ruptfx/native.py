@@ -1,5 +1,7 @@
 """C compiled at first use with the compiler FFCx needs anyway, for the widest vectors here, and cached.
 
+RUPTFX_MARCH=x86-64-v3, or another value of the compiler's `-march`, compiles for that processor instead.
+
 NaN stays NaN: the flags allow contraction and explicit `omp simd` loops, never finite-math assumptions.
 """
 
@@ -30,8 +32,7 @@ FLAGS = (
     "-fPIC", "-shared",
 )  # fmt: skip
 WIDEST = ("-march=native", "-mprefer-vector-width=512")
-"""Tried in this order, the fastest first; the last, empty one is the portable build."""
-_CHOICES = (WIDEST, WIDEST[:1], ("-mcpu=native",), ())
+"""Options for the processor at hand with its widest vectors."""
 
 _loaded: dict[str, ctypes.CDLL] = {}
 
@@ -57,7 +58,7 @@ def load(name: str, source: str, defines: Mapping[str, object] | None = None) ->
     macros = "".join(f"#define {key} {value}\n" for key, value in (defines or {}).items())
     text = f'{macros}#line 1 "{name}.c"\n{source}'
     compiler = find_compiler()
-    identity = "\0".join([text, *FLAGS, *map(str, _CHOICES), *compiler, _version(compiler), _processor()])
+    identity = "\0".join([text, *FLAGS, *map(str, _choices()), *compiler, _version(compiler), _processor()])
     key = f"{name}-{hashlib.sha256(identity.encode()).hexdigest()[:20]}"
     if key not in _loaded:
         file = cache_directory() / f"{key}.so"
@@ -68,6 +69,16 @@ def load(name: str, source: str, defines: Mapping[str, object] | None = None) ->
             _compile(compiler, text, file)
         _loaded[key] = ctypes.CDLL(str(file))
     return _loaded[key]
+
+
+def target() -> str:
+    """Return the processor that code is compiled for, as in `-march`: $RUPTFX_MARCH, else native."""
+    return os.environ.get("RUPTFX_MARCH") or "native"
+
+
+def _choices() -> tuple[tuple[str, ...], ...]:
+    """Options for the target, tried in this order, the fastest first; an empty one is the portable build."""
+    return (WIDEST, WIDEST[:1], ("-mcpu=native",), ()) if target() == "native" else ((f"-march={target()}",),)
 
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
@@ -158,9 +169,9 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
     with tempfile.TemporaryDirectory(dir=file.parent) as work:
         source, built = Path(work) / f"{file.stem}.c", Path(work) / file.name
         source.write_text(text)
-        refusals = []
+        refusals, choices = [], _choices()
         # libmvec holds the vector versions of exp, log and pow; not every system has it.
-        for machine, libraries in ((m, li) for m in _CHOICES for li in (("-lmvec", "-lm"), ("-lm",))):
+        for machine, libraries in ((m, li) for m in choices for li in (("-lmvec", "-lm"), ("-lm",))):
             command = [*compiler, *FLAGS, *machine, str(source), "-o", str(built), *libraries]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode == 0:
@@ -168,6 +179,8 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
             refusals.append(done.stderr.strip())
         else:
             message = refusals[0][:2000] or f"exit code {done.returncode}"
+            if target() != "native":
+                message += f"\nRUPTFX_MARCH = '{target()}': unset it if it is no processor that {compiler[0]} knows"
             raise RuptfxError(f"{compiler[0]} cannot compile {file.stem.partition('-')[0]}.c:\n{message}")
         if not machine:
             reason = (refusals[0].splitlines() or ["no message"])[0]

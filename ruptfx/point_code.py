@@ -20,7 +20,7 @@ from ruptfx.contact import Array, Point, Trial
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment
 from ruptfx.friction import AT_REST
-from ruptfx.projection import BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
+from ruptfx.projection import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
 from ruptfx.state import FaultState
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
 
@@ -115,7 +115,8 @@ class PointCode:
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._bond is not None),
-            "TOLERANCE": TOLERANCE, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS, "BISECT_EVERY": BISECT_EVERY,
+            "TOLERANCE": TOLERANCE, "BALANCED": BALANCED, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS,
+            "BISECT_EVERY": BISECT_EVERY,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:
@@ -124,7 +125,7 @@ class PointCode:
         of_state = {field.name: len(field.names(self._fault.tangents)) for field in (*FIELDS, *MONITORS)}
         of_state |= dict.fromkeys([*law.state_names, *({} if self._bond is None else STATE)], 1)
         places = {
-            "FIXED": self._places, "STATE": _places(of_state), "BEGUN": _places(dict.fromkeys(law.state_names, 1)),
+            "FIXED": self._places, "STATE": _places(of_state), "BEGUN": _places(dict.fromkeys(law.start, 1)),
         }  # fmt: skip
         found: dict[str, object] = {
             f"{kind}_PLACES": ", ".join(f"{kind}_{name} = {place}" for name, place in of_kind.items())
@@ -133,7 +134,7 @@ class PointCode:
         found |= {name: f"FIXED({name})" for name in self._places if name.startswith(("b_", "c_", "p_"))}
         found |= {name: f"number[{place}]" for place, name in enumerate(self._number_names)}
         found |= {f"s_{name}": f"OLD({name})" for name in law.state_names}
-        return found | {f"h_{name}": f"BEGUN({name})" for name in law.state_names}
+        return found | {name: f"BEGUN({name})" for name in law.start}
 
     def _formulas(self, known: Mapping[str, Array], at_end: Mapping[str, Expression]) -> dict[str, object]:
         """The traced formulas as C statements."""
@@ -158,7 +159,7 @@ class PointCode:
                 **{f"points->trial_shear[{k}][l]": trial.shear_traction[k] for k in tangents},
                 **{f"points->z[{k}][l]": trial.impedance[k] for k in tangents},
             },
-            "BEGIN": {f"BEGUN({name})": law.start[f"h_{name}"] for name in law.state_names},
+            "BEGIN": {f"BEGUN({name})": value for name, value in law.start.items()},
             "STRENGTH": {"strength": law.outputs["strength"]},
             "SOLVED": {name: law.outputs[name] for name in ("strength", "slope", "rate_now", "rate_slope")},
             "ADVANCED": {

@@ -47,6 +47,7 @@ MOST_UNKNOWNS = 4000  # of all jumps, of all surfaces where some slide: their ma
 KEPT = 4  # factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
+FAST = 0.1  # part of what is missing that is left after an iteration that is worth while below the tolerance
 STALLING, MAX_STALLED = 0.9, 2  # part of what is missing that is left after an iteration, so often in a row
 SMALL = 200  # unknowns up to which a factorisation takes next to no time
 MAX_KRYLOV = 30  # iterations from which on it takes less than they do
@@ -237,13 +238,15 @@ class Condensed:
             e = self._agreed(driven - compliance.jumps_under(pulled))
             now = guess(e, self.tractions(step, start + e))
         while now is not None and self.outer <= MAX_OUTER:
-            stalled = 0
+            stalled, before = 0, np.inf
             for _ in range(MAX_NEWTON):
                 forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
                 self.history.append(forces)
                 # Or the jumps are as good as rounding allows.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
-                if self._agreed(bool(forces <= 0.01 * enough or small)):
+                # Below what may be left, Newton's iteration converges fast or has reached rounding.
+                ends = forces <= enough and size > FAST * before
+                if self._agreed(bool(forces <= 0.01 * enough or small or ends)):
                     break
                 change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
                 self.iterations += 1
@@ -259,6 +262,8 @@ class Condensed:
                         break
                     length *= 0.5
                 stalled = stalled + 1 if length < longest and size > STALLING * before else 0
+                if taken is None and forces <= enough:
+                    break
                 if taken is None or stalled == MAX_STALLED:
                     self.reason = f"DIVERGED: no step at the interfaces reduces {self.history[-1]:.3g} N"
                     return None

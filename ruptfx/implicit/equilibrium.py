@@ -36,8 +36,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError, parallel
-from ruptfx.contact import require
 from ruptfx.implicit import ConvergenceError, deferred
+from ruptfx.implicit.compliance import norm
 from ruptfx.implicit.condensed import Condensed, fits, require_fit
 from ruptfx.implicit.forces import Forces
 from ruptfx.implicit.options import PetscOptions
@@ -89,8 +89,7 @@ class Equilibrium:
         self, model: Model, petsc_options: PetscOptions | None = None,
         radiation: Mapping[str, np.ndarray | float] | None = None, condensed: bool = True,
     ) -> None:  # fmt: skip
-        self.model = model
-        require(model.faults, "implicit")
+        self.model = model = model.in_steps("implicit")
         threshold = model.case.output.rupture_threshold
         self.answers = {f.name: FaultResponse(f, threshold, (radiation or {}).get(f.name, 0.0)) for f in model.faults}
         multipliers = any(fault.contact.multiplier_tolerance() is not None for fault in model.faults)
@@ -266,6 +265,10 @@ class Equilibrium:
         c_M = rates.mass if rates else 0.0
         sides = ((diagonal[side] + c_M * mass[side]).max(axis=1) for side in (interface.plus, interface.minus))
         return np.asarray(np.minimum(*sides) / interface.weight)
+
+    def rounding(self, displacement: np.ndarray) -> float:
+        """Norm of the forces that rounding of a displacement may leave out of balance [N]; collective."""
+        return 100 * float(np.finfo(float).eps) * norm(self.model, self.tangent.diagonal * displacement)
 
     def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
         """What to say; collective."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import stat
 import warnings
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ruptfx import native
+from ruptfx import RuptfxError, native
 
 SEVEN = "int number(void) { return 7; }\n"
 root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
@@ -109,3 +110,23 @@ def test_without_a_home_a_temporary_directory_does(tmp_path: Path, use: Callable
     use(tmp_path / "file" / "below")  # not even root can make a directory there
     with warnings.catch_warnings(action="error"):
         assert native.load("seven", SEVEN).number() == 7
+
+
+def test_the_target_is_part_of_what_is_cached(
+    tmp_path: Path, use: Callable[[Path], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Code for another processor is another library, and a processor that nobody knows is an error."""
+    seen = "int number(void) {\n#ifdef __AVX2__\nreturn 3;\n#else\nreturn 1;\n#endif\n}\n"
+    if platform.machine() != "x86_64":
+        pytest.skip("names of x86-64 processors")
+    cache = use(tmp_path)
+    found = []
+    for target in ("x86-64", "x86-64-v3", "x86-64"):
+        monkeypatch.setenv("RUPTFX_MARCH", target)
+        if target == "x86-64-v3" and "avx2" not in native._processor():
+            pytest.skip("a processor without AVX2")
+        found.append(native.load("seen", seen).number())
+    assert found == [1, 3, 1] and len(list(cache.glob("seen-*.so"))) == 2
+    monkeypatch.setenv("RUPTFX_MARCH", "abacus")
+    with pytest.raises(RuptfxError, match=r"RUPTFX_MARCH = 'abacus'"):
+        native.load("seen", seen)
