@@ -1,4 +1,8 @@
-"""Directories of results: one process at a time writes there, whose they are, files that are old or new, never half."""
+"""Directories of results: one process at a time writes there, and a run is replaced only by one that is complete.
+
+A run that replaces another is computed in the hidden directory `.new` of the other one. When it is complete, its files
+take the place of those that `files.json` names; all others are the user's and stay.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +12,26 @@ import os
 import shutil
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from ruptfx import RuptfxError, Table
+from ruptfx import RuptfxError, run_files
 from ruptfx.case import read_case
 from ruptfx.plugins import CaseFile
 
 LOCK = ".lock"
+NEW = ".new"
+CHECKPOINTS = "checkpoints"
+FINAL = "final"  # the checkpoint of a complete run
 
 
 @contextmanager
 def reserved(out: Path) -> Iterator[None]:
     """Make a directory and keep others out of it until the end, however that comes.
 
-    The lock is the operating system's, so a killed process leaves none behind.
+    The lock is the operating system's, so a killed process leaves none behind. If a process was killed while it
+    replaced a run, that is brought to its end.
 
     Raises
     ------
@@ -32,6 +40,7 @@ def reserved(out: Path) -> Iterator[None]:
     """
     file = _locked(out)
     try:
+        replace(out)
         yield
     finally:
         # A directory that was refused keeps no trace; removed before the lock is given up.
@@ -81,70 +90,212 @@ def is_finished(out: Path, case: CaseFile) -> bool:
     Raises
     ------
     RuptfxError
-        It holds a run of another case.
+        It holds a run of another case, or its case was changed.
     """
+    end_replacement(out)
+    if _case_hash(out / NEW) == case.hash:
+        return False
+    run_files.check(out, run_files.CASE)
     found = _case_hash(out)
     if found not in (None, case.hash):
         raise RuptfxError(
             f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
             "without other values of --set, or choose another --out"
         )
-    return (out / "summary.json").exists()
+    return (out / run_files.SUMMARY).exists()
 
 
 def _case_hash(out: Path) -> str | None:
     """Hash of the case whose run a directory holds; None where that cannot be told."""
     try:
-        return str(read_case(out / "case.toml").hash)
+        return str(read_case(out / run_files.CASE).hash)
     except RuptfxError:
         pass
     try:
-        return str(json.loads((out / "summary.json").read_text())["case_hash"])
+        return str(json.loads((out / run_files.SUMMARY).read_text())["case_hash"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -> None:
-    """Refuse a reserved directory that is not empty.
+def begun(out: Path, case: CaseFile) -> Path:
+    """Return where a run of this case was begun: in the directory, or in its `.new`."""
+    return out / NEW if _case_hash(out / NEW) == case.hash else out
+
+
+def unfinished(out: Path) -> Path:
+    """Return where a resumed run goes on: in `.new` if a run there was stopped, else in the directory itself."""
+    end_replacement(out)
+    return out / NEW if (out / NEW / run_files.CASE).is_file() else out
+
+
+def home(place: Path) -> Path:
+    """Return the run directory to which a place belongs where a run is computed."""
+    return place.parent if place.name == NEW else place
+
+
+def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -> Path:
+    """Return an empty directory for a new run: `out`, or its `.new` where a run is to be replaced.
 
     Parameters
     ----------
     out : Path
+        Reserved.
     again : case, optional
-        Begin this case again where it was stopped early: what it left in `out` goes.
+        Begin this case again where it was stopped early.
     overwrite : bool
-        What a run of any case left in `out` goes.
+        Replace a run of any case, once the new one is complete.
 
     Raises
     ------
     RuptfxError
-        The directory holds something else already, or what is there cannot be removed.
+        The directory holds something else already, or cannot be written.
     """
-    left = [path for path in out.iterdir() if path.name != LOCK]
-    known = _holds_a_run(out) if overwrite else again is not None and _case_hash(out) == again.hash
-    if not known:
-        if left:
-            why = "exists already and is no run" if overwrite else "exists already"
-            raise RuptfxError(f"{out}: {why}; choose another --out, or remove it")
-        return
-    try:
-        for path in left:
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-    except OSError as error:
-        raise RuptfxError(f"{out}: cannot be written ({error.strerror}); choose another --out") from None
+    if not any(path.name != LOCK for path in out.iterdir()):
+        return out
+    if overwrite:
+        check_replaceable(out)
+        return renew(out / NEW)
+    if again is not None:
+        place = begun(out, again)
+        if place != out:
+            return renew(place)
+        if _case_hash(out) == again.hash:
+            return out
+    remedy = "replace the run with --overwrite, " if _holds_a_run(out) else ""
+    raise RuptfxError(f"{out}: exists already; {remedy}choose another --out, or remove it")
+
+
+def check_replaceable(out: Path) -> None:
+    """Refuse a directory whose files a new run could not replace.
+
+    Raises
+    ------
+    RuptfxError
+        It holds no run, or one that left no list of its files.
+    """
+    if not _holds_a_run(out):
+        raise RuptfxError(f"{out}: exists already and is no run; choose another --out, or remove it")
+    if run_files.listed(out) is None:
+        raise RuptfxError(
+            f"{out}: holds a run without {run_files.NAME}, so its files cannot be told from yours; choose another "
+            "--out, or remove it"
+        )
+
+
+def refuse_links(out: Path) -> None:
+    """Refuse a directory with symbolic links that lead out of it: what goes on there would write through them.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    inside = out.resolve()
+    for path in sorted(out.rglob("*")):
+        if path.is_symlink() and not path.resolve().is_relative_to(inside):
+            raise RuptfxError(
+                f"{path}: a link to {path.resolve()}, outside of the run directory, where nothing is written; replace "
+                "it by a copy of what it leads to"
+            )
 
 
 def _holds_a_run(out: Path) -> bool:
-    """Whether a run began here: it had the directory for itself."""
-    return (out / "case.toml").is_file() and any((out / name).is_file() for name in ("run.log", "result.nc"))
+    """Return whether a run began here: it had the directory for itself."""
+    marks = ("run.log", "result.nc", run_files.NAME)
+    return (out / run_files.CASE).is_file() and any((out / name).is_file() for name in marks)
 
 
-def write_json(path: Path, content: Table) -> None:
-    """Write, sync, rename: the file is old or new, never half."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w", encoding="utf-8") as file:
-        json.dump(content, file, indent=2)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+def renew(place: Path) -> Path:
+    """Make a hidden directory anew, of which all content is ours.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    try:
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir()
+    except OSError as error:
+        raise RuptfxError(f"{place}: cannot be written ({error.strerror}); choose another --out") from None
+    return place
+
+
+def end_replacement(out: Path) -> None:
+    """Let a complete run in `.new` take its place, if the process that was to do it was killed."""
+    if (out / NEW / run_files.SUMMARY).is_file():
+        with reserved(out):
+            pass
+
+
+def replace(out: Path) -> None:
+    """Put a complete run in `.new` in the place of the run in a reserved directory; nothing where there is none.
+
+    May be repeated after a kill at any point: `.new` has its summary until the very end, and from the first change the
+    directory has none, so that it never passes as a complete run meanwhile.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    new, moving = out / NEW, out / NEW / ".moving"
+    if not (new / run_files.SUMMARY).is_file():
+        return
+    try:
+        if (new / run_files.NAME).is_file():
+            files = run_files.listed(new) or {}
+            old = run_files.listed(out)
+            (out / run_files.SUMMARY).unlink(missing_ok=True)
+            for name in (old or {}).keys() - files.keys():
+                _remove(_inside(out, name))
+            for name in [name for name in files if name != run_files.SUMMARY and (new / name).is_file()]:
+                there = _inside(out, name)
+                if old is not None and name not in old and there.exists():  # the user's: the run there had no such file
+                    there.replace(there.with_name(f"{there.name}.kept"))
+                there.parent.mkdir(exist_ok=True)
+                (new / name).replace(there)
+            if (new / CHECKPOINTS).is_dir():
+                _remove_checkpoints(out)
+                (new / CHECKPOINTS).replace(moving)
+            for path in moving.glob("*"):
+                (out / CHECKPOINTS).mkdir(exist_ok=True)
+                path.replace(out / CHECKPOINTS / path.name)
+            (new / run_files.NAME).replace(out / run_files.NAME)
+        (new / run_files.SUMMARY).replace(out / run_files.SUMMARY)
+        shutil.rmtree(new, ignore_errors=True)
+    except OSError as error:
+        raise RuptfxError(
+            f"{out}: the complete run in {new} cannot be moved there ({error.strerror or error}); remedy that, then: "
+            f"ruptfx resume {out}"
+        ) from None
+
+
+def _inside(out: Path, name: str) -> Path:
+    """Path of a listed file.
+
+    Raises
+    ------
+    OSError
+        A link leads out of the directory.
+    """
+    path = out / name
+    if path.parent != out and path.parent.is_symlink():
+        raise OSError(f"{path.parent} is a link")
+    return path
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, and its folder when nothing else is in it."""
+    if path.is_file() or path.is_symlink():
+        path.unlink()
+    with suppress(OSError):  # not empty, or not there
+        path.parent.rmdir()
+
+
+def _remove_checkpoints(out: Path) -> None:
+    folder = out / CHECKPOINTS
+    if folder.is_symlink():
+        folder.unlink()
+        return
+    for path in (*folder.glob("step_*"), folder / FINAL, folder / ".unfinished"):
+        shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        folder.rmdir()

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import secrets
 import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from ruptfx import RuptfxError
 
 STOP = "RUPTFX_STOP"  # file by which the launcher asks the ranks to stop
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 RANKS = "RUPTFX_RANKS"  # what the launcher asked for; the ranks compare it with what they got
 
 
@@ -82,27 +86,40 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
-    with tempfile.TemporaryDirectory() as folder:
-        environment[STOP] = str(Path(folder, "stop"))
-        # A session of its own: Open MPI's mpirun would kill the ranks at the first Ctrl-C of the terminal, before they
-        # have written anything. They are asked through a file instead, whatever the MPI library.
-        process = subprocess.Popen(mpi_command(ranks, "ruptfx", *arguments), env=environment, start_new_session=True)
+    # Made when the ranks are asked to stop and not before: a launcher that is killed leaves nothing behind.
+    asked = Path(tempfile.gettempdir(), f"ruptfx_stop_{secrets.token_hex(8)}")
+    environment[STOP] = str(asked)
+    # A session of its own: Open MPI's mpirun would kill the ranks at the first Ctrl-C of the terminal, before they
+    # have written anything. They are asked through a file instead, whatever the MPI library.
+    process = subprocess.Popen(
+        mpi_command(ranks, "ruptfx", *arguments), env=environment, start_new_session=True,
+        preexec_fn=partial(_end_with, os.getpid()),
+    )  # fmt: skip
 
-        def stop(number: int, _: object) -> None:
-            asked = Path(environment[STOP])
-            if asked.exists():  # asked twice: end the ranks at once
-                process.send_signal(number)
-            else:
-                partial = asked.with_suffix(".new")
-                partial.write_text("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-                partial.replace(asked)
+    def stop(number: int, _: object) -> None:
+        if asked.exists():  # asked twice: end the ranks at once
+            process.send_signal(number)
+        else:
+            part = asked.with_suffix(".new")
+            part.write_text("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+            part.replace(asked)
 
-        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            return process.wait()
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        return process.wait()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        asked.unlink(missing_ok=True)
+
+
+def _end_with(parent: int) -> None:
+    """Let the kernel end this process when its parent ends, however that comes; on Linux."""
+    if sys.platform != "linux":
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
 
 
 def asked_to_stop() -> str:

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shlex
+import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Self
+from typing import NoReturn, Self
 
 import tomli_w
 from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
@@ -38,6 +39,11 @@ from ruptfx.schema import (
 
 FOLDER = "plugins"
 """Where a run directory keeps the copies."""
+MODULE = "ruptfx_plugin_"
+"""Names of the modules of plug-ins begin so."""
+Tell = Callable[[Path], AbstractContextManager[list[str]]]
+telling: ContextVar[Tell] = ContextVar("telling", default=lambda path: nullcontext([]))
+"""What is entered with the path of a plug-in before its code runs, and is then given what it defines."""
 
 _loading: ContextVar[Path | None] = ContextVar("loading", default=None)
 _loaded: dict[str, Plugin] = {}  # by name of the module
@@ -79,13 +85,20 @@ def load(path: str | Path) -> Plugin:
         It cannot be read or does not load (with the line), defines nothing, or takes a name that is taken.
     """
     path = Path(path).absolute()
+    with telling.get()(path) as told:
+        plugin = _load(path)
+        told.append(plugin.listed())
+    return plugin
+
+
+def _load(path: Path) -> Plugin:
+    if path.suffix != ".py" or (path.exists() and not path.is_file()):
+        raise CaseError(f"plugins: {path}: not a Python file; its name must end with .py")
     try:
         source = path.read_bytes()
     except OSError as error:
         raise CaseError(f"plugins: {path}: cannot be read: {error.strerror}") from None
-    if path.suffix != ".py":
-        raise CaseError(f"plugins: {path}: not a Python file; its name must end with .py")
-    name = f"ruptfx_plugin_{path.stem}_{hashlib.sha256(source).hexdigest()}"
+    name = f"{MODULE}{path.stem}_{hashlib.sha256(source).hexdigest()}"
     if name not in _loaded:
         module = _execute(name, path, source)
         classes: dict[str, dict[str, type]] = {}
@@ -113,6 +126,7 @@ def load(path: str | Path) -> Plugin:
 def _execute(name: str, path: Path, source: bytes) -> ModuleType:
     module = ModuleType(name)
     module.__file__ = str(path)
+    os._exit = _exit  # type: ignore[assignment]
     sys.modules[name] = module  # pydantic looks up types there
     token = _loading.set(path)
     try:
@@ -130,6 +144,27 @@ def _execute(name: str, path: Path, source: bytes) -> ModuleType:
             "into one file, or into a package that is installed"
         )
     return module
+
+
+_leave = os._exit
+
+
+def _exit(code: int) -> NoReturn:
+    """Stand for `os._exit`, with which code of a plug-in would end the program without a message."""
+    if str(sys._getframe(1).f_globals.get("__name__")).startswith(MODULE):
+        raise SystemExit(code)
+    _leave(code)
+
+
+def exit_error(left: SystemExit) -> CaseError | None:
+    """Return the error of a plug-in that ends the program, None where another one does."""
+    for frame, line in reversed([*traceback.walk_tb(left.__traceback__)]):
+        if str(frame.f_globals.get("__name__")).startswith(MODULE):
+            return CaseError(
+                f"plugins: {frame.f_code.co_filename}, line {line}: ends the program with exit code {left.code}; raise "
+                "an error instead, for example ValueError with what is wrong"
+            )
+    return None
 
 
 def _imported(module: ModuleType) -> Iterator[str]:
@@ -333,7 +368,3 @@ def _is_at_home(cls: type) -> bool:
     offered = installed(package).get(kind_in(cls)) if package else None
     return offered is not None and offered.module == cls.__module__
 
-
-def shown(case: CaseFile) -> list[str]:
-    """One line for every plug-in of a case, for those who are to know what code it runs."""
-    return [f"plug-in {shlex.quote(str(plugin.path))}: {plugin.listed()}" for plugin in case.plugin_files()]

@@ -2,8 +2,8 @@
 
 A run directory holds ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
 with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
-``run.log``, of bodies that break ``cracks.h5``, ``events.h5`` and ``edges.csv``, and, written last, ``summary.json``:
-a run that has it is complete. ``figures/`` follow.
+``run.log``, of bodies that break ``cracks.h5``, ``events.h5`` and ``edges.csv``, ``files.json`` with names and
+checksums of all files, and, written last, ``summary.json``: a run that has it is complete. ``figures/`` follow.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, Table
+from ruptfx import RuptfxError, Table, run_files
 from ruptfx.columns import Column, Columns, Stored
 from ruptfx.fields import STRESSES, stress_entries
 
@@ -67,9 +67,16 @@ class Files:
     Parameters
     ----------
     path : path of the run directory
+    trust : bool
+        Run the plug-ins of the run where figures need the code of its laws. They can do what you can.
+    checks : bool
+        Compare every file of a complete run with its checksum when it is first asked for; not needed by who has just
+        written it.
 
     Attributes
     ----------
+    omitted : list of str
+        What was left out for want of the plug-ins.
     case, summary, interface, interfaces, bulk, energy, instruments, forces, cracks, events, edges
         As of `Record`.
 
@@ -79,8 +86,9 @@ class Files:
         The directory is no run; or, on first use, a file is missing or damaged.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, trust: bool = False, checks: bool = True) -> None:
+        self.path, self.trust, self.omitted = Path(path), trust, list[str]()
+        self._checks, self._checked = checks, set[str]()
         self._open: list[h5py.File] = []
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
@@ -91,7 +99,22 @@ class Files:
         path = self.path / name
         if not path.is_file():
             raise MissingFileError(f"{path}: missing; {_AGAIN}")
+        self._check(name)
         return path
+
+    def _check(self, name: str) -> None:
+        """Compare a file with its checksum, once.
+
+        Raises
+        ------
+        RecordError
+        """
+        if self._checks and name not in self._checked:
+            try:
+                run_files.check(self.path, name)
+            except run_files.ChangedFileError as error:
+                raise RecordError(str(error)) from None
+            self._checked.add(name)
 
     @cached_property
     def case(self) -> Table:
@@ -110,11 +133,14 @@ class Files:
     def summary(self) -> Table | None:
         if not self.complete:
             return None
-        path = self.path / "summary.json"
+        path = self._existing("summary.json")
         try:
-            return json.loads(path.read_text(encoding="utf-8"))
+            found = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise RecordError(f"{path}: damaged ({error}); run the case again") from None
+        if not isinstance(found, dict):
+            raise RecordError(f"{path}: damaged (no table but {found!r}); run the case again")
+        return found
 
     @property
     def figures(self) -> list[Path]:
@@ -140,6 +166,7 @@ class Files:
         return self._open[-1]
 
     def _open_interface(self, path: Path) -> Data:
+        self._check(path.name)
         try:
             file = self._opened(path)
             for item in file.values():  # a damaged file shows itself here
@@ -197,7 +224,8 @@ class Files:
 
     @cached_property
     def energy(self) -> Data:
-        return self._read_table(self._existing("energy.csv"), lambda name: "1" if name == "closure" else "J")
+        path, needed = self._existing("energy.csv"), ("boundary_work", "closure")
+        return self._read_table(path, lambda name: "1" if name == "closure" else "J", needed)
 
     @cached_property
     def forces(self) -> Data:
@@ -212,7 +240,7 @@ class Files:
     @cached_property
     def cracks(self) -> Data:
         axes = {"points": ("point", "axis"), "lines": ("facet", "end"), "normal": ("facet", "axis"),
-                "bodies": ("facet", "side"), "length": ("facet",), "time": ("time",)}  # fmt: skip
+                "bodies": ("facet", "side"), "length": ("facet",), "joint": ("facet",), "time": ("time",)}  # fmt: skip
         data = self._arrays(self._existing("cracks.h5"), lambda name: axes.get(name, ("time", "facet")))
         return data.isel(time=slice(_written(data["time"].values)))
 
@@ -240,9 +268,12 @@ class Files:
         """Arrays that are in memory, with names of axes and units."""
         return Columns(columns, attributes)
 
-    def _read_table(self, path: Path, unit: Callable[[str], str]) -> Data:
-        """A CSV file of a run against time; `unit` is that of a column."""
-        lines = path.read_text(encoding="utf-8").splitlines()
+    def _read_table(self, path: Path, unit: Callable[[str], str], needed: tuple[str, ...] = ()) -> Data:
+        """Read a CSV file of a run against time; `unit` is that of a column, and the `needed` ones must be there."""
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except UnicodeDecodeError as error:
+            raise RecordError(f"{path}: damaged ({error}); {_AGAIN}") from None
         notes = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
         names, *rows = [line.split(",") for line in lines if line and not line.startswith("#")] or [[]]
         try:
@@ -250,7 +281,8 @@ class Files:
             whole = rows if not rows or len(rows[-1]) == len(names) else rows[:-1]
             table = np.array(whole, dtype=float).reshape(-1, len(names))
             columns = dict(zip((name.strip() for name in names), table.T, strict=True))
-            columns["time"]
+            for name in ("time", *needed):
+                columns[name]
         except (ValueError, KeyError) as error:
             raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
         return self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
@@ -280,9 +312,15 @@ class Record(Files):
     Parameters
     ----------
     path : path of the run directory
+    trust : bool
+        Run the plug-ins of the run where figures need the code of its laws. They can do what you can.
+    checks : bool
+        As of `Files`.
 
     Attributes
     ----------
+    omitted : list of str
+        What was left out for want of the plug-ins.
     case : dict
         The resolved case.
     summary : dict or None

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, launch, lumped, painter, parallel, stages
+from ruptfx import RuptfxError, directories, fem, launch, lumped, painter, parallel, run_files, stages
 from ruptfx.case import Case
 from ruptfx.cost import need_memory
-from ruptfx.directories import write_json
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.progress import Progress
@@ -77,7 +76,7 @@ def simulate(
     complete : callable
         Called on rank 0 when the run is complete, before its figures are drawn.
     overwrite : bool
-        Replace the run that `out` holds, of whatever case; what is no run is not touched.
+        Replace the run that `out` holds, of whatever case, once this one is complete; other files stay.
 
     Returns
     -------
@@ -92,6 +91,8 @@ def simulate(
     comm, out = comm or fem.MPI.COMM_WORLD, Path(out)
     if resume and overwrite:
         raise RuptfxError("resume goes on with a run that overwrite would remove; give one of them")
+    if resume:
+        parallel.on_root(comm, lambda: directories.refuse_links(out))
     if isinstance(case, LumpedModel):
         with Progress(progress) as bar:
             return lumped.simulate(case, out, bar.update, resume, overwrite)
@@ -102,13 +103,14 @@ def simulate(
     if resume and run_directory.is_finished(comm, out, case):
         if comm.rank == 0:
             complete()
-        return Record(out)
+        return Record(out, trust=True)
     draws = case.output.figures and painter.LATER not in os.environ
     if draws and comm.rank == 0:
         painter.prepare()
     restart()
     with run_directory.reserved(comm, out):
-        checkpoint = Checkpoint.latest(comm, out, case.hash) if resume else None
+        place = run_directory.begun(comm, out, case) if resume else out
+        checkpoint = Checkpoint.latest(comm, place, case.hash) if resume else None
         if not (resume or overwrite):
             run_directory.prepare(comm, out)
         began = time.perf_counter()
@@ -117,13 +119,14 @@ def simulate(
             model = Model(case, comm)
             motion = stages.bind(model)
         if checkpoint is None and (resume or overwrite):  # the case is known to run: only now may older files go
-            run_directory.prepare(comm, out, again=case, overwrite=overwrite)
-        _run(model, motion, out, progress, checkpoint, began)
+            place = run_directory.prepare(comm, out, again=case, overwrite=overwrite)
+        _run(model, motion, place, progress, checkpoint, began)
+        run_directory.replace(comm, out)
         if comm.rank == 0:
             complete()
         if draws:
             _draw(comm, out)
-    return Record(out)
+    return Record(out, trust=True)
 
 
 def _run(
@@ -145,14 +148,17 @@ def _run(
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         if comm.rank == 0:
             painter.look_at(out)
-        checkpoints = Checkpoints(model, recorder)
-        if not checkpoint:
+        stopping = StopRules(model)
+        keepers = {**recorder.keepers, "stopping": stopping}
+        checkpoints = Checkpoints(model, recorder, keepers)
+        if checkpoint:
+            checkpoint.recall(keepers)
+        else:
             recorder.observe(state)
             recorder.record(state)
-        stopping, ended = StopRules(model), ""
         stepping, first = time.perf_counter(), state.step
         error = None
-        while not recorder.finished(state) and not ended:
+        while not recorder.finished(state) and not stopping.ended:
             # A rank with an error steps on, as the others wait for its messages; it is raised where all ranks meet.
             state.watched = recorder.expects(state)
             failed = _step(motion, state)
@@ -169,19 +175,23 @@ def _run(
                     state.time / case.duration, f"t = {state.time:9.3g} s of {case.duration:.3g}  "
                     f"step {state.step:6d}  peak slip rate {recorder.peak_slip_rate:8.3g} m/s"
                 )  # fmt: skip
-                ended = stopping.reached(state)
+                stopping.check(state)
             stop = signals.anywhere(comm)
             if stop or checkpoints.due(state):
                 checkpoints.write(state)
             if stop:
+                home = directories.home(out)
                 raise Interrupted(
                     f"stopped by {stop} at {state.time:.6g} s of {case.duration:.6g}, step {state.step}; "
-                    f"{recorder.records} records are kept in {out}; go on with --resume"
+                    f"{recorder.records} records are kept in {out}"
+                    + f", and the run in {home} is as it was" * (home != out) + f"; go on with: ruptfx resume {home}"
                 )
         stepping = time.perf_counter() - stepping
+        checkpoints.write(state, final=True)
+        recorder.finish(state)  # behind the last checkpoint: a longer run has no record here
     _finish(model, out, {
         "wall_time": time.perf_counter() - began, "steps": state.step, "time_step": motion.dt,
-        "nodes": model.total_nodes, "ended_by": ended or "duration",
+        "nodes": model.total_nodes, "ended_by": stopping.ended or "duration",
         "node_updates_per_second": model.total_nodes * (state.step - first) / stepping, "ranks": comm.size,
     })  # fmt: skip
 
@@ -256,7 +266,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
         with Files(out) as record:
             findings = summarise(record)
         found = {**versions(), "python_version": platform.python_version(), "numpy_version": np.__version__}
-        write_json(out / "summary.json", {
+        run_files.complete(out, {
             **findings, **facts, "title": model.case.title, "case_hash": model.case.hash, "versions": found,
             "host_cores": os.cpu_count(),
         })  # fmt: skip

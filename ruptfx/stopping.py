@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
+from ruptfx import Table, parallel
 from ruptfx.places import Position
 from ruptfx.schema import CaseError, Part
 from ruptfx.units import Duration
@@ -35,6 +35,11 @@ class StopRules:
     ----------
     model : Model
 
+    Attributes
+    ----------
+    ended : str
+        The rule that has ended the run, in words; empty while it goes on.
+
     Raises
     ------
     CaseError
@@ -43,7 +48,8 @@ class StopRules:
 
     def __init__(self, model: Model) -> None:
         self._model, self._rules = model, model.case.stop_when
-        self._slid_at = np.inf
+        self.ended = ""
+        self._slid_at = np.inf  # time at which a point slid last [s]
         if self._rules is None:
             return
         for name in ("tip_beyond", "tip_before"):
@@ -60,6 +66,14 @@ class StopRules:
                     f"{', '.join(known) or 'none'}"
                 )
 
+    def table(self) -> Table:
+        """All that changes, for a checkpoint."""
+        return {"ended": self.ended, "slid_at": self._slid_at}
+
+    def restore(self, table: Table) -> None:
+        """Go on from a checkpoint."""
+        self.ended, self._slid_at = table["ended"], table["slid_at"]
+
     def _outside(self, fault: Fault, name: str) -> np.ndarray:
         """Points beyond a limit, shape (points,); none without the rule."""
         limit, position = getattr(self._rules, name), fault.interface.position
@@ -67,10 +81,12 @@ class StopRules:
             return np.zeros(len(position), dtype=bool)
         return position >= limit if name == "tip_beyond" else position <= limit
 
-    def reached(self, state: State) -> str:
-        """Which rule ends the run now, empty if none does; collective."""
-        if self._rules is None:
-            return ""
+    def check(self, state: State) -> None:
+        """Set `ended` if a rule ends the run now; collective."""
+        self.ended = "" if self._rules is None else self._reached(self._rules, state)
+
+    def _reached(self, rules: StopWhen, state: State) -> str:
+        """The rule that ends the run now, empty if none does; collective."""
         threshold = self._model.case.output.rupture_threshold
         sliding, ruptured, left = 0, 0, 0
         for fault in self._model.faults:
@@ -84,6 +100,6 @@ class StopRules:
             return "tip left the window"
         if sliding or not ruptured:
             self._slid_at = state.time
-        dead = self._rules.sliding_dead_for
+        dead = rules.sliding_dead_for
         self._slid_at = min(self._slid_at, state.time)
         return "sliding died" if dead is not None and state.time - self._slid_at >= dead else ""

@@ -157,10 +157,10 @@ class BulkFields:
                 file.whole.attrs["initial_stress_values"] = self.initial_stress
         file.flush()
 
-    def restore(self, saved: Path) -> None:
-        """Append the snapshots of another file, of any number of ranks; every rank reads its part."""
+    def restore(self, saved: Path, kept: int | None) -> None:
+        """Append the first snapshots of another file, of any number of ranks; every rank reads its part."""
         with h5py.File(saved, locking=False) as file:
-            for row, time in enumerate(file["time"][:]):
+            for row, time in enumerate(file["time"][:kept]):
                 here = self.model.layout.slabs.here
                 self.append(float(time), {name: file[name][row, here] for name in self._fields})
 

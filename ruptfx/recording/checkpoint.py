@@ -4,23 +4,28 @@ A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a cop
 then: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
 temporary name, synced, renamed; the last two are kept. Node and point arrays are in an order that does not depend on
 the partition; every rank writes and reads its slab of the former.
+
+A complete run has `checkpoints/final`, from which a longer one goes on. It has no copies: the files of the run do not
+change any more, and `files.json` has their checksums.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, Table, __version__, fem, parallel
+from ruptfx import RuptfxError, Table, __version__, directories, fem, parallel, run_files
 from ruptfx.recording.shared_file import SharedFile
+from ruptfx.run_files import checksum as _checksum
+from ruptfx.run_files import seal as _seal
 from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
@@ -28,12 +33,25 @@ if TYPE_CHECKING:
     from ruptfx.recording.recorder import Recorder
     from ruptfx.state import State
 
-FOLDER = "checkpoints"
+FOLDER = directories.CHECKPOINTS
 KEPT = 2
+LAYOUT = 2  # of the manifest; one more with every change that older code cannot read
+READ_ONLY = ("state", "bulk")
+"""Stems of the files of a checkpoint that are read; the others are copied to the run directory and grow there."""
 
 
 class CheckpointError(RuptfxError):
     """A checkpoint that must not be used: the reason and the remedy."""
+
+
+class Keeper(Protocol):
+    """An object besides the state that remembers something from step to step."""
+
+    def table(self) -> Table | None:
+        """Return all that changes, as JSON has it, on rank 0 at least; collective."""
+
+    def restore(self, table: Table) -> None:
+        """Go on from such a table, which every rank is given."""
 
 
 class Checkpoints:
@@ -43,10 +61,12 @@ class Checkpoints:
     ----------
     model : Model
     recorder : Recorder
+    keepers : dict of str to Keeper
+        All objects with a memory, by the names under which a checkpoint has it.
     """
 
-    def __init__(self, model: Model, recorder: Recorder) -> None:
-        self._model, self._recorder = model, recorder
+    def __init__(self, model: Model, recorder: Recorder, keepers: Mapping[str, Keeper]) -> None:
+        self._model, self._recorder, self._keepers = model, recorder, keepers
         self._minutes, self._steps = model.case.output.checkpoint_minutes, model.case.output.checkpoint_steps
         self._last = time.monotonic()
 
@@ -60,8 +80,8 @@ class Checkpoints:
             return self.scheduled(state)
         return bool(self._model.comm.bcast(time.monotonic() - self._last > 60 * self._minutes, root=0))
 
-    def write(self, state: State) -> None:
-        """Save now; collective.
+    def write(self, state: State, final: bool = False) -> None:
+        """Save now, at the end of the run without copies of its files; collective.
 
         Raises
         ------
@@ -78,25 +98,24 @@ class Checkpoints:
             pairs = {} if model.collisions is None else model.collisions.gather(state)
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
-            samples = recorder.samples.table()
-            means = None if recorder.means is None else recorder.means.table()
-        first, checksums = model.comm.rank == 0, dict[str, str]()
+            memory = {name: keeper.table() for name, keeper in self._keepers.items()}
+        first, checksums = model.comm.rank == 0, run_files.Sums()
         folder = recorder.out / FOLDER
-        temporary, final = folder / ".unfinished", folder / f"step_{state.step:08d}"
+        temporary, place = folder / ".unfinished", folder / (directories.FINAL if final else f"step_{state.step:08d}")
         recorder.meet(lambda: _make_anew(temporary) if first else None)
-        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks, pairs)))
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks, pairs, not final)))
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
-            manifest = self._manifest(state, energy, samples, means, dict(sorted(files.items())))
-        recorder.meet(lambda: _complete(temporary, final, manifest) if first else None)
+            manifest = self._manifest(state, energy, memory, dict(sorted(files.items())))
+        recorder.meet(lambda: _complete(temporary, place, manifest) if first else None)
         self._last = time.monotonic()
 
     def _write_files(
         self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]],
-        cracks: dict[str, np.ndarray], pairs: dict[str, np.ndarray],
-    ) -> dict[str, str]:  # fmt: skip
-        """This rank's part of the state, and a copy of its history files; their checksums by name."""
+        cracks: dict[str, np.ndarray], pairs: dict[str, np.ndarray], copies: bool,
+    ) -> run_files.Sums:  # fmt: skip
+        """Write this rank's part of the state, and copies of its history files; checksums, None without copy."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
             for name, slab in slabs.items():
                 file.write(f"nodes/{name}", slab, self._model.total_nodes)
@@ -105,25 +124,25 @@ class Checkpoints:
                     file.whole.create_group(f"faults/{fault}").update(fields)
                 file.whole.create_group("cracks").update(cracks)
                 file.whole.create_group("pairs").update(pairs)
-        written = list(file.paths)
-        for path in self._recorder.settle():
+        written, histories = list(file.paths), self._recorder.settle()
+        for path in histories if copies else []:
             written.append(folder / path.name)
             shutil.copyfile(path, written[-1])
         for path in written:
             _sync(path)
-        return {path.name: _checksum(path) for path in written}
+        return {**{path.name: None for path in histories}, **{path.name: _checksum(path) for path in written}}
 
     def _manifest(
-        self, state: State, energy: list[dict[str, float]] | None, samples: Table | None, means: Table | None,
-        files: dict[str, str],
+        self, state: State, energy: list[dict[str, float]] | None, memory: dict[str, Table | None],
+        files: run_files.Sums,
     ) -> Table:  # fmt: skip
-        recorder = self._recorder
         return {
-            "case_hash": self._model.case.hash, "ruptfx_version": __version__, "step": state.step, "energy": energy,
-            "time": state.time, "numbers": state.numbers, "fields": list(state.fields), "next": recorder.next,
+            "case_hash": self._model.case.hash, "ruptfx_version": __version__, "layout": LAYOUT,
+            "step": state.step, "energy": energy,
+            "time": state.time, "numbers": state.numbers, "fields": list(state.fields), "memory": memory,
             "points": {fault: list(fields) for fault, fields in state.points.items()},
-            "last": recorder.last, "records": recorder.records, "largest_work": recorder.largest_work, "files": files,
-            "samples": samples, "means": means,
+            "files": {name: value for name, value in files.items() if value is not None},
+            "histories": [name for name, value in files.items() if value is None],
         }  # fmt: skip
 
 
@@ -152,18 +171,7 @@ class Checkpoint:
             None undamaged, or of another case or version.
         """
 
-        def find() -> tuple[Path, Table] | None:
-            refused = []
-            for path in reversed(all_of(out)):
-                try:
-                    return path, _verified(path, case_hash)
-                except CheckpointError as error:
-                    refused.append(str(error))
-            if refused:
-                raise CheckpointError("\n".join(refused))
-            return None
-
-        found = parallel.on_root(comm, find)
+        found = parallel.on_root(comm, lambda: newest(all_of(out), case_hash))
         return None if found is None else cls(*found)
 
     def restore_files(self, out: Path) -> None:
@@ -172,7 +180,7 @@ class Checkpoint:
         Those of the bodies are read by every rank, which may be others than wrote them.
         """
         for name in self.manifest["files"]:
-            if name.partition(".")[0] not in ("state", "bulk"):
+            if name.partition(".")[0] not in READ_ONLY:
                 shutil.copyfile(self.path / name, out / name)
 
     def restore(self, model: Model, state: State) -> None:
@@ -219,6 +227,11 @@ class Checkpoint:
         state.step, state.time = self.manifest["step"], self.manifest["time"]
         state.numbers = dict(self.manifest["numbers"])
 
+    def recall(self, keepers: Mapping[str, Keeper]) -> None:
+        """Give all objects with a memory what they remembered."""
+        for name, keeper in keepers.items():
+            keeper.restore(self.manifest["memory"][name])
+
 
 def _make_anew(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
@@ -238,7 +251,27 @@ def _complete(temporary: Path, final: Path, manifest: Table) -> None:
 
 def all_of(out: Path) -> list[Path]:
     """Checkpoints of a run directory, the newest last."""
-    return sorted(path for path in (out / FOLDER).glob("step_*") if path.is_dir())
+    found = (out / FOLDER).glob("step_*")
+    return sorted(path for path in found if path.is_dir() and path.name.removeprefix("step_").isdecimal())
+
+
+def newest(paths: list[Path], case_hash: str) -> tuple[Path, Table] | None:
+    """Return the last of these checkpoints that is undamaged, and its manifest; None where there are none.
+
+    Raises
+    ------
+    CheckpointError
+        None undamaged, or of another case or version.
+    """
+    refused = []
+    for path in reversed(paths):
+        try:
+            return path, _verified(path, case_hash)
+        except CheckpointError as error:
+            refused.append(str(error))
+    if refused:
+        raise CheckpointError("\n".join(refused))
+    return None
 
 
 def write_manifest(path: Path, manifest: Table) -> None:
@@ -261,6 +294,13 @@ def read_manifest(path: Path) -> Table:
         raise CheckpointError(f"{path}: manifest.json is missing or damaged; it cannot be used") from None
     if seal != _seal(manifest):
         raise CheckpointError(f"{path}: manifest.json does not match its own checksum; it cannot be used")
+    # Anybody can compute the checksum: names are used as paths, also to write.
+    for name in (*manifest["files"], *manifest.get("histories", [])):
+        if Path(name).name != name:
+            raise CheckpointError(
+                f"{path}: manifest.json names the file {name!r}, and a run writes no files elsewhere than in its "
+                "directory; do not use this checkpoint"
+            )
     return manifest
 
 
@@ -272,6 +312,8 @@ def _verified(path: Path, case_hash: str) -> Table:
             f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "
             "resume with the case.toml of the run directory"
         )
+    if manifest.get("layout") != LAYOUT:
+        raise CheckpointError(f"{path}: written by another revision of ruptfx; resume with that revision, or run again")
     if manifest["ruptfx_version"] != __version__:
         raise CheckpointError(
             f"{path}: written by ruptfx {manifest['ruptfx_version']}, this is {__version__}; resume with that version"
@@ -280,16 +322,29 @@ def _verified(path: Path, case_hash: str) -> Table:
         file = path / name
         if not file.is_file() or _checksum(file) != checksum:
             raise CheckpointError(f"{file}: missing or damaged (its checksum differs); it cannot be used")
+        if file.suffix == ".h5" and name.partition(".")[0] not in READ_ONLY:
+            _require_own_data(file)
     return manifest
 
 
-def _checksum(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _require_own_data(path: Path) -> None:
+    """Refuse an HDF5 file that keeps data in another file, which a resumed run would write to.
 
+    Raises
+    ------
+    CheckpointError
+    """
 
-def _seal(manifest: Table) -> str:
-    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
+    def elsewhere(name: str, item: h5py.Group | h5py.Dataset) -> str | None:
+        if isinstance(item, h5py.Dataset):
+            return name if item.external or item.is_virtual else None
+        links = (key for key in item if isinstance(item.get(key, getlink=True), h5py.ExternalLink))
+        return next((f"{name}/{key}" for key in links), None)
+
+    with h5py.File(path, locking=False) as file:
+        found = elsewhere("", file) or file.visititems(elsewhere)
+    if found is not None:
+        raise CheckpointError(f"{path}: keeps '{found}' in another file, as no run does; do not use this checkpoint")
 
 
 def _sync(path: Path) -> None:

@@ -33,6 +33,11 @@ EVENTS = {
     "potency_xx": ("m2", "length (opening n + slip t) n, symmetric part, per metre of thickness"),
     "potency_yy": ("m2", "likewise"), "potency_xy": ("m2", "likewise"),
 }  # fmt: skip
+WORDS = {
+    "mode": "tensile from a tensile share of 0.75, shear up to 0.25, mixed between",
+    "pair": "bodies on both sides, in the order of the alphabet",
+    "joint": "joint of the mesh that the facet belongs to, empty for none",
+}
 MODES = ("tensile", "shear", "mixed")
 TENSILE, SHEAR = 0.75, 0.25  # of the tensile share: from, and up to
 
@@ -75,20 +80,28 @@ class CrackFiles:
     out : Path
         The run directory; what `cracks.h5` there has already is kept.
     facets : dict of ndarray
-        Of all facets in the order of the files: `ends`, `normal`, `length`, `bodies`, and of their laws `delta_n` and
-        `delta_s`, opening and slip at failure.
-    names : list of str
-        Of the bodies.
+        Of all facets in the order of the files: `ends`, `normal`, `length`, `bodies`, `joint`, and of their laws
+        `delta_n` and `delta_s`, opening and slip at failure.
+    bodies, joints : list of str
+        Names of the bodies, and of the joints of the mesh.
     thickness : float
         Of the bodies [m].
+    kept : int, optional
+        Snapshots of a `cracks.h5` that is there already; later ones go.
     """
 
-    def __init__(self, out: Path, facets: dict[str, np.ndarray], names: list[str], thickness: float) -> None:
-        self._out, self._facets, self._names, self._thickness = out, facets, names, thickness
+    def __init__(
+        self, out: Path, facets: dict[str, np.ndarray], bodies: list[str], joints: list[str], thickness: float,
+        kept: int | None = None,
+    ) -> None:  # fmt: skip
+        self._out, self._facets, self._thickness = out, facets, thickness
+        self._bodies, self._joints = bodies, joints
         self.path = out / "cracks.h5"
         resumed = self.path.exists()
         self._file = h5py.File(self.path, "a")
         if resumed:
+            for name in ("time", *SNAPSHOTS) if kept is not None else ():
+                self._file[name].resize(kept, axis=0)
             return
         ends = facets["ends"].reshape(-1, 2)
         fixed = {
@@ -97,11 +110,12 @@ class CrackFiles:
             "normal": (facets["normal"], "1", "unit normal, from the first to the second body"),
             "length": (facets["length"], "m", "length of the facet"),
             "bodies": (facets["bodies"].astype(np.int32), "1", "bodies on both sides, by their place in the names"),
+            "joint": (facets["joint"].astype(np.int32), "1", "joint, by its place in the names; -1 for none"),
         }
         for name, (values, unit, text) in fixed.items():
             self._file[name] = values
             self._file[name].attrs.update({"units": unit, "long_name": text})
-        self._file.attrs["bodies"] = names
+        self._file.attrs["bodies"], self._file.attrs["joints"] = bodies, np.array(joints, h5py.string_dtype())
         self._file.create_dataset("time", (0,), maxshape=(None,), dtype=float).attrs["units"] = "s"
         count = len(facets["length"])
         for name, (unit, text) in SNAPSHOTS.items():
@@ -141,7 +155,7 @@ class CrackFiles:
 
     def write_events(self, state: FaultState) -> None:
         """All facets that have failed so far, in the order of their failure."""
-        table, words = events(state, self._facets, self._names, self._thickness)
+        table, words = events(state, self._facets, self._bodies, self._joints, self._thickness)
 
         def write(path: Path) -> None:
             with h5netcdf.File(path, "w") as file:
@@ -153,6 +167,7 @@ class CrackFiles:
                         variable[:] = values
                 for name, texts in words.items():
                     variable = file.create_variable(name, ("event",), h5py.string_dtype())
+                    variable.attrs["long_name"] = WORDS[name]
                     if texts:
                         variable[:] = np.array(texts, dtype=object)
                 file.attrs["thickness"] = self._thickness
@@ -186,12 +201,13 @@ def facets_of(cracks: CrackStep) -> FaultState:
             slip[group.facets] = group.laws.cohesion.slip_at_failure
     return {
         "ends": net.ends[order].reshape(-1, 4), "normal": net.normal[order], "length": net.length[order],
-        "bodies": net.bodies[order].astype(float), "delta_n": opening, "delta_s": slip,
+        "bodies": net.bodies[order].astype(float), "joint": net.joint[order].astype(float),
+        "delta_n": opening, "delta_s": slip,
     }  # fmt: skip
 
 
 def events(
-    state: FaultState, facets: dict[str, np.ndarray], names: list[str], thickness: float
+    state: FaultState, facets: dict[str, np.ndarray], bodies: list[str], joints: list[str], thickness: float
 ) -> tuple[dict[str, np.ndarray], dict[str, list[str]]]:
     """Facets that have failed, ordered by time of failure, then by their number: numbers and words by column.
 
@@ -199,7 +215,7 @@ def events(
     ----------
     state : dict of ndarray
         Of all facets.
-    facets, names, thickness
+    facets, bodies, joints, thickness
         As for `CrackFiles`.
     """
     from ruptfx.analysis.emission import magnitude  # with what it imports of SciPy, only where there are events
@@ -227,6 +243,9 @@ def events(
         "potency_xy": 0.5 * (jump[:, 0] * normal[:, 1] + jump[:, 1] * normal[:, 0]),
     }  # fmt: skip
     mode = np.where(share >= TENSILE, 0, np.where(share <= SHEAR, 1, 2))
-    pairs = ["-".join(sorted(names[body] for body in pair)) for pair in of["bodies"].astype(int).tolist()]
-    words = {"mode": [MODES[number] for number in mode], "pair": pairs}
+    words = {
+        "mode": [MODES[number] for number in mode],
+        "pair": ["-".join(sorted(bodies[body] for body in pair)) for pair in of["bodies"].astype(int).tolist()],
+        "joint": [joints[number] if number >= 0 else "" for number in of["joint"].astype(int).tolist()],
+    }
     return table, words

@@ -1,52 +1,86 @@
-"""A run made longer: its checkpoints become those of the same case with a longer duration."""
+"""A run made longer: a run of the same case with a longer duration, stopped where the former one has a checkpoint."""
 
 from __future__ import annotations
 
+import os
+import shlex
+import shutil
 from pathlib import Path
 
-from ruptfx import RuptfxError, directories
+from ruptfx import RuptfxError, directories, run_files
 from ruptfx.case import Case
 from ruptfx.recording import checkpoint
 
 
 def extend(out: Path, before: Case, longer: Case) -> Case:
-    """Let a run, finished or not, go on to a longer duration; without a checkpoint it will begin again.
+    """Prepare a longer run in the `.new` of a run directory, to be resumed from the newest checkpoint there.
 
-    Records go on in the intervals they had. Stopped half-way, this may be repeated.
+    The run that the directory holds, finished or not, stays as it is until the longer one is complete. Records go on in
+    the intervals they had. A longer run that was stopped is made longer in turn.
 
     Parameters
     ----------
     out : Path
         Run directory.
     before, longer : Case
-        The case of the directory, and the same with another duration.
+        The case that `resume` would go on with, and the same with another duration.
 
     Returns
     -------
     Case
-        What the directory holds now.
+        The longer case, to be resumed.
 
     Raises
     ------
     RuptfxError
-        The duration is not longer, or another run writes there.
+        The duration is not longer, there is no checkpoint, the run was changed, or another one writes there.
     """
+    source = directories.unfinished(out)
+    if source != out and longer.duration == before.duration:
+        return before
     if longer.duration <= before.duration:
         raise RuptfxError(
             f"--duration {longer.duration:g}: {out} has {before.duration:g} s already; give a longer one, or resume "
             "without it"
         )
-    output = before.output
-    intervals = {
-        "interface_interval": output.interface_interval or before.duration / 300,
-        "bulk_interval": output.bulk_interval or before.duration / 6,
-    }
-    case = longer.model_copy(update={"output": output.model_copy(update=intervals)})
+    intervals = {f"{what}_interval": interval for what, interval in before.intervals.items()}
+    case = longer.model_copy(update={"output": before.output.model_copy(update=intervals)})
+    directories.refuse_links(out)
     with directories.reserved(out):
-        for path in checkpoint.all_of(out):
-            manifest = checkpoint.read_manifest(path)
-            if manifest["case_hash"] == before.hash:
-                checkpoint.write_manifest(path, {**manifest, "case_hash": case.hash})
-        (out / "summary.json").unlink(missing_ok=True)
-        case.save(out)
+        paths = checkpoint.all_of(source)
+        if (source / run_files.SUMMARY).is_file():
+            paths += filter(Path.is_dir, [source / checkpoint.FOLDER / directories.FINAL])
+        found = checkpoint.newest(paths, before.hash)
+        if found is None:
+            raise RuptfxError(
+                f"{out}: has no checkpoint to go on from; run its case from the beginning: "
+                f"ruptfx run {shlex.quote(str(out / run_files.CASE))} --out {shlex.quote(f'{out}-longer')} "
+                f"--set duration={longer.duration!r}"
+            )
+        path, manifest = found
+        place = directories.renew(out / ".part")
+        copy = place / checkpoint.FOLDER / f"step_{manifest['step']:08d}"
+        copy.mkdir(parents=True)
+        histories = manifest.pop("histories", [])
+        for name in histories:
+            run_files.check(source, name)
+        for file in (*(path / name for name in manifest["files"]), *(source / name for name in histories)):
+            _link(file, copy / file.name)
+        sums = {name: run_files.checksum(copy / name) for name in histories}
+        files = {**manifest["files"], **sums}
+        checkpoint.write_manifest(copy, {**manifest, "case_hash": case.hash, "files": files, "histories": []})
+        if (source / "run.log").is_file():
+            shutil.copyfile(source / "run.log", place / "run.log")
+        case.save(place)
+        run_files.begin(place, [])
+        shutil.rmtree(out / directories.NEW, ignore_errors=True)
+        place.replace(out / directories.NEW)
     return case
+
+
+def _link(source: Path, target: Path) -> None:
+    """Let both be the same file, as neither is written to any more; a copy where the file system has no links."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)

@@ -26,12 +26,19 @@ class InterfaceFile(GrowingFile):
         Position along the interface and coordinates [m].
     attributes : dict
         Global attributes of the file.
+    kept : int, optional
+        Records of a file that is there already; later ones go.
     """
 
-    def __init__(self, path: Path, fault: Fault, place: np.ndarray, attributes: Table) -> None:
+    def __init__(
+        self, path: Path, fault: Fault, place: np.ndarray, attributes: Table, kept: int | None = None
+    ) -> None:
         super().__init__(path)
         self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
         if self.resumed:
+            self._file.attrs["complete"] = 0
+            if kept is not None:
+                self._file.resize_dimension("time", kept)
             return
         file = self._file
         file.dimensions = {"time": None, "position": len(place)}

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, Table, __version__, fem, parallel
+from ruptfx import RuptfxError, Table, __version__, fem, parallel, run_files
 from ruptfx.fault import Fault
 from ruptfx.fields import DERIVED, ENERGIES
 from ruptfx.nucleation import first_begun
@@ -28,13 +28,14 @@ from ruptfx.recording.crack_files import CrackFiles, facets_of
 from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.sampling import Samples
+from ruptfx.recording.schedule import Schedule, end_of
 from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase, phases
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
-    from ruptfx.recording.checkpoint import Checkpoint
+    from ruptfx.recording.checkpoint import Checkpoint, Keeper
     from ruptfx.state import State
     from ruptfx.steppers import Motion
 
@@ -48,10 +49,10 @@ class DiskError(RuptfxError):
 class Recorder:
     """Writes the files of one run; a context manager that leaves readable files however the run ends.
 
-    Records are evenly spaced in time: each is made after the first step that reaches its time. The first state and
-    the last are recorded, too. All fields of a record have one time, which is the one it is labelled with: for
-    interfaces that of the traction, in explicit runs a step before the displacement that is known by then; for bodies
-    and energies that of the velocity, half a step before it.
+    Records are made at the multiples of an interval, each after the first step that reaches its time. The first state
+    is recorded, too, and that at the duration. All fields of a record have one time, which is the one it is labelled
+    with: for interfaces that of the traction, in explicit runs a step before the displacement that is known by then;
+    for bodies and energies that of the velocity, half a step before it.
 
     Parameters
     ----------
@@ -67,28 +68,21 @@ class Recorder:
     def __init__(self, model: Model, motion: Motion, out: Path, resume: Checkpoint | None = None) -> None:
         self.model, self.out, self._motion, self._resume = model, out, motion, resume
         case = model.case
-        self._times = {
-            "interface": self._schedule(case.output.interface_interval or case.duration / 300),
-            "bulk": self._schedule(case.output.bulk_interval or case.duration / 6),
-        }
+        self._schedules = {what: Schedule(interval) for what, interval in case.intervals.items()}
         # The next of these times, by number: a bulk snapshot of the start would show nothing, and means have none.
-        self.next = dict(resume.manifest["next"]) if resume else {"interface": 0, "bulk": 1, "forces": 1}
+        self.next = {"interface": 0, "bulk": 1, "forces": 1}
+        self.counts = {"interface": 0, "bulk": 0, "forces": 0}  # of the records in the files
         self.means: forces.ForceMeans | None = None
         if case.output.forces_interval is not None:
-            self._times["forces"] = self._schedule(case.output.forces_interval)
             sliding = [fault for fault in model.faults if fault.slides]
             self.means = forces.ForceMeans(model.comm, sliding, case.output.rupture_threshold)
-            if resume:
-                self.means.restore(resume.manifest["means"])
-        self.records = resume.manifest["records"] if resume else 0
-        self.last = resume.manifest["last"] if resume else -1.0  # time of the last interface record [s]
-        self.largest_work = resume.manifest["largest_work"] if resume else 0.0
+        self.last = {"interface": -1.0, "bulk": 0.0, "forces": 0.0}  # times of the last records [s]
+        self._ending = False
+        self.largest_work = 0.0
         self.peak_slip_rate = 0.0  # of the last record, known to rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self.samples = Samples(model, motion.dt, self._bulk.initial_stress_at)
-        if resume:
-            self.samples.restore(resume.manifest["samples"])
         self._files: dict[str, InterfaceFile] = {}
         self._forces: dict[str, TableFile] = {}
         self._instruments: InstrumentsFile | None = None
@@ -97,15 +91,31 @@ class Recorder:
         self._edge_sums = None if model.cracks is None else edge_sums.EdgeSums(model)
         self._writer = Writer()
 
-    def _schedule(self, interval: float) -> np.ndarray:
-        """Evenly spaced times of records [s], the first and the last among them, early by what rounding may cost."""
-        duration = self.model.case.duration
-        count = max(1, round(duration / interval))
-        return np.linspace(0, duration, count + 1) - 1e-9 * duration
+    @property
+    def keepers(self) -> dict[str, Keeper]:
+        """Objects of the recorder with a memory, itself among them."""
+        return {"recorder": self, "samples": self.samples, **({} if self.means is None else {"means": self.means})}
+
+    def table(self) -> Table:
+        """All that changes, for a checkpoint."""
+        return {
+            "next": self.next, "counts": self.counts, "last": self.last, "largest_work": self.largest_work,
+            "peak_slip_rate": self.peak_slip_rate,
+        }  # fmt: skip
+
+    def restore(self, table: Table) -> None:
+        """Go on from a checkpoint."""
+        self.next, self.counts, self.last = dict(table["next"]), dict(table["counts"]), dict(table["last"])
+        self.largest_work, self.peak_slip_rate = table["largest_work"], table["peak_slip_rate"]
+
+    @property
+    def records(self) -> int:
+        """Number of the records of the interfaces."""
+        return self.counts["interface"]
 
     def finished(self, state: State) -> bool:
         """Whether the state has reached the duration of the case."""
-        return bool(state.fault_time >= self._times["interface"][-1])
+        return state.fault_time >= end_of(self.model.case.duration)
 
     def __enter__(self) -> Recorder:
         with phase("gathering"):
@@ -126,7 +136,11 @@ class Recorder:
     def _open_bulk(self, topology: Topology) -> None:
         self._bulk.create(self.out, topology)
         if self._resume:
-            self._bulk.restore(self._resume.path / "bulk.h5")
+            self._bulk.restore(self._resume.path / "bulk.h5", self._kept("bulk"))
+
+    def _kept(self, what: str) -> int | None:
+        """Number of records that the files of the checkpoint keep, None without one; later ones are those of an end."""
+        return None if self._resume is None else int(self._resume.manifest["memory"]["recorder"]["counts"][what])
 
     def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None) -> None:
         if self._resume:
@@ -134,7 +148,10 @@ class Recorder:
                 part.unlink()
             self._resume.restore_files(self.out)
         else:
+            for name in self._names():  # of the same case, which was stopped before its first checkpoint
+                (self.out / name).unlink(missing_ok=True)
             self.model.case.save(self.out)
+        run_files.begin(self.out, self._names())
         handler = logging.FileHandler(self.out / "run.log")
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         self._log_before = self.log.handlers, self.log.level, self.log.propagate
@@ -144,23 +161,39 @@ class Recorder:
         self._energies = TableFile(self.out / "energy.csv", [*ENERGIES, "closure"], (
             "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
             "energies in J (in 2D per metre of thickness, but around an axis), closure relative to the largest work"
-        ))  # fmt: skip
+        ), self._kept("interface"))  # fmt: skip
         case = self.model.case
         for fault, place in zip(self.model.faults, places, strict=True):
             name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
-            self._files[fault.name] = InterfaceFile(self.out / name, fault, place, self._attributes(fault, place))
+            attributes, kept = self._attributes(fault, place), self._kept("interface")
+            self._files[fault.name] = InterfaceFile(self.out / name, fault, place, attributes, kept)
             if fault.slides:
                 name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
-                remark = forces.remark(self.means is not None)
-                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, remark)
+                means = self.means is not None
+                remark, kept = forces.remark(means), self._kept("forces" if means else "interface")
+                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, remark, kept)
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
                 "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
             })  # fmt: skip
         if facets is not None and self._edge_sums is not None and case.fracture is not None:
-            self._cracks = CrackFiles(self.out, facets, self.model.bodies.names, case.fracture.thickness)
-            self._edges = TableFile(self.out / "edges.csv", self._edge_sums.columns, edge_sums.REMARK)
+            bodies, thickness = self.model.bodies, case.fracture.thickness
+            joints, kept = list(bodies.joints), self._kept("bulk")
+            self._cracks = CrackFiles(self.out, facets, bodies.names, joints, thickness, kept)
+            columns, kept = self._edge_sums.columns, self._kept("interface")
+            self._edges = TableFile(self.out / "edges.csv", columns, edge_sums.REMARK, kept)
+
+    def _names(self) -> list[str]:
+        """Names of the files that this run writes, except for the case."""
+        model, several = self.model, len(self.model.faults) > 1
+        suffixes = [f"_{fault.name}" if several else "" for fault in model.faults]
+        names = ["run.log", "energy.csv", run_files.SUMMARY, "bulk.h5", "bulk.xdmf"]
+        names += [f"bulk.{rank}.h5" for rank in range(model.comm.size)] if model.comm.size > 1 else []
+        names += [f"interface{suffix}.h5" for suffix in suffixes]
+        names += [f"forces{suffix}.csv" for fault, suffix in zip(model.faults, suffixes, strict=True) if fault.slides]
+        names += ["instruments.h5"] if self.samples.instruments else []
+        return names + ([] if model.cracks is None else ["cracks.h5", "cracks.xdmf", "events.h5", "edges.csv"])
 
     def settle(self) -> list[Path]:
         """Write all that waits in memory; the history files of this rank, which may then be copied."""
@@ -222,11 +255,12 @@ class Recorder:
 
     def due(self, state: State) -> bool:
         """Whether something is to be saved at this step."""
-        return any(self._reached(what, state) for what in self._times)
+        return any(self._reached(what, state) for what in self._schedules)
 
     def expects(self, state: State) -> bool:
         """Whether an explicit step that begins here ends with a record of the interfaces: its tractions are of now."""
-        return self._reached_at("interface", state.time, state.step + 1)
+        ends = state.time >= end_of(self.model.case.duration)
+        return ends or self._reached_at("interface", state.time, state.step + 1)
 
     def _reached(self, what: str, state: State) -> bool:
         return self._reached_at(what, state.fault_time, state.step)
@@ -234,16 +268,18 @@ class Recorder:
     def _reached_at(self, what: str, now: float, step: int) -> bool:
         every = self.model.case.output.interface_steps
         if what == "interface":
-            if now <= self.last:  # the first explicit step only completes the state at the start
+            if now <= self.last[what]:  # the first explicit step only completes the state at the start
                 return False
             if every is not None and step % every == 0:
                 return True
-        times, number = self._times[what], self.next[what]
-        return number < len(times) and bool(now >= times[number])
+        if self._ending:
+            return now > self.last[what]
+        return self._schedules[what].due(self.next[what], now)
 
     def _passed(self, what: str, state: State) -> None:
-        """A long step may pass several times at once."""
-        self.next[what] = int(np.searchsorted(self._times[what], state.fault_time, side="right"))
+        """A record is made; a long step may pass several times at once."""
+        self.next[what], self.last[what] = self._schedules[what].after(state.fault_time), state.fault_time
+        self.counts[what] += 1
 
     def observe(self, state: State) -> None:
         """Let instruments and means look at the start and at every step."""
@@ -257,6 +293,12 @@ class Recorder:
         file = self._instruments
         if file is not None and samples:
             self._write(lambda: file.append(samples))
+
+    def finish(self, state: State) -> None:
+        """Save the state at the duration where its time is no multiple of an interval; collective."""
+        self._ending = self.finished(state)
+        if self._ending and self.due(state):
+            self.record(state)
 
     def record(self, state: State) -> None:
         """Save what is due at this step; collective."""
@@ -275,8 +317,7 @@ class Recorder:
             with phase("energies"):
                 energy = self._motion.energies(state)
             edges = None if self._edge_sums is None else self._edge_sums.row(state)
-            self.last = now = state.fault_time
-            self.records += 1
+            now = state.fault_time
             if self.model.comm.rank == 0:
                 rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
                 self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))

@@ -39,14 +39,28 @@ def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
     return parallel.on_root(comm, lambda: directories.is_finished(out, case))
 
 
-def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None, overwrite: bool = False) -> None:
-    """Refuse a reserved directory that is not empty; collective.
+def begun(comm: fem.MPI.Comm, out: Path, case: Case) -> Path:
+    """Return where a run of this case was begun, in the directory or in its `.new`; collective."""
+    return parallel.on_root(comm, lambda: directories.begun(out, case))
 
-    Unless it holds the beginning of the case `again`, or any run that is to be overwritten.
+
+def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None, overwrite: bool = False) -> Path:
+    """Return an empty directory for a new run, `out` or its `.new`; collective, see `directories.prepare`.
 
     Raises
     ------
     RuptfxError
-        On all ranks: the directory holds something else already, or what is there cannot be removed.
+        On all ranks: the directory holds something else already, or cannot be written.
     """
-    parallel.on_root(comm, lambda: directories.prepare(out, again, overwrite))
+    return parallel.on_root(comm, lambda: directories.prepare(out, again, overwrite))
+
+
+def replace(comm: fem.MPI.Comm, out: Path) -> None:
+    """Put a complete run in `.new` in its place; collective.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks.
+    """
+    parallel.on_root(comm, lambda: directories.replace(out))

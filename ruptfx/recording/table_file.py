@@ -6,6 +6,8 @@ import csv
 from collections.abc import Iterable
 from pathlib import Path
 
+HEADER = 2  # lines before the first row
+
 
 class TableFile:
     """One row for every record; rank 0 only.
@@ -18,11 +20,16 @@ class TableFile:
         After that of the time.
     remark : str
         What the table holds and in which units: the first line of the file.
+    kept : int, optional
+        Rows of a table that is there already; later ones go.
     """
 
-    def __init__(self, path: Path, columns: Iterable[str], remark: str) -> None:
+    def __init__(self, path: Path, columns: Iterable[str], remark: str, kept: int | None = None) -> None:
         self.path = path
         begins = not path.exists()
+        if not begins and kept is not None:
+            lines = path.read_bytes().splitlines(keepends=True)
+            path.write_bytes(b"".join(lines[: HEADER + kept]))
         self._file = path.open("a", newline="")
         self._table = csv.writer(self._file)
         if begins:

@@ -12,17 +12,18 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
 import tomli_w
 from compare import largest_difference
-from small_cases import INSTRUMENTS, impact
+from small_cases import INSTRUMENTS, impact, merged, plates
 from whole_runs import kill_all
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import __version__, directories
+from ruptfx import __version__, directories, run_files
 from ruptfx.case import read_case
 from ruptfx.launch import find_mpiexec
 from ruptfx.record import Record
@@ -239,15 +240,19 @@ def test_no_byte_of_a_checkpoint_can_change_unnoticed(killed):
 
 
 @pytest.mark.faults
-def test_checkpoint_of_another_version_is_refused(killed, case_file):
+@pytest.mark.parametrize("change, message", [
+    ({"ruptfx_version": "0.0.1"}, f"written by ruptfx 0.0.1, this is {__version__}"),
+    ({"layout": 1}, "written by another revision"),
+])  # fmt: skip
+def test_checkpoint_of_another_version_is_refused(change, message, killed, case_file):
     for folder in (killed / "checkpoints").glob("step_*"):
         manifest = json.loads((folder / "manifest.json").read_text())
         manifest.pop("seal")
-        manifest["ruptfx_version"] = "0.0.1"
+        manifest |= change
         (folder / "manifest.json").write_text(json.dumps({**manifest, "seal": checkpoint._seal(manifest)}))
     done = run(case_file, killed, 1, "--resume")
     assert done.returncode == 1
-    assert f"written by ruptfx 0.0.1, this is {__version__}" in done.stderr and "Traceback" not in done.stderr
+    assert message in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.faults
@@ -264,6 +269,29 @@ def test_a_rank_that_dies_ends_all_and_nothing_is_lost(case_file, reference, tmp
     assert process.returncode != 0 and time.monotonic() - began < 20
     assert run(case_file, out, 2, "--resume").returncode == 0
     assert max(largest_difference(reference[2], out).values()) == 0
+
+
+@pytest.mark.faults
+def test_ranks_end_with_their_launcher(case_file, tmp_path, monkeypatch):
+    """Killed, `ruptfx run --ranks 2` takes mpiexec and its ranks with it, and leaves nothing in the temp directory."""
+    out, temporary = tmp_path / "run", tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    long = ["--set", "duration=2e-3", "--ranks", "2"]  # 110 times as long: it cannot be over before
+    process = subprocess.Popen(command(case_file, out, 1, *long), stderr=subprocess.PIPE)
+    deadline = time.monotonic() + LIMIT
+    while not list((out / "checkpoints").glob("step_*")) and time.monotonic() < deadline:
+        assert process.poll() is None
+        time.sleep(0.005)
+    family = psutil.Process(process.pid).children(recursive=True)
+    assert sum("ruptfx" in " ".join(each.cmdline()) for each in family) >= 3  # mpiexec and two ranks
+    process.kill()
+    gone, left = psutil.wait_procs(family, timeout=30)
+    for each in left:
+        each.kill()
+    process.communicate(timeout=LIMIT)
+    assert left == [] and len(gone) == len(family)
+    assert list(temporary.iterdir()) == []
 
 
 @pytest.mark.faults
@@ -323,3 +351,141 @@ def test_full_disk_is_a_clear_error_and_keeps_the_checkpoint(case_file, referenc
     assert list((out / "checkpoints").glob("step_*"))
     assert run(case_file, out, 1, "--resume").returncode == 0
     assert max(largest_difference(reference[1], out).values()) == 0
+
+
+# -- longer runs and replaced ones -----------------------------------------------------------------------------------
+
+EVERY = {"output.interface_interval": 0.5e-6, "output.bulk_interval": 10e-6, "output.figures": False}
+LEAPFROG = impact(6e6, 2.0, changes={"instruments": INSTRUMENTS, **EVERY})
+AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.014, "D_c": 2e-7, "f_0": 0.6, "V_0": 1e-6}
+HELD = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
+ADAPTIVE = plates({
+    "order": 2, "faults.main.friction": AGEING, "faults.main.initial_stress": {"normal": 6e6, "shear": 3.3e6},
+    "faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14},
+    "boundaries": [*HELD, {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1e-6}],
+    "stepper": {"kind": "quasi_static", "radiation_damping": True, "first_step": 1e-3, "largest_step": 0.2},
+    "output.interface_interval": 0.1, "output.bulk_interval": 1.0, "output.figures": False,
+})  # fmt: skip
+MINE = {"notes.txt": "mine", "export/slip.csv": "mine", "figures/slip.pdf": "mine"}
+"""What a user has put into a run directory."""
+
+
+def written(path: Path, table: dict[str, Any], duration: float) -> Path:
+    path.write_text(tomli_w.dumps(merged(table, {"duration": duration})))
+    return path
+
+
+def extend(out: Path, duration: float, ranks: int = 1) -> subprocess.CompletedProcess[str]:
+    asked = [sys.executable, "-m", "ruptfx", "resume", str(out), "--duration", repr(duration), "--ranks", str(ranks)]
+    return subprocess.run([*asked, "--quiet"], capture_output=True, text=True, timeout=LIMIT, check=False)
+
+
+def add_mine(out: Path) -> None:
+    for name, text in MINE.items():
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text(text)
+
+
+def assert_mine(out: Path) -> None:
+    assert {name: (out / name).read_text() for name in MINE} == MINE
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(("table", "unit"), [(LEAPFROG, 1e-6), (ADAPTIVE, 0.1)], ids=["leapfrog", "adaptive"])
+def test_a_finished_run_is_extended_from_its_end(table, unit, ranks, tmp_path):
+    """From 40 to 60 units of time: the same bits as a run of 60; it has written no checkpoint but that of its end."""
+    out, whole = tmp_path / "run", tmp_path / "whole"
+    done = run(written(tmp_path / "short.toml", table, 40 * unit), out, ranks)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in (out / "checkpoints").iterdir()] == ["final"]
+    with Record(out) as record:
+        steps = record.summary["steps"]
+    add_mine(out)
+    done = extend(out, 60 * unit, ranks)
+    assert done.returncode == 0, done.stderr
+    assert run(written(tmp_path / "long.toml", table, 60 * unit), whole, ranks).returncode == 0
+    # On 2 ranks the factorisation of implicit steps rounds another way each time: the same run twice differs by 1e-13.
+    bound = 1e-10 if table is ADAPTIVE and ranks > 1 else 0
+    assert max(largest_difference(whole, out).values()) <= bound
+    assert_mine(out)
+    assert not (out / directories.NEW).exists()
+    with Record(out) as one, Record(whole) as other:
+        assert one.summary["steps"] == other.summary["steps"] > steps
+        assert one.interface.attrs["complete"] == 1
+    assert sum("nodes" in line for line in (out / "run.log").read_text().splitlines()) == 2  # it did go on
+    assert run_files.check_all(out) == []
+
+
+@pytest.mark.faults
+def test_a_run_without_checkpoint_is_not_extended(tmp_path):
+    """Nothing of it is touched, and the command that is named computes the longer run."""
+    out = tmp_path / "run"
+    assert run(written(tmp_path / "case.toml", LEAPFROG, 4e-6), out).returncode == 0
+    add_mine(out)
+    shutil.rmtree(out / "checkpoints")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    done = extend(out, 6e-6)
+    assert done.returncode == 1 and "no checkpoint" in done.stderr
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    remedy = done.stderr[done.stderr.index("ruptfx run") :].split()
+    again = subprocess.run(
+        [sys.executable, "-m", *remedy, "--quiet"], capture_output=True, text=True, timeout=LIMIT, check=False
+    )
+    assert again.returncode == 0, again.stderr
+    with Record(tmp_path / "run-longer") as record:
+        assert record.case["duration"] == 6e-6 and record.complete
+
+
+def kill_in(out: Path, asked: list[str]) -> None:
+    """Start a command that replaces the run in a directory, and kill it at its first checkpoint."""
+    process = subprocess.Popen(asked, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline, before = time.monotonic() + LIMIT, None
+    while time.monotonic() < deadline:
+        found = {path.name for path in (out / directories.NEW / "checkpoints").glob("step_*")}
+        if before is not None and found - before:
+            break
+        before = found if (out / directories.NEW / "run.log").exists() and before is None else before
+        assert process.poll() is None, "the run ended before it could be stopped"
+        time.sleep(0.002)
+    kill_all(process)
+    process.wait(timeout=LIMIT)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("how", ["overwrite", "extension"])
+def test_a_finished_run_is_there_until_the_next_one_is_complete(how, ranks, case_file, reference, tmp_path):
+    out, case = tmp_path / "run", tmp_path / "case.toml"
+    shutil.copytree(reference[1], out)
+    add_mine(out)
+    # Extended, a run keeps the interval of its snapshots: a sixth of 18 us.
+    table = merged(tomllib.loads(case_file.read_text()), {"duration": 30e-6, "output.bulk_interval": 3e-6})
+    case.write_text(tomli_w.dumps(table))
+    python = [sys.executable, "-m", "ruptfx"]
+    asked = {
+        "overwrite": [*python, "run", str(case), "--out", str(out), "--overwrite", "--ranks", str(ranks), "--quiet"],
+        "extension": [*python, "resume", str(out), "--duration", "30e-6", "--ranks", str(ranks), "--quiet"],
+    }
+    kill_in(out, asked[how])
+    # The former run is as it was, and says so.
+    assert max(largest_difference(reference[1], out).values()) == 0
+    with Record(out) as record:
+        assert record.complete and record.case["duration"] == 18e-6
+    assert run_files.check_all(out) == []
+    assert run(case_file, out, 1, "--resume").returncode == 0  # it is complete: nothing happens
+    assert (out / directories.NEW).is_dir()
+    # What was interrupted is gone on with.
+    done = subprocess.run(
+        [*python, "resume", str(out), "--ranks", str(ranks), "--quiet"], capture_output=True, text=True, timeout=LIMIT,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    whole = tmp_path / "whole"
+    assert run(case, whole, ranks).returncode == 0
+    if how == "overwrite" or ranks == 1:
+        assert max(largest_difference(whole, out).values()) == 0
+    else:  # the former run was of one rank: sums come in another order
+        assert max(largest_difference(whole, out).values()) < 1e-10
+    assert_mine(out)
+    assert not (out / directories.NEW).exists() and run_files.check_all(out) == []

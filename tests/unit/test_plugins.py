@@ -201,7 +201,7 @@ def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
     # Another law is another case.
     (moved / "summary.json").unlink()
     (moved / "plugins" / "my_law.py").write_text(LAW.replace("/ (1 +", "/ (2 +"))
-    assert "belongs to case" in ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume")
+    assert "my_law.py was changed after the run" in ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume")
 
 
 @pytest.mark.fem
@@ -361,3 +361,126 @@ def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatc
     parse_case(plates())
     with pytest.raises(RuptfxError, match=r"half_done\.py, line 3: NameError"):
         parse_case(plates({"faults.main.friction": {"kind": "half_done"}}))
+
+
+# -- code that is not trusted ----------------------------------------------------------------------------------------
+
+TELLS = """
+from pathlib import Path
+
+import os
+
+with Path(os.environ["RUPTFX_TEST_MARK"]).open("a") as file:
+    file.write("ran ")
+"""
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run of somebody else, whose plug-in writes to a file whenever its code runs."""
+    pytest.importorskip("dolfinx")
+    from ruptfx.simulation import simulate
+
+    folder = tmp_path_factory.mktemp("foreign")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RUPTFX_TEST_MARK", str(folder / "mark"))
+        case = written(folder / "case", LAW + TELLS, **{"output.bulk_interval": 1e-6})
+        simulate(read_case(case), folder / "run", progress=False).close()
+    assert (folder / "mark").read_text() == "ran "
+    return folder / "run"
+
+
+def in_a_new_process(mark: Path, *arguments: Any) -> subprocess.CompletedProcess[str]:
+    """A command where the plug-in has not been loaded before."""
+    return subprocess.run(
+        [sys.executable, "-m", "ruptfx", *map(str, arguments)], capture_output=True, text=True, timeout=180,
+        check=False,
+        env={**os.environ, "RUPTFX_TEST_MARK": str(mark), "COLUMNS": "200"},
+    )  # fmt: skip
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("command", [
+    ["plot", "RUN"], ["list", "RUN"], ["compare", "RUN", "RUN", "--out", "OUT/both.png"],
+    ["export", "RUN", "--out", "OUT/export"], ["movie", "RUN", "--out", "OUT/movie.gif"],
+], ids=lambda command: command[0])  # fmt: skip
+def test_reading_a_run_runs_none_of_its_code(command: list[str], foreign: Path, tmp_path: Path) -> None:
+    given = [word.replace("RUN", str(foreign)).replace("OUT", str(tmp_path)) for word in command]
+    done = in_a_new_process(tmp_path / "mark", *given)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "mark").exists()
+    assert ("--trust" in done.stderr) == (command[0] == "plot")  # what is left out, and how to get it
+    if command[0] == "plot":
+        trusted = in_a_new_process(tmp_path / "mark", *given, "--trust")
+        assert trusted.returncode == 0 and (tmp_path / "mark").read_text() == "ran "
+        assert trusted.stdout == done.stdout  # the same figures
+        assert trusted.stderr.split() == ["plug-in", f"{foreign}/plugins/my_law.py:", "friction", "my_law"]
+
+
+@pytest.mark.fem
+def test_a_record_that_is_trusted_has_the_strength(foreign: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    from ruptfx.plots._strength import strength
+    from ruptfx.record import Record
+
+    monkeypatch.setenv("RUPTFX_TEST_MARK", str(tmp_path / "mark"))
+    with Record(foreign) as record, Record(foreign, trust=True) as trusted:
+        rows = np.array([0, record.interface.sizes["time"] - 1])
+        assert strength(record, rows) is None and len(record.omitted) == 1
+        data = trusted.interface.isel(time=rows)
+        # mu_s = 0.6, L = 10 um: the formula of the law.
+        expected = 0.6 * data.normal_stress.values / (1 + data.own_slip.values / 1e-5)
+        np.testing.assert_allclose(strength(trusted, rows), expected)
+        assert trusted.omitted == []
+
+
+@pytest.mark.fem
+def test_laws_of_the_package_need_no_plug_in(tmp_path: Path) -> None:
+    """A run that names one for something else has its strength without it."""
+    from ruptfx.plots._strength import strength
+    from ruptfx.record import Record
+    from ruptfx.simulation import simulate
+
+    own = {"faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.3, "D_c": 5e-6}}
+    simulate(read_case(written(tmp_path / "case", **own)), tmp_path / "run", progress=False).close()
+    (tmp_path / "run" / "plugins" / "my_law.py").write_text("raise SystemExit")
+    (tmp_path / "run" / "files.json").unlink()  # as a run of before it was written: nothing to compare the file with
+    with Record(tmp_path / "run") as record:
+        assert strength(record, np.array([0])) is not None and record.omitted == []
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("command", [
+    ["check", "CASE"], ["mesh", "CASE", "--out", "OUT/mesh.png"], ["run", "CASE", "--out", "OUT/run", "--quiet"],
+    ["resume", "OUT/stopped", "--quiet"], ["resume", "OUT/stopped", "--quiet", "--duration", "4 us"],
+], ids=lambda command: " ".join(command[:1] + command[3:]))  # fmt: skip
+def test_commands_that_run_code_name_its_file_once(
+    command: list[str], foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also when they are quiet, and before the code runs."""
+    monkeypatch.setenv("RUPTFX_TEST_MARK", str(tmp_path / "mark"))
+    case = written(tmp_path / "case", LAW + TELLS)
+    shutil.copytree(foreign, tmp_path / "stopped")
+    given = [word.replace("CASE", str(case)).replace("OUT", str(tmp_path)) for word in command]
+    done = in_a_new_process(tmp_path / "mark", *given)
+    assert done.returncode == 0, done.stderr
+    file = tmp_path / "stopped" / "plugins" / "my_law.py" if command[0] == "resume" else tmp_path / "case" / "my_law.py"
+    named = [f"plug-in {file}: friction my_law"]
+    if "--duration" in command:  # the longer run has a copy of its own until it is complete
+        named.append(f"plug-in {tmp_path}/stopped/.new/plugins/my_law.py: friction my_law")
+    assert done.stderr.splitlines() == named
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("place", ["file", "method"])
+@pytest.mark.parametrize("end", ["sys.exit(7)", "os._exit(0)", "raise SystemExit"])
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_plug_in_that_ends_the_program_is_an_error(end: str, place: str, command: str, tmp_path: Path) -> None:
+    text = LAW.replace("import numpy as np", "import os\nimport sys\n\nimport numpy as np", 1)
+    law = "        return self.mu_s *"
+    text = f"{text}\n{end}\n" if place == "file" else text.replace(law, f"        {end}\n{law}")
+    line = 1 + text[: text.index(end)].count("\n")
+    case = written(tmp_path / "case", text)
+    options = ["--out", tmp_path / "run", "--quiet"] if command == "run" else []
+    done = in_a_new_process(tmp_path / "mark", command, case, *options)
+    assert done.returncode == 1
+    assert f"my_law.py, line {line}" in done.stderr.replace("\n", " ") and "Traceback" not in done.stderr

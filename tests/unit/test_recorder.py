@@ -16,6 +16,9 @@ pytest.importorskip("dolfinx")
 from small_cases import case
 
 from ruptfx import plots, simulate
+from ruptfx.model import Model
+from ruptfx.recording import recorder
+from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.shared_file import SharedFile
 from ruptfx.recording.writer import Writer
 
@@ -160,3 +163,29 @@ def test_parts_of_all_ranks_are_one_file(tmp_path: Path) -> None:
     for file in files:
         file.close()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bulk.0.h5", "bulk.1.h5", "bulk.2.h5", "bulk.h5"]
+
+
+def test_rows_of_an_interface_are_in_order_whatever_rank_has_them() -> None:
+    """Two ranks with every other point, the first rank with the end of the interface; a point that both have is owned
+    by one. On lattices ranks follow x, so that no run there needs the order."""
+
+    class TwoRanks:
+        def gather(self, rows: np.ndarray, root: int) -> list[np.ndarray]:
+            return [rows, np.array([[4.0, 0.4, 40.0], [0.0, 0.0, 0.0], [2.0, 0.2, 20.0]])]
+
+    face = SimpleNamespace(number=np.array([5, 3, 4, 1]), owned=np.array([True, True, False, True]))
+    columns = [np.array([0.5, 0.3, 9.0, 0.1]), np.array([50.0, 30.0, 9.0, 10.0])]
+    rows = recorder._gather_fault(TwoRanks(), SimpleNamespace(interface=face), columns)
+    np.testing.assert_allclose(rows, np.outer(np.arange(6.0), [0.1, 10.0]), rtol=1e-15)
+
+
+def test_a_snapshot_is_of_one_time() -> None:
+    """All its fields are those of the velocity, in explicit runs half a step before the displacement of the state."""
+    fields = BulkFields(Model(case({"order": 1})))
+    state, x = fields.model.initial_state(), fields.model.coordinates
+    state.displacement[:], state.velocity[:] = (1e-3 * x).ravel(), np.tile([3.0, -2.0], len(x))
+    state.time, state.numbers["lag"] = 1e-6, 2e-7
+    found = fields.gather(state)
+    points = fields.topology().points
+    np.testing.assert_allclose(found["velocity"], np.tile([3.0, -2.0], (len(x), 1)), rtol=1e-15)
+    np.testing.assert_allclose(found["displacement"], 1e-3 * points - 1e-7 * np.array([3.0, -2.0]), rtol=0, atol=1e-18)

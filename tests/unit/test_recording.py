@@ -185,8 +185,9 @@ def test_a_strength_that_is_nothing(tmp_path: Path) -> None:
 
 
 def test_new_states_from_the_old_one(tmp_path: Path) -> None:
-    for body in ("return {**state, 'theta': 2 * dt}", "new = state.copy(); new['theta'] = 2 * dt; return new",
-                 "new = dict(state); new['theta'] += 2 * dt - state['theta']; return new"):  # fmt: skip
+    for body in ("return {**state, 'theta': state['theta'] + 2 * dt}",
+                 "new = state.copy(); new['theta'] = state['theta'] + 2 * dt; return new",
+                 "new = dict(state); new['theta'] += 2 * dt; return new"):  # fmt: skip
         law = my_law(tmp_path, "f = theta", advance=body)
         one = np.ones(1)
-        assert TracedLaw(law, at_end=True)(one, one, {"theta": one}, 0.25).state["theta"] == 0.5
+        assert TracedLaw(law, at_end=True)(one, one, {"theta": one}, 0.25).state["theta"] == 1.5
