@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,10 +16,14 @@ from ruptfx.fields import FIELDS, MONITORS, component_names
 from ruptfx.friction import FrictionLaw
 from ruptfx.interface import Interface
 from ruptfx.nucleation import Nucleation
-from ruptfx.projection import TracedLaw, explain
+from ruptfx.projection import TracedLaw, explain, least_strength
+from ruptfx.schema import CaseError
 from ruptfx.state import FaultState
 
 _FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
+_TRIED_RATES = (0.0, 1e-9, 1e-6, 1e-3, 1.0, 10.0)  # m/s
+_TRIED_TIMES = (0.0, 1e-6, 1.0, 1e3)  # s
+_TRIED_STRESS = 1e6  # Pa; where an interface is not pressed at the start
 
 
 @dataclass(frozen=True)
@@ -94,16 +99,23 @@ class Fault:
     def tangents(self) -> int:
         return self.interface.tangents
 
-    def initial_state(self) -> FaultState:
-        """Fields of every point before the first step."""
+    def initial_state(self, slip_rate: np.ndarray | None = None) -> FaultState:
+        """Fields of every point before the first step.
+
+        Parameters
+        ----------
+        slip_rate : ndarray, shape (n, tangents), optional
+            At which the bodies move past each other at the start [m/s].
+        """
         n = len(self.interface.plus)
-        shear = np.linalg.norm(self.shear_traction_0, axis=1)
-        law_state = self.friction.initial_state(self.normal_stress_0, shear, np.zeros(n))
+        given = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
+        shear, speed = (np.linalg.norm(vector, axis=1) for vector in (self.shear_traction_0, given))
+        law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
         with np.errstate(over="ignore"):
             creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
         creep = np.where(creep < _FASTEST_CREEP, creep, 0.0)  # the bodies are at rest
         direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
-        rate = creep[:, None] * direction
+        rate = np.where(speed[:, None] > 0, given, creep[:, None] * direction)
         start = {
             "normal_stress": self.normal_stress_0, "opening": self.opening(self.interface.resting_jump),
             "slip": np.zeros_like(rate), "slip_rate": rate, "mean_slip_rate": rate,
@@ -115,6 +127,30 @@ class Fault:
         if self.cohesion is not None:
             state |= {name: np.zeros(n) for name in bond.STATE}
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
+
+    def require_strength(self) -> None:
+        """Refuse a law whose strength is negative or not a number, at the start or after sliding at a few rates.
+
+        Raises
+        ------
+        CaseError
+            Names the key, the strength, and for which slip rate, time and normal stress it was found.
+        """
+        law = TracedLaw(self.friction, at_end=True)
+        state = {name: value for name, value in self.initial_state().items() if name in law.state_names}
+        pressed = np.where(self.normal_stress_0 > 0, self.normal_stress_0, _TRIED_STRESS)
+        for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):
+            rates = np.full(len(pressed), rate)
+            found = law(rates, pressed, state, time, before=rates, speed_before=rates).strength
+            wrong = np.flatnonzero(~(found >= 0))
+            if len(wrong):
+                point = int(wrong[0])
+                raise CaseError(
+                    f"faults.{self.name}.friction: {self.friction.kind()} has a strength of {found[point]:.6g} Pa "
+                    f"after {time:g} s at a slip rate of {rate:g} m/s under {pressed[point]:.6g} Pa, at position "
+                    f"{self.interface.position[point]:.6g} m; it must not be negative: correct its parameters or, in a "
+                    "plug-in, its strength (ruptfx check-law tries a law)"
+                )
 
     def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
         """The declared fields, one new array per component.
@@ -193,4 +229,5 @@ class Fault:
         x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
         where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
         known = {name: float(state[name][point]) for name in self.state_fields()}
-        raise explain(self.friction, int(self.interface.number[point]), where, values | known)
+        least = least_strength(self.traced_law(), state, point, values)
+        raise explain(self.friction, int(self.interface.number[point]), where, values | known, least)

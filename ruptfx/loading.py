@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import axisymmetry, parallel
-from ruptfx.boundaries import Action, Boundary, Motion, Support
+from ruptfx.boundaries import Action, Boundary, Force, Motion, Support
 from ruptfx.edges import Edge
 from ruptfx.inside import Inside
 from ruptfx.schema import CaseError
@@ -32,6 +32,8 @@ class Loads:
     model : Model
     motions : list of Motion
     forces : list of Force
+    ended : list of Force
+        Forces of the stage before, which explicit steps around its end still feel.
     dashpot : ndarray, shape (nodes * components,)
         Damping force per velocity [N s/m].
     supports : list of Support
@@ -54,6 +56,7 @@ class Loads:
         if model.case.plane == "axisymmetric":
             self.motions.append(_resting(2 * np.flatnonzero(axisymmetry.on_axis(model.coordinates)) + 1))
         self.forces = [action.force for action in actions if action.force is not None]
+        self.ended: list[Force] = []
         self.supports: list[Support] = [action.support for action in actions if action.support is not None]
         self.dashpot = np.zeros(model.nodes * model.components)
         for action in actions:
@@ -66,6 +69,58 @@ class Loads:
             x = ", ".join(f"{value:.6g}" for value in model.coordinates[layout.kept[np.argmax(one_only)]])
             error = CaseError(f"boundaries: one of two nodes that are tied is driven, at ({x}) m; drive both or none")
         parallel.raise_on_all(model.comm, error)
+        for number in range(len(self._acts)):
+            self._refuse_without_effect(key, number)
+
+    def _refuse_without_effect(self, key: str, number: int) -> None:
+        """Refuse a boundary that drives what another one drives, or acts only on what is driven; collective.
+
+        Raises
+        ------
+        CaseError
+            On all ranks.
+        """
+        boundary, (action, *_) = self._acts[number]
+        here = f"{key}.{number}"
+        if action.motion is not None:
+            for earlier, (other, (before, *_)) in enumerate(self._acts[:number]):
+                if before.motion is not None and other.driven_edge == boundary.driven_edge:
+                    twice = np.intersect1d(action.motion.dofs, before.motion.dofs)
+                    if parallel.anywhere(self.model.comm, self._has_facet(twice)):
+                        raise CaseError(
+                            f"{here}.edge = '{boundary.driven_edge}': {key}.{earlier} drives the same part of it in "
+                            "the same direction; remove one of them, or give each its x_range or y_range"
+                        )
+        for what, dofs in self._reach(action):
+            free = dofs[~self.prescribed[dofs]]
+            count, left = parallel.total(self.model.comm, [len(dofs), len(free)])
+            if count and not left:
+                raise CaseError(
+                    f"{here}.kind = '{boundary.kind()}': without effect{what}, for all that it acts on is driven; "
+                    "leave that component out, or remove this entry or what drives"
+                )
+
+    def _reach(self, action: Action) -> list[tuple[str, np.ndarray]]:
+        """Local degrees of freedom on which an action acts, with its component in words; all together with dashpots."""
+        dofs, c = [], self.model.components
+        if action.force is not None:
+            size = np.abs(action.force.values)  # shape functions are zero at other nodes to rounding
+            dofs.append(action.force.dofs[size > 1e-9 * parallel.largest(self.model.comm, size.max(initial=0.0))])
+        if action.support is not None:
+            stiff = np.any(action.support.stiffness, axis=2)
+            dofs.append((action.support.nodes[:, None] * c + np.arange(c))[stiff])
+        if action.dashpot is not None:
+            return [("", np.concatenate([*dofs, np.flatnonzero(action.dashpot)]))]
+        names = {1: "z", 2: "xy", 3: "xyz"}[c]
+        return [(f" in {name}", each[each % c == i]) for each in dofs for i, name in enumerate(names)]
+
+    def _has_facet(self, dofs: np.ndarray) -> bool:
+        """Return whether degrees of freedom are those of a facet at least, and not of its ends only."""
+        model = self.model
+        marked = np.zeros(model.nodes, dtype=bool)
+        marked[dofs // model.components] = True
+        of_end = 1 if model.mesh.geometry.dim == 2 else model.case.order + 1
+        return bool(np.any(marked[model.space.dofmap.list].sum(axis=1) > of_end))
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
         """What a boundary does."""
@@ -107,7 +162,7 @@ class Loads:
     def acting(self) -> np.ndarray:
         """True for every degree of freedom a boundary acts on."""
         acting = (self.dashpot != 0) | self.prescribed
-        for force in self.forces:
+        for force in (*self.forces, *self.ended):
             acting[force.dofs] = True
         for support in self.supports:
             acting.reshape(-1, self.model.components)[support.nodes] = True
@@ -141,6 +196,10 @@ class Loads:
         for force in self.forces:
             total[force.dofs] += force.factor(time) * force.values
         return total
+
+    def mean_factors(self, time: float, since: float) -> list[float | np.ndarray]:
+        """Factors of `forces` and `ended` in an explicit step at a time, `since` after the one before [s]."""
+        return [force.factor(time) for force in self.forces]
 
     def add_support_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
         """Add what elastic supports resist to nodal forces [N], in place."""

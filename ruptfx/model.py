@@ -7,6 +7,7 @@ exchange nothing but the internal force.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
 from ruptfx.collisions._step import FIELD, CollisionStep
+from ruptfx.contact import Way, in_steps
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
@@ -33,7 +35,6 @@ from ruptfx.schema import CaseError, nearest
 from ruptfx.sliding.interface import build_sliding
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
-from ruptfx.steppers import able
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,15 @@ class Viscosity:
         K of them.
     nodes : ndarray of bool, shape (nodes,)
         Nodes of the elements this rank owns.
+    everywhere : bool
+        Whether these are all elements, each of which has nodes of its own.
     """
 
     eta: float
     bulk: operators.Bulk
     operator: operators.Operator
     nodes: np.ndarray
+    everywhere: bool
 
 
 class Model:
@@ -130,14 +134,7 @@ class Model:
     def _tied_edges(self) -> dict[str, tuple[str, str]]:
         """Edges that boundaries tie, by key of the case."""
         boundaries = {f"boundaries.{number}": boundary for number, boundary in enumerate(self.case.boundaries)}
-        tied = {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
-        if tied and not self.case.stepper.keeps_ties:
-            key = next(iter(tied))
-            raise CaseError(
-                f"{key}.kind = '{boundaries[key].kind()}': stepper.kind = '{self.case.stepper.kind()}' cannot tie "
-                f"nodes; use {able('keeps_ties')}"
-            )
-        return tied
+        return {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
 
     def viscous_layer(self) -> Viscosity | None:
         """Kelvin-Voigt damping next to the interfaces, as the case has it."""
@@ -168,7 +165,8 @@ class Model:
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
         if not chosen[:owned].any():
             chosen[0] = True  # an operator needs an element; its nodes are not touched
-        return Viscosity(eta, bulk, operators.create(self.case.operator, bulk, self.case.loaded), touched)
+        operator = operators.create(self.case.operator, bulk, self.case.loaded)
+        return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None)
 
     def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
         """Cells whose centre is that close to one of the points, or those that touch one."""
@@ -237,8 +235,6 @@ class Model:
         if fault.sliding is None:
             face = build_interface(self.layout, name)
         else:
-            if fault.gap is not None:
-                raise CaseError(f"faults.{name}.gap: surfaces that slide have the distance that they have in the mesh")
             face = build_sliding(self.layout, name, fault.sliding)
         if self.case.plane == "axisymmetric":
             radius = face.points[:, 1]
@@ -264,13 +260,6 @@ class Model:
                 nucleation.at(face.position)  # its profiles are refused here, not in the first step
                 law = nucleation.weaken(law, face.position)
             cohesion = None if fault.cohesion is None else fault.cohesion.at(face.position)
-            if cohesion is not None and (fault.gap is not None or fault.sliding is not None):
-                raise CaseError("cohesion: an interface with a gap, or one that slides, holds nothing; leave it out")
-            if cohesion is not None and contact.traction_ends_slip:
-                raise CaseError(
-                    f"cohesion: not with contact.kind = '{contact.kind()}', whose springs know their opening too late; "
-                    "use 'split_node', which is rigid, or let bodies break along springs with [fracture]"
-                )
             gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
             if gap is not None and np.any((gap > 0) & (normal > 0)):
                 raise CaseError("gap: where it is open, initial_stress.normal must be zero")
@@ -280,7 +269,13 @@ class Model:
         after = self.case.output.rupture_after
         if after is None:
             after = max(first_begun(fault.nucleation)[0], 0.0)
-        return Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after)
+        made = Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after)
+        try:
+            made.require_strength()
+        except CaseError as caught:  # the points of a rank may differ
+            error = caught
+        parallel.raise_on_all(self.comm, error)
+        return made
 
     def _check_positions(self, name: str, face: Interface, fault: FaultCase) -> None:
         """Refuse positions that were lengths from the left end once and are x now, unless the case says that it knows.
@@ -342,9 +337,10 @@ class Model:
         """At rest in the initial stress, or flying as the case says."""
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
-        faults = {fault.name: fault.initial_state() for fault in self.faults}
+        velocity = self.initial_velocity()
+        faults = {fault.name: fault.initial_state(self.initial_slip_rate(fault)) for fault in self.faults}
         cracks = {} if self.cracks is None else self.cracks.initial_state()
-        state = State(zero, self._initial_velocity(), self.force.array, faults, cracks=cracks)
+        state = State(zero, velocity, self.force.array, faults, cracks=cracks)
         sliding = [fault.name for fault in self.faults if fault.slides]
         state.energy |= {f"{fault}.{name}": 0.0 for fault in sliding for name in TAKEN_IN_SLIDING}
         if self.collisions is not None:
@@ -354,8 +350,14 @@ class Model:
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         return state
 
-    def _initial_velocity(self) -> np.ndarray:
-        """Of all local degrees of freedom [m/s]; edges that are driven begin at rest."""
+    def initial_slip_rate(self, fault: Fault) -> np.ndarray | None:
+        """Slip rate at the start from the velocities of the bodies [m/s]; None where springs take up their motion."""
+        if fault.contact.traction_ends_slip or not self.case.initial_velocity:
+            return None
+        return np.asarray(fault.interface.split(fault.interface.rate(self.initial_velocity()))[1])
+
+    def initial_velocity(self) -> np.ndarray:
+        """Velocity of all local degrees of freedom at the start [m/s]; edges that are driven begin at rest."""
         velocity = np.zeros((self.nodes, self.components))
         for name, given in self.case.initial_velocity.items():
             if name not in self.bodies.names:
@@ -385,6 +387,23 @@ class Model:
         if not self.bulk.large_rotations:
             return self.operator
         return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
+
+    def in_steps(self, way: Way) -> Model:
+        """Return this model with the contact methods that steps of one kind take.
+
+        Raises
+        ------
+        CaseError
+            Contact that they cannot enforce.
+        """
+        view = copy.copy(self)
+        view.faults = in_steps(self.faults, way)
+        return view
+
+    @property
+    def quadratic(self) -> bool:
+        """Return whether the strain energy of the bodies is a quadratic form of the displacement."""
+        return not self.bulk.large_rotations
 
     @property
     def copies(self) -> int:

@@ -1,7 +1,7 @@
 // What a step does at the points of an interface, LANES of them at a time: point (trial and projection) and settle (what
 // is written back). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py
 // writes in front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END,
-// TOLERANCE, AT_REST, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
+// TOLERANCE, BALANCED, AT_REST, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
 // monitors, BONDED and the formulas of cohesion, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
 // `guess` a slip rate to begin with.
 #include <math.h>
@@ -26,7 +26,7 @@ VECTOR double acosh(double), atanh(double), hypot(double, double), atan2(double,
 
 enum { FIXED_PLACES };  // FIXED_weight = 0, ...
 enum { STATE_PLACES };  // STATE_normal_stress = 0, ...
-enum { BEGUN_PLACES };  // state of the law that is known when the step begins
+enum { BEGUN_PLACES };  // of the state of the law, known when the step begins
 
 typedef double lanes[LANES];
 
@@ -67,11 +67,11 @@ struct points {
 #define GIVEN_BOND
 #endif
 #define GIVEN(v) \
-    const double slip_rate = v, rate_before = along[l], speed_before = faster[l], speed_then = points->speed_then[l], \
+    const double slip_rate = v, rate_before = along[l], speed_before = faster[l], \
         normal_stress = PRESSURE(points->sigma[l]), normal_stress_before = PRESSURE(OLD(normal_stress)), \
         radiation = RADIATION; \
     GIVEN_BOND \
-    (void)slip_rate; (void)rate_before; (void)speed_before; (void)speed_then; (void)normal_stress; \
+    (void)slip_rate; (void)rate_before; (void)speed_before; (void)normal_stress; \
     (void)normal_stress_before; (void)radiation;
 
 INLINE double next_rate(double v, double low, double high, double residual, double slope, double z, double spread,
@@ -113,6 +113,9 @@ INLINE void hold(const struct times *times, const double *number, struct points 
     }
 }
 #endif
+
+// Strengths below this are negative beyond rounding.
+#define LEAST_STRENGTH(traction) (-TOLERANCE * (traction))
 
 // The trial, and what the law admits of it; V is not a number where there is nothing admissible.
 INLINE void point(const struct times *times, const double *number, struct points *points)
@@ -182,10 +185,11 @@ INLINE void point(const struct times *times, const double *number, struct points
         GUESS
         const double linear = begin / mean_z[l] < free_rate ? begin / mean_z[l] : free_rate;
         const double first = guess > 0 && guess < free_rate ? guess : linear;
-        // Not a number anywhere: fails.
+        // Not a number anywhere, or a strength that drives slip: fails.
         const int finite = isfinite(points->size[l] + points->trial_normal[l] + rest[l]);
-        points->rate[l] = !finite ? (double)NAN : yields ? first : closed ? 0 : free_rate;
-        active[l] = finite && yields;
+        const int sound = finite && (!closed || rest[l] >= LEAST_STRENGTH(points->size[l] + points->sigma[l]));
+        points->rate[l] = !sound ? (double)NAN : yields ? first : closed ? 0 : free_rate;
+        active[l] = sound && yields;
         low[l] = 0;
         if (TANGENTS > 1)
             EACH_TANGENT {
@@ -223,14 +227,18 @@ INLINE void point(const struct times *times, const double *number, struct points
             }
             const double lo = residual > 0 ? slip_rate : low[l], hi = residual > 0 ? high[l] : slip_rate;
             const int rests = hi <= AT_REST && residual == residual;  // its traction is the trial one
-            const double done = fabs(residual) <= TOLERANCE * points->size[l] || hi - lo <= 1e-15 * hi || rests;
+            // A law that jumps, or that pulls, has no root where the bracket ends.
+            const int ends = hi - lo <= 1e-15 * hi && fabs(residual) <= BALANCED * points->size[l];
+            const double done = fabs(residual) <= TOLERANCE * points->size[l] || ends || rests;
             const double go = active[l] != 0 && done == 0;
             const double next = next_rate(slip_rate, lo, hi, residual, steep, mean_z[l], rate_now / rate_slope, bisect);
             low[l] = active[l] != 0 ? lo : low[l];
             high[l] = active[l] != 0 ? hi : high[l];
             // A strength that is not a number must not be taken for a converged one.
             const double moved = residual == residual ? next : (double)NAN;
-            points->rate[l] = go != 0 ? moved : rests && active[l] != 0 ? 0 : slip_rate;
+            const int drives = active[l] != 0 && strength < LEAST_STRENGTH(points->size[l] + points->sigma[l]);
+            const double found = drives ? (double)NAN : slip_rate;
+            points->rate[l] = go != 0 ? moved : rests && active[l] != 0 ? 0 : found;
             active[l] = go != 0 && residual == residual;
             any += active[l];
         }

@@ -34,9 +34,11 @@ if TYPE_CHECKING:
     from ruptfx.bond import Held
 
 TOLERANCE = 1e-13  # of the trial traction
+BALANCED = 1e-9  # of the trial traction: what may be missing where V is known to the last bit
 MAX_ITERATIONS = 100
 BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
+FOR_EVER = 1e9  # steps: after so many the state is that of steady sliding
 
 
 def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
@@ -82,11 +84,13 @@ class TracedLaw:
     it begins, or more than doubles, not more than V + e V_before, lest it overshoot.
 
     What the law adds up, like slip or time, goes from one traction to the next with the mean slip rate between them:
-    exact. All other state goes, at split nodes, half of the way with slip rate and normal stress of the traction before
-    and half with those of the new one. At the end of a step, where slip rates may jump, it goes with the means, and by
-    the part that it forgets within the step it is what slip rate and normal stress at the traction make of it. Either
-    is of second order, exact at constant rates, and at the new steady state after long steps, so that nothing can
-    overshoot. `advance` being exact, a step never has to be divided, whatever the slip rate.
+    exact. All other state goes there with the same mean slip rate, hence with the slip that there was, half of the way
+    with the normal stress of the traction before and half with the new one. The slip rates at the two tractions are no
+    substitute for the mean: where a front arrives they grow several times in a step, and their mean is far above it.
+    In steps much longer than its memory the state must be what the slip rate at the traction makes of it. So the
+    second half goes with V_mean + f^4 (V_now - V_mean), f being the part that the state forgets in a step of steady
+    sliding: the fourth power leaves the error of short steps what it is. This is of second order, and exact at
+    constant rates. `advance` being exact, a step never has to be divided, whatever the slip rate.
     """
 
     def __init__(self, law: FrictionLaw, at_end: bool = False, bonded: bool = False) -> None:
@@ -101,24 +105,24 @@ class TracedLaw:
         else:
             middle, now = symbol("speed_before"), 0.5 * (before + rate)
         advance, strength_of = self._recorded(traced)
+        stress_before, speed_before = symbol("normal_stress_before"), symbol("speed_before")
         old = {name: symbol(f"s_{name}") for name in self.state_names}
-        mean_stress = 0.5 * (symbol("normal_stress_before") + stress)
-        by_means = advance(old, middle, mean_stress, dt)
-        sums = {name for name in old if derivative(by_means[name], old[name]) is constant(1)}
         known = {name: symbol(f"h_{name}") for name in self.state_names}
-        new = dict(known)
-        if at_end:
-            self.start = {f"h_{name}": old[name] for name in old}
-            summed, felt = advance(known, middle, mean_stress, dt), advance(known, now, stress, dt)
-            for name in old:
-                forgotten: Array = 1 - derivative(felt[name], known[name])
-                part = np.minimum(np.maximum(forgotten, 0.0), 1.0)
-                new[name] = summed[name] + (felt[name] - summed[name]) * part
-        else:
-            begun = advance(old, symbol("speed_then"), symbol("normal_stress_before"), 0.5 * dt)
-            self.start = {f"h_{name}": (by_means if name in sums else begun)[name] for name in old}
-            ended = advance(known, now, stress, 0.5 * dt)
-            new |= {name: ended[name] for name in old if name not in sums}
+        first = known if at_end else old  # at the end of a step the mean slip rate is the unknown
+        by_means = advance(first, middle, 0.5 * (stress_before + stress), dt)
+        sums = {name for name in first if derivative(by_means[name], first[name]) is constant(1)}
+        begun = advance(first, middle, stress_before, 0.5 * dt)
+        half_way = {name: (by_means if name in sums else begun)[name] for name in first}
+        self.start = {f"h_{name}": value for name, value in (old if at_end else half_way).items()}
+        half_way = half_way if at_end else known
+        steady = advance(old, speed_before, stress_before, FOR_EVER * dt)
+        later = advance(steady, speed_before, stress_before, dt)
+        new = dict(half_way)
+        for name in (name for name in old if name not in sums):
+            forgotten: Array = np.minimum(np.maximum(1 - derivative(later[name], steady[name]), 0.0), 1.0)
+            self.start[f"f_{name}"] = np.square(np.square(forgotten))
+            rate_after = middle + symbol(f"f_{name}") * (now - middle)
+            new[name] = advance(half_way, rate_after, stress, 0.5 * dt)[name]
         strength: Array = strength_of(now, stress, new) + symbol("radiation") * now
         if bonded:
             strength = strength + symbol("bond")
@@ -167,7 +171,7 @@ class TracedLaw:
     def __call__(
         self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
         points: Array = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
-        speed_then: np.ndarray | float = 0.0, extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
+        extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
         bond: np.ndarray | float = 0.0,
     ) -> Evaluated:  # fmt: skip
         """Evaluate at some points.
@@ -184,8 +188,6 @@ class TracedLaw:
             Which of the n points; parameters, state and what follows are given for all.
         before, speed_before : ndarray, shape (n,)
             Mean slip rate of the step before [m/s]: along V, and its size.
-        speed_then : ndarray, shape (n,)
-            Slip rate at the traction before [m/s].
         extrapolation : float
             e above; without it, the strength sees V itself.
         radiation : ndarray, shape (n,)
@@ -198,7 +200,7 @@ class TracedLaw:
             return value[points] if isinstance(value, np.ndarray) and value.ndim else value
 
         stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
-        given = (slip_rate, pick(before), pick(speed_before), pick(speed_then), normal_stress, stress_before, dt,
+        given = (slip_rate, pick(before), pick(speed_before), normal_stress, stress_before, dt,
                  extrapolation, pick(radiation), pick(bond), *map(pick, self.parameters.values()))  # fmt: skip
         begin, finish = self._functions
         with np.errstate(all="ignore"):
@@ -211,7 +213,7 @@ class TracedLaw:
 
 # What a traced law takes besides state and parameters, by name.
 GIVEN = (
-    "slip_rate", "rate_before", "speed_before", "speed_then", "normal_stress", "normal_stress_before", "since",
+    "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since",
     "extrapolation", "radiation", "bond",
 )  # fmt: skip
 
@@ -302,12 +304,25 @@ class ProjectionError(RuptfxError):
     """No admissible traction: names the law, the point, the time, V, sigma and the state."""
 
 
-def explain(law: FrictionLaw, point: int, where: str, values: dict[str, float]) -> ProjectionError:
-    """The error for one failing interface point."""
+def least_strength(law: TracedLaw, state: Mapping[str, np.ndarray], point: int, values: Mapping[str, float]) -> float:
+    """Smallest strength of a law at a point that failed, at rest and at the slip rate that leaves no traction [Pa]."""
+    pressed = np.full(len(next(iter(state.values()))), max(values["trial_normal_stress"], 0.0))
+    free = values["trial_shear_traction"] / max(values["Z"], 1e-300)
+    of_law = {name: state[name] for name in law.state_names}
+    return min(float(law(np.full_like(pressed, rate), pressed, of_law, 0.0).strength[point]) for rate in (0.0, free))
+
+
+def explain(
+    law: FrictionLaw, point: int, where: str, values: dict[str, float], strength: float = 0.0
+) -> ProjectionError:
+    """The error for one failing interface point; `strength` is the smallest one that was found there [Pa]."""
     listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
     size = abs(values["trial_shear_traction"]) + abs(values["trial_normal_stress"])
     if not size < OVERFLOW:
         reason = "the trial traction is not a number or overflows (the motion of the bodies does: reduce the time step)"
+    elif strength < 0:
+        remedy = "correct its parameters or, in a plug-in, its strength (ruptfx check-law tries a law)"
+        reason = f"its strength is negative ({strength:.6g} Pa); {remedy}"
     else:
         reason = "no slip rate balances the trial traction (is the step well-posed, Z + dstrength/dV > 0?)"
     return ProjectionError(f"{law.kind()}: {reason}; interface point {point} {where}: {listed}")
@@ -321,7 +336,6 @@ def project(
     impedance: np.ndarray,
     dt: float,
     before: np.ndarray | None = None,
-    then: np.ndarray | None = None,
     extrapolation: float = 0.0,
     radiation: np.ndarray | float = 0.0,
     guess: np.ndarray | None = None,
@@ -344,8 +358,6 @@ def project(
         Time since the traction before [s].
     before : ndarray, shape (n, tangents), optional
         Mean slip rate of the step before [m/s].
-    then : ndarray, shape (n,), optional
-        Slip rate at the traction before [m/s].
     extrapolation, radiation
         As for `TracedLaw`.
     guess : ndarray, shape (n,), optional
@@ -378,7 +390,7 @@ def project(
     along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
     known: Table = {
         "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
-        "speed_then": np.zeros(len(size)) if then is None else then, "radiation": radiation,
+        "radiation": radiation,
         "bond": 0.0 if held is None else held.shear,
     }  # fmt: skip
     pressure = sigma if held is None else np.maximum(sigma, 0.0)
@@ -387,7 +399,8 @@ def project(
     if np.any(bad):
         i = int(np.flatnonzero(bad)[0])
         values = {"trial_shear_traction": size[i], "trial_normal_stress": trial_normal[i], "Z": z[i].max()}
-        raise explain(law.law, i, where, values | {name: state[name][i] for name in law.state_names})
+        listed = values | {name: state[name][i] for name in law.state_names}
+        raise explain(law.law, i, where, listed, least_strength(law, {"": size, **state}, i, values))
     found = law(rate, pressure, state, dt, **known)
     stuck = ((rate == 0) & together)[:, None]
     mean = np.where(stuck, 0.0, (rate + carried)[:, None] * direction - turning)
@@ -456,7 +469,9 @@ def _solve(
     direction = _unit(trial, size)
     mean_z = np.sum(z * direction**2, axis=1)
     at_rest = law(np.zeros_like(size), sigma, state, dt, **known).strength
-    rate = np.where(np.isfinite(size) & np.isfinite(at_rest), 0.0, np.nan)
+    least = -TOLERANCE * (size + sigma)  # strengths below are negative beyond rounding: they drive slip
+    sound = np.isfinite(size) & np.isfinite(at_rest) & (~together | (at_rest >= least))
+    rate = np.where(sound, 0.0, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         loose = np.where(z > 0, trial / z, 0.0)
     speed = np.linalg.norm(loose, axis=1)
@@ -464,7 +479,7 @@ def _solve(
     open_ = (sigma <= 0) & ~together  # not where sigma is not a number
     rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
     begin = size - mean_z * carried - at_rest
-    todo = np.flatnonzero(together & (begin > 0) & (free > 0))
+    todo = np.flatnonzero(sound & together & (begin > 0) & (free > 0))
     low, high = np.zeros(len(todo)), free[todo]
     v = np.minimum(begin[todo] / mean_z[todo], high)
     if guess is not None:
@@ -475,10 +490,12 @@ def _solve(
         found = law(v, sigma[todo], state, dt, todo, **known)
         residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
         low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
-        done = (np.abs(residual) <= TOLERANCE * size[todo]) | (high - low <= 1e-15 * high)
+        # A law that jumps, or that pulls, has no root where the bracket ends.
+        ends = (high - low <= 1e-15 * high) & (np.abs(residual) <= BALANCED * size[todo])
+        done = (np.abs(residual) <= TOLERANCE * size[todo]) | ends
         rests = (high <= AT_REST) & np.isfinite(residual)
         done |= rests
-        rate[todo[done]] = np.where(rests, 0.0, v)[done]
+        rate[todo[done]] = np.where(rests, 0.0, np.where(found.strength < least[todo], np.nan, v))[done]
         go = ~done & np.isfinite(residual)
         rate[todo[~done & ~go]] = np.nan
         spread = (found.rate_now / found.rate_slope)[go]

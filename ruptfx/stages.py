@@ -2,7 +2,8 @@
 
 Time, state, records and checkpoints run through. The boundaries of a stage see the time since it began. One that was
 there in the stage before, with another amount, goes on from where that had come: over its ramp it goes from the old
-velocity or traction to the new one. Implicit steps end where a stage does, explicit ones with the first behind its end.
+velocity or traction to the new one. Implicit steps end where a stage does, explicit ones with the first behind its end;
+as a traction there acts from half a step before, it is shared between the two stages.
 """
 
 from __future__ import annotations
@@ -127,6 +128,18 @@ class StageLoads(Loads):
     ) -> None:
         self.start, self._before = start, before
         super().__init__(model, boundaries, key)
+        self.ended = [] if before is None else before.forces
+
+    def mean_factors(self, time: float, since: float) -> list[float | Floats]:
+        """Factors in an explicit step, of which the stage before has the part until its end.
+
+        A step acts from half a step before its time to half a step after it; the first one of a stage may be late, then
+        the part of the stage before is negative. So constant forces give the impulse of their duration.
+        """
+        own = 0.5 + (time - self.start) / since if time - self.start < (1 - 1e-6) * since else 1.0
+        shares = [*(own for _ in self.forces), *(1 - own for _ in self.ended)]
+        return [share * force.factor(time) if share else 0.0
+                for share, force in zip(shares, (*self.forces, *self.ended), strict=True)]
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
         """What a boundary does, later, and what is left of the one in its place before."""

@@ -65,13 +65,13 @@ def point(
         On the rank of a point without an admissible traction.
     """
     trial = closed_and_stuck(fault, jump, fault.components(state, "slip"), clock, time, **known)
-    before, then = (fault.components(state, name) for name in ("mean_slip_rate", "slip_rate"))
+    before = fault.components(state, "mean_slip_rate")
     near = fault.components(guess or state, "mean_slip_rate")
     known_state = {name: state[name] for name in law.state_names}
     return trial, project(
         law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
         np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
-        np.linalg.norm(then, axis=1), clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
+        clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
         where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent,
         held=held(fault, state, jump, trial, clock),
     )  # fmt: skip

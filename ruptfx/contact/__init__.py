@@ -7,11 +7,11 @@ its trial back to what the friction law admits.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ruptfx.fields import Array as Array
-from ruptfx.schema import Alternative, CaseError, alternative, alternatives
+from ruptfx.schema import Alternative, CaseError, alternative
 
 Way = Literal["explicit", "implicit"]
 
@@ -84,12 +84,12 @@ class ContactMethod(Alternative):
     """
 
     explicit: ClassVar[bool] = True
-    """Whether explicit steps can use it."""
+    """Whether its trial is that of explicit steps."""
     traction_ends_slip: ClassVar[bool] = False
     """Whether the slip rate that an explicit step solves for is that of the step which ends with the traction, or that
     of the one which begins with it."""
     implicit: ClassVar[bool] = False
-    """Whether implicit steps can use it."""
+    """Whether its trial is that of implicit steps."""
 
     def sweeps_to(self) -> tuple[float, int] | None:
         """When the sweeps of explicit steps end, where neighbouring points depend on each other.
@@ -105,6 +105,17 @@ class ContactMethod(Alternative):
         None where the trial does not depend on multipliers.
         """
         return None
+
+    def in_steps(self, way: Way, slides: bool) -> ContactMethod | None:
+        """Return the method that enforces the same contact in steps of one kind, None where there is none.
+
+        Parameters
+        ----------
+        way : str
+        slides : bool
+            Whether neighbouring points depend on each other, because the surfaces slide on meshes that do not match.
+        """
+        return self if getattr(self, way) else None
 
     def trial(self, point: Point) -> Trial:
         """Traction that would hold if the interface stayed closed and stuck."""
@@ -147,32 +158,24 @@ class ContactMethod(Alternative):
         return 0.0, 0.0
 
 
-def require(faults: Iterable[Fault], way: Way) -> None:
-    """Refuse contact methods that steps of this kind cannot use.
+def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
+    """Return faults with the contact methods that steps of one kind take (`ContactMethod.in_steps`).
 
     Raises
     ------
     CaseError
+        Contact methods that have no counterpart there.
     """
+    found = []
     for fault in faults:
-        contact = fault.contact
-        coupled = fault.slides and way == "explicit" and contact.explicit
-        if coupled and contact.sweeps_to() is None and not contact.traction_ends_slip:
+        contact = fault.contact.in_steps(way, fault.slides)
+        if contact is None:
             raise CaseError(
-                f"faults.{fault.name}.contact.kind = '{contact.kind()}': on an interface that slides neighbouring "
-                "points depend on each other; use 'forward_lagrange' (rigid as well) or 'compliant'"
+                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use 'compliant' "
+                "or 'split_node'"
             )
-        if fault.cohesion is not None and way == "implicit":
-            raise CaseError(
-                f"faults.{fault.name}.cohesion: interfaces break in explicit steps only; use the stepper 'leapfrog', "
-                "or the friction law 'cohesion', which weakens with slip"
-            )
-        if not getattr(contact, way):
-            able = [kind for kind, cls in alternatives("ruptfx.contact").items() if getattr(cls, way)]
-            raise CaseError(
-                f"faults.{fault.name}.contact.kind = '{contact.kind()}': not for {way} steps; use "
-                f"{' or '.join(map(repr, able))}, or another stepper"
-            )
+        found.append(fault if contact is fault.contact else replace(fault, contact=contact))
+    return found
 
 
 if TYPE_CHECKING:

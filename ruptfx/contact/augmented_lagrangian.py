@@ -1,4 +1,4 @@
-"""Augmented Lagrangian contact: rigid, for implicit steps."""
+"""Augmented Lagrangian contact: rigid, the method of implicit steps."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ruptfx.contact import Array, ContactMethod, Point, Trial
+from ruptfx.contact import Array, Point, Trial
+from ruptfx.contact._rigid import RigidContact
 from ruptfx.schema import Unit
 
 Penalty = Annotated[float, Field(gt=0), Unit("1")]
 Tolerance = Annotated[float, Field(gt=0, le=1e-4), Unit("1")]
 
 
-class AugmentedLagrangian(ContactMethod):
+class AugmentedLagrangian(RigidContact):
     """Multipliers that stop all elastic motion of the interface: sticking and closure are exact.
 
     sigma = lambda_n - k [u_n], tau = lambda_s + k ([u_s] - slip), and what the law admits of them is the next lambda,
     until it changes no more: then [u_n] = 0 where the interface is closed and [u_s] = slip everywhere. k speeds up
-    this iteration and has no influence on its end.
+    this iteration and has no influence on its end. Explicit steps enforce the same rigid contact by `split_node`, or by
+    `forward_lagrange` on interfaces that slide.
     Source: Simo and Laursen (1992); Alart and Curnier (1991).
     """
 

@@ -18,7 +18,7 @@ class ForwardLagrange(SplitNode):
     The trial is that of split nodes, with the stress that the velocities contain in place of the initial one: on an
     interface that slides, that of the last sweep. All points are solved at once, again and again, until their tractions
     settle; a step that does not within `sweeps` goes on with what it has. Where points do not depend on each other it
-    is split-node contact. Explicit steps only.
+    is split-node contact. Implicit steps enforce the same rigid contact by `augmented_lagrangian`.
     Source: Carpenter, Taylor, Katona (1991).
     """
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ruptfx.contact import Array, ContactMethod, Point, Trial
+from ruptfx.contact import Array, Point, Trial
+from ruptfx.contact._rigid import RigidContact
 
 
-class SplitNode(ContactMethod):
+class SplitNode(RigidContact):
     """Traction at split nodes: exactly the traction that stops the jump in this step, unless friction gives way.
 
     tau = tau_0 + Z [v], sigma = sigma_0 - Z ([v_n] + [u_n] / dt), with [v] the velocity jump the bodies would have

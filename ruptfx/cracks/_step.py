@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem, native
+from ruptfx import RuptfxError, Table, fem, native
 from ruptfx.cracks import CrackLaws, Fracture
 from ruptfx.cracks._network import CrackNetwork
 from ruptfx.friction import FrictionLaw
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from ruptfx.bodies import Bodies
 
+BALANCED = 1e-6  # of a damage
 ENDS = {
     "normal_traction": ("Pa", "normal traction, positive in tension"),
     "shear_traction": ("Pa", "shear traction"),
@@ -94,6 +95,9 @@ class CrackStep:
         What the cells of every body are made of.
     edge : float
         Mean length of facets [m].
+    residual : float
+        Largest of this rank in the last step: difference of a damage and the one that opening and slip make; of rigid
+        facets, change of the tractions at a vertex in the last sweep over their size.
     weight, half_length : ndarray, shape (facets,)
         Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
 
@@ -108,6 +112,7 @@ class CrackStep:
         materials: Sequence[Material], plane: Plane, large_rotations: bool = False,
     ) -> None:  # fmt: skip
         self.space, self.fracture, self.large_rotations = space, fracture, large_rotations
+        self.residual, self._worst = 0.0, 0
         for key, laws in fracture.all_laws():
             _check(key, laws)
         self.network = net = CrackNetwork(space, bodies, fracture.rigid)
@@ -187,13 +192,38 @@ class CrackStep:
         since : float
             Time since the tractions before [s].
         """
-        energy = np.zeros(3)
-        for kernel in self._kernels:
+        energy = np.zeros(5)
+        for kernel, group in zip(self._kernels, self.groups, strict=True):
+            before = energy[3]
             kernel(state, mass, since, energy)
+            if not energy[3] <= before:
+                self._worst = group.facets.start + int(energy[4])
         components = len(state.force) // self._nodes
         state.force[self._owned_nodes * components :] = 0
-        for name, taken in zip(("frictional_dissipation", "fracture", "impact"), energy.tolist(), strict=True):
-            state.energy[name] += taken
+        self._count(state, energy[:4])
+
+    def require_balance(self, time: float) -> None:
+        """Check the residual of the last step.
+
+        Raises
+        ------
+        RuptfxError
+            On the rank of the facet: its damage is not the one that opening and slip make.
+        """
+        if self.residual <= BALANCED:
+            return
+        x = ", ".join(f"{value:.6g}" for value in self.network.ends[self.order[self._worst]].mean(axis=0))
+        raise RuptfxError(
+            f"no damage of the facet at ({x}) m agrees with the opening and slip that its strength leaves at time "
+            f"{time:.6g} s: it is wrong by {self.residual:.3g}, {BALANCED:g} is allowed; is the cohesive law "
+            "continuous? Try ruptfx check-law"
+        )
+
+    def _count(self, state: State, taken: np.ndarray) -> None:
+        """Count what facets took in a step, and the largest residual of their laws."""
+        *energies, self.residual = taken.tolist()
+        for name, amount in zip(("frictional_dissipation", "fracture", "impact"), energies, strict=True):
+            state.energy[name] += amount
 
     def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:
         """Add what the tractions exert on the nodes this rank owns [N].

@@ -56,8 +56,10 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
     return at;
 }
 
-// What it carries at the damage that agrees with the strength it leaves: false position between what it was and 1.
-static __attribute__((noinline)) struct answer settle(const struct end *end, const double *number, double *damage)
+// What it carries at the damage that agrees with the strength it leaves: false position between what it was and 1; `worst`
+// grows to the difference that is left.
+static __attribute__((noinline)) struct answer settle(const struct end *end, const double *number, double *damage,
+                                                      double *worst)
 {
     double low = end->damage, high = 1, now = low;
     *damage = low;
@@ -85,7 +87,10 @@ static __attribute__((noinline)) struct answer settle(const struct end *end, con
         }
     }
     *damage = now;
-    return respond(end, number, now);
+    const struct answer found = respond(end, number, now);
+    const double left = fabs(found.damage - now);
+    *worst = left <= *worst ? *worst : left;  // also where it is not a number
+    return found;
 }
 
 // One end by the full law; what it took of the energy is added to taken: friction, fracture, contact [J/m2].
@@ -103,7 +108,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
         end.friction = friction;
     }
     double damage;
-    const struct answer at = settle(&end, number, &damage);
+    const struct answer at = settle(&end, number, &damage, taken + 3);
     const double before = OLD(normal_traction);
     // Between two tractions their mean works; what is elastic, along the secant too, is stored.
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);
@@ -189,7 +194,8 @@ INLINE long_lanes elastic(lanes damage, lanes normal, lanes shear, const double 
     return (damage <= none) & (normal <= tension) & (shear <= cohesion) & (-shear <= cohesion);
 }
 
-// Tractions at the displacement, and their forces added to `force`; energies of owned facets are added to `energy`.
+// Tractions at the displacement, and their forces added to `force`; energies of owned facets are added to `energy`, then
+// the largest residual of a damage, and the facet that has it.
 void update(long facets, double since, double time, const int *node, const double *fixed, const double *number,
             const double *owned, const double *displacement, const double *velocity, const double *mass, double *force,
             double *const *states, double *const *facet, double *energy)
@@ -235,10 +241,11 @@ void update(long facets, double since, double time, const int *node, const doubl
                     OLD(normal_traction) = normal[l], OLD(shear_traction) = shear[l];
                     continue;
                 }
-                double taken[3] = {0, 0, 0};
+                double taken[4] = {0, 0, 0, energy[3]};
                 yield_end(since, open[l], jump[l], k[l], number, state, l, taken);
                 const double area = weight[l] * owned[(first + l) / 2];
                 for (int e = 0; e < 3; e++) energy[e] += area * taken[e];
+                if (!(taken[3] <= energy[3])) energy[3] = taken[3], energy[4] = (first + l) / 2;
             }
             if (BONDED)
                 for (int l = 0; l < count; l += 2)

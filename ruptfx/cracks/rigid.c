@@ -286,11 +286,13 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
         const double size = fabs(end->normal) + fabs(end->shear) + r->strength[2 * r->group[end->at / 2]];
         scale = size > scale ? size : scale;
     }
+    double change = 0;
     for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        double change = 0;
+        change = 0;
         for (int e = 0; e < count; e++) change += project(ends + e, dt, mobility, speed, state);
         if (change <= TOLERANCE * scale) break;
     }
+    if (count && !(change <= taken[3] * scale)) taken[3] = change / scale;
     for (int e = 0; e < count; e++) {
         const struct end *end = ends + e;
         const double fx = end->weight * (end->normal * end->nx + end->shear * end->ny);

@@ -172,6 +172,10 @@ class SlidingStep:
             work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
         return self._sum(work - (holds - held))
 
+    def fractured(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
+        """Energy that cohesion dissipates [J]: none, as surfaces that slide have no cohesion."""
+        return 0.0
+
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
         """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
 

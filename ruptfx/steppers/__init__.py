@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from ruptfx.contact import Way
-from ruptfx.schema import Alternative, alternative, alternatives
+from ruptfx.schema import Alternative, alternative
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -76,14 +76,31 @@ class Stepper(Alternative):
     """Whether its error falls with the square of the step, with all options as they are; False where they decide."""
     conserving: ClassVar[dict[str, object] | None] = None
     """Fields with which the energy budget closes to round-off; None if it does not."""
+    closure: ClassVar[float] = 1e-9
+    """Bound of what its energy budget leaves open, relative to the largest work of the boundaries, with all options as
+    they are and steps that resolve the loading."""
+    why_open: ClassVar[str] = ""
+    """Reason for a bound that is larger than rounding and the tolerances of solvers."""
     keeps_ties: ClassVar[bool] = False
     """Whether nodes that are tied to each other move alike in it."""
     inertia: ClassVar[bool] = True
-    """Whether it solves the equation of motion, or only equilibrium."""
+    """Whether it solves the equation of motion, or only equilibrium: then nothing with `waves` has an effect."""
     adaptive: ClassVar[bool] = False
     """Whether its steps vary."""
     staged: ClassVar[bool] = False
     """Whether loading may come in stages: it is bound anew for each of them, to a `StagedMotion`."""
+    sliding: ClassVar[bool] = True
+    """Whether interfaces may slide."""
+    fracture: ClassVar[bool] = False
+    """Whether bodies may break."""
+    large_rotations: ClassVar[bool] = False
+    """Whether bodies may turn by any angle."""
+    multipliers: ClassVar[bool] = True
+    """Whether the contact method may depend on multipliers, which outer iterations find."""
+    elastic_contact_only: ClassVar[bool] = False
+    """Whether the contact method must have a stiffness."""
+    ages_only: ClassVar[bool] = False
+    """Whether friction laws must have an age as their only state, and its rate (`ruptfx.support.has_age`)."""
 
     def fixed(self, model: Model) -> Self:
         """Itself with the step that it takes for a model, in place of one that it would choose for another."""
@@ -98,11 +115,6 @@ class Stepper(Alternative):
             A time step the model does not allow.
         """
         raise NotImplementedError
-
-
-def able(quality: str) -> str:
-    """Kinds of which a class attribute of the contract is true, for messages: ``able("staged")``."""
-    return " or ".join(f"'{kind}'" for kind, cls in alternatives("ruptfx.steppers").items() if getattr(cls, quality))
 
 
 if TYPE_CHECKING:

@@ -42,6 +42,8 @@ class GeneralizedAlpha(Stepper):
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
+    closure: ClassVar[float] = 0.01
+    why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
     staged: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
@@ -86,7 +88,7 @@ class GeneralizedAlpha(Stepper):
         return alpha_m, alpha_f, gamma, beta if self.beta is None else self.beta
 
     def bind(self, model: Model) -> GeneralizedAlphaMotion:
-        return GeneralizedAlphaMotion(model, self, self._step_of(model))
+        return GeneralizedAlphaMotion(model.in_steps("implicit"), self, self._step_of(model))
 
     def fixed(self, model: Model) -> GeneralizedAlpha:
         return self.model_copy(update={"time_step": self._step_of(model)})

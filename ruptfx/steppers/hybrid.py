@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ruptfx.state import State
 
 SLOW, FAST = 0.0, 1.0
+RIGID = 1e6  # stiffness of rigid contact over that of the bodies, where slip follows from a jump that is known
 LOOK_EVERY = 25  # explicit steps between looks at all ranks
 
 
@@ -40,11 +41,14 @@ class Hybrid(Stepper):
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
+    closure: ClassVar[float] = 1e-3
+    why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
-    """Its steps must accept the contact method, which explicit ones must, too: `compliant`."""
+    """Stepper of the loading between ruptures. Rigid contact is enforced by multipliers in it, and at split nodes by
+    `fast`."""
     fast: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
     """Stepper of the ruptures."""
     fast_above: Speed = 1e-2
@@ -131,18 +135,27 @@ class HybridMotion:
             self._slow.step(state)
         except ConvergenceError as error:
             self._switch(state, FAST, str(error).partition(";")[0])
-            self._fast.step(state)
+            self._step_fast(state)
             return
         fastest = self._peak_slip_rate(state)
         if fastest > self._stepper.fast_above:
             self._switch(state, FAST, f"peak slip rate {fastest:.3g} m/s")
 
     def _step_fast(self, state: State) -> None:
+        first = state.lag == 0
+        before = _missing(self.energies(state)) if first else 0.0
         try:
             self._fast.step(state)
         finally:  # collective: a rank with an error takes part
+            if first:  # explicit steps balance energy half a step later, and start from rest
+                self._book(state, _missing(self.energies(state)) - before)
             if state.step % LOOK_EVERY == 0:
                 self._look(state)
+
+    def _book(self, state: State, lost: float) -> None:
+        """Count energy of all ranks that the schemes do not hand over as damping [J]."""
+        if self.model.comm.rank == 0:
+            state.energy["damping"] += lost / self.model.copies
 
     def _look(self, state: State) -> None:
         """Back to slow steps when it has been calm for long enough; collective."""
@@ -174,8 +187,7 @@ class HybridMotion:
         state.fields |= kept
         after = self.energies(state)
         lost = _missing(after) - before
-        if self.model.comm.rank == 0:
-            state.energy["damping"] += lost / self.model.copies
+        self._book(state, lost)
         kind = (self._stepper.fast if to == FAST else self._stepper.slow).kind()
         self._log.info(
             "%s from %.9g s, step %d: %s; kinetic energy %.3g J, %.3g J booked as damping",
@@ -196,17 +208,19 @@ class HybridMotion:
         """Explicit fields of the faults are a step behind: one more fault step, with the displacement as it is."""
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None
-        for fault in self.model.faults:
+        for fault, fast in zip(self._slow.model.faults, self._fast.model.faults, strict=True):
             fields, answer = state.faults[fault.name], FaultResponse(fault, threshold)
             multiplier = fields["normal_stress"], fault.components(fields, "shear_traction")
-            unknown = np.full(len(fault.interface.weight), np.nan)
+            stiffness = RIGID * self._slow.equilibrium.body_stiffness(fault.interface, None)
             try:
                 jump = fault.interface.jump(state.displacement)
-                new = answer(fields, jump, dt, dt, state.time, multiplier, unknown).state
+                new = answer(fields, jump, dt, dt, state.time, multiplier, stiffness).state
             except ProjectionError as caught:
                 error = caught
                 continue
-            answer.commit(state, new, dt)
+            dissipated = answer.commit(state, new, dt)
+            if not fast.contact.traction_ends_slip:  # friction was counted until half a step after the last traction
+                state.take(fault.name, "frictional_dissipation", -0.5 * dissipated)
         parallel.raise_on_all(self.model.comm, error)
 
 

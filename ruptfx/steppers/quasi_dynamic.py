@@ -14,11 +14,12 @@ from ruptfx.contact import Way
 from ruptfx.fields import MONITORS, Moment
 from ruptfx.friction._rate_and_state import RateAndState
 from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.compliance import Compliance, Jumps
+from ruptfx.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.implicit.condensed import MOST_UNKNOWNS, fits
 from ruptfx.implicit.solution import Solution
+from ruptfx.implicit.solvers import TOLERANCE
 from ruptfx.points import frictional_power
-from ruptfx.schema import CaseError, alternatives
+from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
 from ruptfx.steppers._slow import SlowMotion
 from ruptfx.units import Duration, Fraction
@@ -33,7 +34,9 @@ OPENS = 0.01  # of its initial normal stress, below which a fault is taken to op
 LEAST = 1e-14  # step over time, next to rounding
 MAX_NEWTON = 50
 SLOWEST = -230.0  # of ln V
+FASTEST = 50.0  # of ln V, where nothing radiates
 NUDGE = 1e-6  # of ln V, for slopes
+BALANCED = 1e-9  # residual of a point over its shear traction
 HELD = 1e-9  # compliance of a point over that of the softest one, below which it moves as it is driven
 
 
@@ -53,6 +56,9 @@ class QuasiDynamic(Stepper):
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
+    sliding: ClassVar[bool] = False
+    elastic_contact_only: ClassVar[bool] = True
+    ages_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
     """Error of a step: of slip over D_c, and of the logarithm of the age."""
@@ -70,14 +76,13 @@ class QuasiDynamicMotion(SlowMotion):
 
     def __init__(self, model: Model, stepper: QuasiDynamic) -> None:
         super().__init__(model, True)
-        for fault in model.faults:
-            require(fault)
         if not fits(model):
             raise CaseError(
                 f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MOST_UNKNOWNS} "
                 "unknowns of all faults; use 'quasi_static', or fewer nodes"
             )
         self._stepper, self._jumps = stepper, Jumps(model)
+        self._unbalanced: ConvergenceError | None = None
         self._greatest = stepper.largest_step or model.case.duration / 100
         local, self._shear = self._jumps.local, slice(int(model.faults[0].interface.has_normal), None)
         stuck = {
@@ -110,9 +115,22 @@ class QuasiDynamicMotion(SlowMotion):
         self._held = np.any(own < HELD * own.max(), axis=1)
 
     def _first_step(self) -> float:
-        fastest = self._of_all(lambda fault: speed_of(fault, fault.initial_state()))
+        fastest = self._of_all(lambda fault: self._initial_guess(fault, fault.initial_state()))
         rate = float((fastest / self._D_c).max(initial=0.0))
         return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
+
+    def _initial_guess(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """Slip rates to begin Newton's method with [m/s], shape (n,).
+
+        A point at rest, as one that slides too fast for explicit steps to start with, begins at the slip rate that the
+        law carries, or at that which radiates all of its traction, whichever is less.
+        """
+        speed = speed_of(fault, fields)
+        shear = np.linalg.norm(fault.components(fields, "shear_traction"), axis=1)
+        with np.errstate(all="ignore"):
+            law = law_of(fault).carried_slip_rate(shear, fields["normal_stress"], {"theta": fields["theta"]})
+            carried = np.fmin(law, shear / self.radiation[fault.name])
+        return np.where(speed > np.exp(SLOWEST), speed, np.nan_to_num(carried, nan=0.0))
 
     def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
         """What every fault has at its own points, at all points; collective."""
@@ -130,14 +148,15 @@ class QuasiDynamicMotion(SlowMotion):
         Raises
         ------
         ConvergenceError
-            On all ranks, the state as before: no step is short enough, or a fault opens.
+            On all ranks, the state as before: a point without a slip rate that balances its traction, no step short
+            enough, or a fault that opens.
         """
         self._refuse_to_open(state)
         dt = min(state.numbers.get("dt", self.dt), self._greatest)
         slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
         age = np.log(self._of_all(lambda fault: state.faults[fault.name]["theta"]))
         start = np.column_stack([slip, age])
-        speed = self._of_all(lambda fault: speed_of(fault, state.faults[fault.name]))
+        speed = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
         self._guess = np.log(np.maximum(speed, np.exp(SLOWEST)))
         while True:
             end, answer, error = self._attempt(state.time, dt, start)
@@ -174,6 +193,8 @@ class QuasiDynamicMotion(SlowMotion):
             y = start + dt * np.tensordot(weights[:stage], slopes[:stage], 1)
             part = RK45.C[stage] if stage < len(RK45.C) else 1.0
             slopes[stage], *answer = self._slope(time + part * dt, loaded + part * dt * growth, growth, y)
+            if stage == 0 and not np.isfinite(slopes[0]).all():  # no step is short enough
+                parallel.raise_on_all(self.model.comm, self._unbalanced)
         wrong = np.abs(dt * np.tensordot(RK45.E, slopes, 1))
         wrong[:, :-1] /= self._D_c[:, None]
         error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
@@ -189,7 +210,7 @@ class QuasiDynamicMotion(SlowMotion):
         slip = self._with_normal(y[:, :-1])
         traction = self._by_jump @ loaded.ravel() - self._by_slip @ slip.ravel()
         traction = self._agreed(traction.reshape(slip.shape))
-        found = {}
+        found, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
                 whole = (y[:, -1], traction, growth, self._guess, self._held)
@@ -211,8 +232,12 @@ class QuasiDynamicMotion(SlowMotion):
         def missing(x: np.ndarray) -> np.ndarray:
             return np.asarray(size - eta * np.exp(x) - law.strength(np.exp(x), pressure, {"theta": theta}))
 
-        x = zero_of(missing, guess)
+        x, residual = zero_of(missing, guess, size, np.log(size / eta))
         x = np.where((pressure > 0) & np.isfinite(size), x, np.nan)
+        wrong = np.flatnonzero(np.isnan(x) & ~held)
+        if len(wrong):
+            values = {"residual": residual, "shear traction": size, "normal stress": pressure}
+            self._unbalanced = self._error(fault, time, wrong[0], values)
         rate = np.exp(x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if held.any():
             # Slip follows the bodies there, and the traction is what friction makes of it.
@@ -224,6 +249,17 @@ class QuasiDynamicMotion(SlowMotion):
             x = np.where(held, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
         ageing = law.age_rate(theta, np.exp(x)) / theta
         return np.column_stack([rate, ageing, traction, x])
+
+    @staticmethod
+    def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
+        """The error for a point without a slip rate."""
+        where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
+        listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
+        return ConvergenceError(
+            f"no slip rate solves |shear traction| = strength + eta V at point {fault.interface.number[point]} of "
+            f"fault '{fault.name}' at ({where}) m, time {time:.9g} s: {listed}; the residual may be {BALANCED:g} "
+            f"of the shear traction; check faults.{fault.name}.friction, or use stepper.kind = 'quasi_static'"
+        )
 
     def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from those beyond the initial ones."""
@@ -283,11 +319,31 @@ class QuasiDynamicMotion(SlowMotion):
         moved = model.loads.moved(state.displacement, state.time, time)
         u = self._balanced(moved, time, traction - self._of_stuck(jump - jumps.of(moved)))
         internal = jumps.force(traction, len(u)) - model.internal_force(u)
+        self._require_balance(u, internal, time)
         faults = {}
         for fault in model.faults:
             given = (jumps.pick(each, fault.name) for each in (end, traction, rate))
             faults[fault.name] = self._fields(fault, state, dt, *given)
         return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
+
+    def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
+        """Check that free nodes are in equilibrium, where two linear solves have put them; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks.
+        """
+        model, load = self.model, self.equilibrium.forces.load(time)
+        residual = np.where(model.loads.prescribed, 0.0, internal - load)
+        left, *sizes = (norm(model, each) for each in (residual, internal, load))
+        allowed = max(10 * TOLERANCE * max(sizes), self.equilibrium.rounding(u))
+        if not left <= allowed:
+            raise ConvergenceError(
+                f"bodies are out of balance by {left:.3g} N of {max(sizes):.3g} N at time {time:.9g} s, {allowed:.3g} "
+                "N is allowed: their stiffness cannot be factorised well; let boundaries hold every body, or use "
+                "stepper.kind = 'quasi_static'"
+            )
 
     def _fields(
         self, fault: Fault, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
@@ -309,26 +365,43 @@ class QuasiDynamicMotion(SlowMotion):
         return new | {monitor.name: monitor.update(old[monitor.name], at) for monitor in MONITORS}
 
 
-def zero_of(missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray) -> np.ndarray:
-    """Where functions that fall with x are zero, by Newton's method, shape (n,); not a number where it finds none.
+def zero_of(
+    missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray, scale: np.ndarray, highest: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where functions that fall with x are zero, by Newton's method, and their values next to it, shapes (n,).
 
-    At `SLOWEST` those that are zero nowhere above.
+    `SLOWEST` where they are negative from there on; not a number where the value is not zero to `BALANCED`.
+
+    Parameters
+    ----------
+    missing : callable
+        The functions, shape (n,), of x.
+    guess : ndarray, shape (n,)
+    scale : ndarray, shape (n,)
+        Size of the terms of the functions.
+    highest : ndarray, shape (n,)
+        Upper bounds of the zeros.
     """
-    x, found = guess, np.zeros(len(guess), dtype=bool)
+    highest = np.clip(highest, SLOWEST, FASTEST)
+    x, value, found = np.clip(guess, SLOWEST, highest), np.zeros(len(guess)), np.zeros(len(guess), dtype=bool)
     for _ in range(MAX_NEWTON):
         with np.errstate(all="ignore"):  # not every function has a zero
             value = missing(x)
             slope = (missing(x + NUDGE) - value) / NUDGE
-            change = np.maximum(x - np.clip(value / slope, -3, 3), SLOWEST) - x
+            newton = np.clip(x - np.clip(value / slope, -3, 3), SLOWEST, highest)
+            # Far below the zero the slope is lost in rounding; where it is lost above, there is none.
+            change = np.where(slope < 0, newton, np.where(value > 0, 0.5 * (x + highest), SLOWEST)) - x
+            change = np.where(np.isfinite(value), change, np.nan)
+            balanced = (np.abs(value) <= BALANCED * scale) | ((value < 0) & (x == SLOWEST))
         x = x + change
-        found = np.abs(change) < 1e-10
+        found = balanced & (np.abs(change) < 1e-10)
         if np.all(found | np.isnan(change)):
             break
-    return np.where(found, x, np.nan)
+    return np.where(found, x, np.nan), value
 
 
 def law_of(fault: Fault) -> RateAndState:
-    """The friction law of a fault that `require` has let pass."""
+    """The friction law of a fault, one of `ages_only`."""
     assert isinstance(fault.friction, RateAndState)
     return fault.friction
 
@@ -342,27 +415,3 @@ def compliance(fault: Fault) -> np.ndarray:
     """Jump per traction of the contact [m/Pa], shape (n, local)."""
     normal, shear = (1 / each for each in fault.contact.stiffness())
     return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))
-
-
-def require(fault: Fault) -> None:
-    """Refuse what has no slip rate at every traction.
-
-    Raises
-    ------
-    CaseError
-    """
-    law, key = fault.friction, f"faults.{fault.name}"
-    ages = isinstance(law, RateAndState) and type(law).age_rate is not RateAndState.age_rate
-    if not ages or set(law.all_state_fields()) != {"theta"}:
-        able = [kind for kind, cls in alternatives("ruptfx.friction").items() if "age_rate" in vars(cls)]
-        raise CaseError(
-            f"{key}.friction.kind = '{law.kind()}': quasi_dynamic steps integrate slip rate and age; use "
-            f"{' or '.join(map(repr, able))}, or the stepper 'quasi_static'"
-        )
-    if fault.slides:
-        raise CaseError(f"{key}.sliding: not for quasi_dynamic steps; remove it, or use the stepper 'quasi_static'")
-    if not min(fault.contact.stiffness()) > 0:
-        raise CaseError(
-            f"{key}.contact.kind = '{fault.contact.kind()}': not for quasi_dynamic steps; use 'compliant', or the "
-            "stepper 'quasi_static'"
-        )

@@ -67,7 +67,7 @@ class QuasiStatic(Stepper):
     """Options of PETSc's solvers that replace the defaults."""
 
     def bind(self, model: Model) -> QuasiStaticMotion:
-        return QuasiStaticMotion(model, self)
+        return QuasiStaticMotion(model.in_steps("implicit"), self)
 
 
 class QuasiStaticMotion(SlowMotion):

@@ -221,7 +221,8 @@ def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkey
         result = plain(self, state, displacement, velocity, force, time)
         point = np.flatnonzero(self.fault.interface.owned & (self.fault.interface.number == 5))
         if round(time / self.clock.dt) == steps and len(point):
-            self.fault.fail(state, int(point[0]), time, {"trial_shear_traction": 1.0, "trial_normal_stress": 2.0})
+            values = {"trial_shear_traction": 1.0, "trial_normal_stress": 2.0, "Z": 1.0}
+            self.fault.fail(state, int(point[0]), time, values)
         return result
 
     monkeypatch.setattr(FaultStep, "__call__", once)

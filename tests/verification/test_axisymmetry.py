@@ -175,6 +175,19 @@ def test_nodes_on_the_axis_do_not_shorten_the_step() -> None:
     assert solid > 0.98 * hollow
 
 
+def test_springs_go_round_the_axis() -> None:
+    """A foundation of k per area around the matrix: 1 m outwards takes k 2 pi R L of force; R = 5 mm, L = 4 mm."""
+    springs = {"kind": "spring", "edge": "matrix.top", "normal": 3e9, "tangential": 1e9}
+    model = fibre({}, [springs])
+    for axis, stiffness_per_area in enumerate((1e9, 3e9)):
+        moved = np.tile(np.eye(2)[axis], model.nodes)
+        force = np.zeros_like(moved)
+        model.loads.add_support_force(moved, force)
+        sums = force.reshape(-1, 2).sum(axis=0)
+        assert sums[axis] == pytest.approx(-stiffness_per_area * 2 * np.pi * 5e-3 * 4e-3, rel=1e-12)
+        assert abs(sums[1 - axis]) < 1e-12 * abs(sums[axis])
+
+
 def test_mass_is_that_of_the_cylinders() -> None:
     model = fibre({}, [], 3)
     total = np.pi * 5e-3**2 * 4e-3 * RHO

@@ -35,7 +35,8 @@ def pulled(contact: dict[str, Any], changes: dict[str, Any] | None = None) -> Mo
     return Model(case({
         "order": 2, "faults.main.contact": contact, "faults.main.friction": memory_friction("P1"),
         "faults.main.initial_stress": {"normal": 1e6, "shear": 2e4}, "boundaries": [*HELD, *PULLED],
-        "damping": {"mass": 1e4, "kelvin_voigt": {"fraction": 0.3}}, **(changes or {}),
+        "damping": {"mass": 1e4, "kelvin_voigt": {"fraction": 0.3}}, "stepper": {"kind": "generalized_alpha"},
+        **(changes or {}),
     }))  # fmt: skip
 
 

@@ -141,7 +141,7 @@ def test_goes_on_with_the_same_bits(stepper: str, every: int, tmp_path: Path) ->
     """From within a stage, and from the step that ends one."""
     held = {**PRESSES, "ramp": 1e-6, "traction": [0.0, -1e6]}
     given = parse_case(merged(table(stepper, staged(
-        (3.5e-6, [PRESSES, TOP]), (8.5e-6, [held, SHEARS]), damping={"mass": 1e5},
+        (3.5e-6, [PRESSES, TOP]), (8.5e-6, [held, SHEARS]), damping={} if stepper == "quasi_static" else {"mass": 1e5},
     )), {"output.checkpoint_steps": every, "output.interface_interval": 1e-6}))  # fmt: skip
     simulate(given, tmp_path / "whole", progress=False)
     shutil.copytree(tmp_path / "whole", tmp_path / "resumed")

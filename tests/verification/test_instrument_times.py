@@ -156,6 +156,21 @@ def test_half_of_the_power_passes_at_the_bandwidth(step: float) -> None:
     assert low_pass(np.zeros(1), np.ones(1), np.zeros(1), step, np.zeros(1)) == 1.0
 
 
+@pytest.mark.parametrize("bandwidth", [1e6, 2e6])
+def test_the_bandwidth_of_an_instrument_is_that_of_its_filter(bandwidth: float) -> None:
+    """A sine at the bandwidth comes out of the readings of a receiver with 1 / sqrt(2) of its amplitude: 0.447 of it
+    with twice the time constant. Steps of a 100th of the period lose (2 pi / 100)^2 / 12 = 3e-4 of the input."""
+    table = {"kind": "receiver", "interval": 2e-7, "point": [5.3e-3, 2.2e-3], "fields": ["velocity"]}
+    filtered = case({"order": 2, "instruments": [{**table, "name": "a", "bandwidth": bandwidth}]})
+    train = Samples(Model(filtered), 1e-8, unstressed)._trains["velocity"]
+    found, phase = [], 2 * np.pi * np.arange(800) / 100
+    for number, angle in enumerate(phase):
+        train.advance(number * 0.01 / bandwidth, np.full(2, np.sin(angle)))
+        found.append(train.smooth.copy())
+    # The last two periods, after 6 of them: what is left of the start is exp(-2 pi 6).
+    assert np.abs(found[-200:]).max(axis=0) == pytest.approx([np.sqrt(0.5)] * 2, rel=1e-3)
+
+
 @pytest.mark.parametrize("table,message", [
     ({"kind": "receiver", "point": [5e-3, 9e-3]}, r"instruments\.0\.point = \(0.005, 0.009\) m: is not inside"),
     ({"kind": "receiver", "point": [5e-3, 0.0]}, "'upper' and 'lower' meet there|'lower' and 'upper' meet there"),

@@ -91,8 +91,6 @@ def test_options_choose_the_scheme_and_unknown_ones_are_refused() -> None:
 
 
 @pytest.mark.parametrize("changes, message", [
-    ({"faults.main.contact": {"kind": "split_node"}}, "not for implicit steps"),
-    ({"faults.main.contact": {"kind": "augmented_lagrangian"}}, "no outer iterations"),
     ({"damping": {"mass": 1e4}, "stepper.scheme": "basicsymplectic"}, "must not depend on velocity"),
     ({"stepper.scheme": "basicsymplectic", "stepper.petsc_options": {"ts_basicsymplectic_type": "3"}}, "back in time"),
 ])  # fmt: skip
@@ -100,3 +98,9 @@ def test_what_ts_cannot_do_is_refused(changes: dict[str, Any], message: str) -> 
     refused = case({"order": 2, "stepper": {"kind": "petsc_ts"}, **changes})
     with pytest.raises(CaseError, match=message):
         refused.stepper.bind(Model(refused))
+
+
+@pytest.mark.parametrize("contact", ["split_node", "augmented_lagrangian"])
+def test_contact_that_ts_has_no_use_for_is_refused(contact: str) -> None:
+    with pytest.raises(CaseError, match=f"faults.main.contact.kind = '{contact}': .*; use .*'compliant'"):
+        case({"stepper": {"kind": "petsc_ts"}, "faults.main.contact": {"kind": contact}})

@@ -177,7 +177,7 @@ def test_check_shows_patches_in_positions_and_coordinates(tmp_path: Any) -> None
     off = {"kind": "friction_drop", "center": 20e-3, "half_width": 1e-3}
     rows = {row.quantity: row for row in preflight(parse_case(rupture({"faults.main.nucleation": [drop, off]})))}
     assert rows["faults.main: position"].text == "-0.006 to 0.006" and rows["faults.main: position"].note == "x"
-    assert rows["faults.main: initial stress"].note == "shear 2.4e+06 Pa, at position 0 m"  # in the middle
+    assert rows["faults.main: initial stress"].note == "shear 2.4e+06 Pa, at x = 0.001 m"  # of the nucleation
     patch, lost = (rows[f"faults.main: nucleation.{number}, friction_drop"] for number in (0, 1))
     assert (patch.text, patch.note) == ("0 to 0.002", "(0, 0) to (0.002, 0)")
     assert (lost.text, lost.note) == ("0.019 to 0.021", "beyond the end to beyond the end")

@@ -16,7 +16,7 @@ from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
 from ruptfx.simulation import simulate
-from ruptfx.steppers.quasi_dynamic import QuasiDynamicMotion, zero_of
+from ruptfx.steppers.quasi_dynamic import SLOWEST, QuasiDynamicMotion, zero_of
 
 pytestmark = pytest.mark.fem
 
@@ -86,7 +86,9 @@ def test_error_follows_the_tolerance() -> None:
 
 
 def test_stopped_run_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    given = plates({"duration": 3.0, "output.checkpoint_steps": 4})
+    # A first step below the largest one: steps grow during the whole run, so that a checkpoint has a step to restore.
+    adaptive = {"kind": "quasi_dynamic", "first_step": 1e-3, "largest_step": 1.0}
+    given = plates({"duration": 3.0, "output.checkpoint_steps": 4, "stepper": adaptive})
     simulate(given, tmp_path / "whole", progress=False)
     step = QuasiDynamicMotion.step
 
@@ -107,21 +109,99 @@ def test_refuses_what_has_no_slip_rate_at_every_traction() -> None:
     """Another law, rigid contact, and a fault that opens: it says so, and the state is as before."""
     for change, key in (
         ({"faults.main.friction": {"kind": "coulomb", "mu_d": 0.4}}, "friction.kind = 'coulomb': .*_ageing"),
-        ({"faults.main.contact": {"kind": "augmented_lagrangian"}}, "contact.kind = 'augmented_lagrangian': not for q"),
+        ({"faults.main.contact": {"kind": "augmented_lagrangian"}}, "contact.kind = '.*: .*stiffness"),
     ):
-        refused = plates(change)
         with pytest.raises(CaseError, match=rf"faults\.main\.{key}"):
-            refused.stepper.bind(Model(refused))
+            plates(change)
     up = {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": 1e-2}
     pulled = plates({"boundaries": [*HELD, up]})
     with pytest.raises(ConvergenceError, match=r"faults\.main opens at time .*quasi_static"):
         reach(pulled, 0.01)
 
 
-def test_zeros_of_falling_functions() -> None:
-    """One of them steep, one zero far below its guess, one nowhere."""
-    def missing(x: np.ndarray) -> np.ndarray:
-        return np.array([5 - np.exp(x[0]), -1e-3 * (x[1] + 40), -1 - np.exp(x[2])])
+def by_hand(fields: Any) -> np.ndarray:
+    """Strength of the ageing law [Pa], shape (n,)."""
+    # a sigma asinh(V / (2 V_0) exp(psi / a)), psi = f_0 + b ln(V_0 theta / D_c)
+    psi = LAW["f_0"] + LAW["b"] * np.log(LAW["V_0"] * fields["theta"] / LAW["D_c"])
+    return np.asarray(
+        LAW["a"] * fields["normal_stress"] * np.arcsinh(fields["slip_rate"] / (2 * LAW["V_0"]) * np.exp(psi / LAW["a"]))
+    )
 
-    found = zero_of(missing, np.array([3.0, 0.0, 0.0]))
-    np.testing.assert_allclose(found, [np.log(5), -40, np.nan], rtol=1e-9)
+
+# 1 / eta = 1 / sqrt(mu rho) of one side + that of the other, mu = E / (2 (1 + nu)), of the bodies of `plates`.
+ETA = 1 / sum(np.sqrt(2 * (1 + nu) / (E * rho)) for E, nu, rho in ((2e9, 0.3, 1100.0), (4e9, 0.35, 1200.0)))
+
+
+@pytest.mark.parametrize(
+    ("law", "shear"),
+    [
+        ({"V_initial": 0.9e-3}, 3.6e6), ({"V_initial": 2e-3}, 3.6e6), ({"V_initial": 0.1}, 3.6e6),
+        ({"theta_initial": 1e-3}, 4.2e6),
+    ],
+)
+def test_fast_slip_balances_and_radiates(law: dict[str, float], shear: float) -> None:
+    """An event that is fast from the start: |tau| = strength + eta V at every point, and the energy of eta V."""
+    given = plates({
+        "faults.main.friction": {**LAW, **law}, "faults.main.initial_stress": {"normal": 6e6, "shear": shear},
+        "duration": 1e-3, "boundaries": HELD,
+    })  # fmt: skip
+    model = Model(given)
+    motion, state, face = given.stepper.bind(model), model.initial_state(), model.faults[0].interface
+    radiated = 0.0
+    for _ in range(40):
+        before = {name: state.faults["main"][name].copy() for name in ("slip", "slip_rate")}
+        motion.step(state)
+        now = state.faults["main"]
+        np.testing.assert_allclose((now["shear_traction"] - by_hand(now)) / now["slip_rate"], ETA, rtol=1e-9)
+        mean = 0.5 * (before["slip_rate"] + now["slip_rate"])
+        radiated += float(np.sum(face.weight * ETA * mean * (now["slip"] - before["slip"])))
+    assert now["slip_rate"].min() > 0.1
+    energy = motion.energies(state)
+    # Equilibrium counts the kinetic energy of the bodies as damped, too.
+    assert energy["damping"] + energy["kinetic"] == pytest.approx(radiated, rel=1e-9)
+
+
+def test_a_point_without_balance_is_an_error() -> None:
+    """The state is as before, and the error names the point and the time."""
+    given = plates()
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    time, fields = state.time, state.faults["main"]
+    fields["theta"][3] = np.nan
+    slip = fields["slip"].copy()
+    number, (x, y) = model.faults[0].interface.number[3], model.faults[0].interface.points[3]
+    place = rf"point {number} of fault 'main' at \({x:.6g}, {y:.6g}\) m, time {time:.9g} s"
+    with pytest.raises(ConvergenceError, match=place):
+        motion.step(state)
+    assert state.time == time and np.array_equal(fields["slip"], slip)
+
+
+def test_a_linear_solve_that_is_wrong_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As factors of a stiffness that cannot be factorised would be: displacements too small by a thousandth."""
+    given = plates()
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    solve = motion._bodies.solve
+    monkeypatch.setattr(motion._bodies, "solve", lambda force: 0.999 * solve(force))
+    with pytest.raises(ConvergenceError, match=r"bodies are out of balance by .* N at time"):
+        motion.step(state)
+
+
+def test_zeros_of_falling_functions() -> None:
+    """One steep, one zero far below its guess, one whose slope at the guess is lost in rounding, two without a zero."""
+    def missing(x: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            falling = [5 - np.exp(x[0]), -1e-3 * (x[1] + 40), 3.6e6 - 5e5 * np.exp(x[2]), -1 - np.exp(x[3])]
+            return np.array([*falling, np.log(-np.exp(x[4]))])
+
+    guess = np.array([3.0, 0.0, SLOWEST, 0.0, 0.0])
+    found, _ = zero_of(missing, guess, np.array([5.0, 0.04, 3.6e6, 1.0, 1.0]), np.full(5, 20.0))
+    np.testing.assert_allclose(found, [np.log(5), -40, np.log(7.2), SLOWEST, np.nan], rtol=1e-9)
+
+
+def test_a_zero_is_where_the_function_is_balanced() -> None:
+    """A function that flattens out above zero: Newton's method ends there by its step alone."""
+    found, value = zero_of(lambda x: 1 + np.exp(-np.exp(x)), np.array([0.0]), np.array([1.0]), np.array([20.0]))
+    assert np.isnan(found).all() and value >= 1

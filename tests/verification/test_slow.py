@@ -194,6 +194,26 @@ def test_hybrid_cycles(whole: Path) -> None:
         assert "cycles" in plots.all_figures(record)
 
 
+def test_hybrid_cycles_of_rigid_contact(whole: Path, tmp_path: Path) -> None:
+    """Multipliers in slow steps, split nodes in fast ones: the cycles of contact so stiff that it hardly matters.
+
+    Springs of 1e12 Pa/m make the slider 1 % softer (K_C = 5e8 Pa/m over 0.4 K_C / 1e12 is 2e-4 in stiffness).
+    """
+    simulate(parse_case(hybrid({"faults.main.contact": {"kind": "split_node"}})), tmp_path / "run", progress=False)
+    times = [
+        [float(found) for found in re.findall(r"leapfrog from ([0-9.]+) s", (path / "run.log").read_text())]
+        for path in (whole, tmp_path / "run")
+    ]
+    assert len(times[0]) == len(times[1]) == 2
+    np.testing.assert_allclose(times[1], times[0], rtol=1e-3)
+    with Record(tmp_path / "run") as rigid, Record(whole) as springs:
+        assert float(np.abs(rigid.energy.closure).max()) < 5e-8  # multipliers are iterated to 1e-8
+        slips = [float(np.abs(record.interface.slip.values[-1]).max()) for record in (rigid, springs)]
+        assert slips[0] == pytest.approx(slips[1], rel=5e-3)
+        damping = float(rigid.energy.damping.values[-1])
+        assert damping == pytest.approx(float(springs.energy.damping.values[-1]), rel=0.02)
+
+
 @pytest.mark.parametrize("phase", ["slow", "fast"])
 def test_hybrid_goes_on_from_a_checkpoint(
     phase: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -14,6 +14,7 @@ from small_cases import SPLIT, advance, case, plates
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, stages
+from ruptfx.boundaries import Motion
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.simulation import simulate
@@ -89,6 +90,59 @@ def test_from_the_old_amount_to_the_new_one() -> None:
     np.testing.assert_allclose(slope, [motion.velocity(x) for x in t], atol=1e-5)
     slope = [(motion.velocity(x + h) - motion.velocity(x - h)) / (2 * h) for x in t]
     np.testing.assert_allclose(slope, [motion.acceleration(x) for x in t], atol=1.0)
+
+
+def test_displacement_of_a_motion_that_begins_with_the_old_speed() -> None:
+    """2 m/s that vanish over a ramp of 2 us besides 3 m/s from its end on: 2 x 2 us / 2 + 3 x 2 us in 4 us."""
+    still = Motion(np.array([0]), lambda t: 3.0 * max(t - 2e-6, 0.0), lambda t: 3.0 * (t > 2e-6), lambda t: 0.0)
+    later = stages._later(still, 1e-6, 2.0, 2e-6)
+    way = [later.displacement(1e-6 + t) - later.displacement(1e-6) for t in (1e-6, 2e-6, 4e-6)]
+    np.testing.assert_allclose(way, [1.5e-6, 2e-6, 8e-6], rtol=1e-12)
+
+
+PUSH = {"kind": "traction", "edge": "upper.top", "traction": [1e6, 0.0]}
+
+
+@pytest.mark.parametrize("lengths", [(4, 8, 2), (3, 5, 6), (3, 1, 6), (2.3, 4.9, 4), (2.5, 1, 2.1, 4), (2.6, 1.2, 4)],
+                         ids=str)  # fmt: skip
+@pytest.mark.parametrize("pushed", [0, 1])
+def test_momentum_is_what_a_stage_pushed(lengths: tuple[float, ...], pushed: int) -> None:
+    """Two free plates with 1 MPa on 12 mm in one of the stages: stress x length x duration, in any number of steps.
+
+    Velocities are known up to half a step after the last traction, when nothing pushes any more.
+    """
+    dt = 5e-8
+    steps = [{"duration": length * dt, "boundaries": [PUSH] if number == pushed else []}
+             for number, length in enumerate(lengths)]  # fmt: skip
+    given = parse_case(plates({
+        **COMMON, "duration": sum(lengths) * dt, "stages": steps,
+    }))  # fmt: skip
+    model = Model(given)
+    motion = stages.bind(model)
+    state = advance(motion, model.initial_state(), given.duration)
+    momentum = (model.mass * state.velocity)[::2].sum()
+    assert momentum == pytest.approx(1e6 * 12e-3 * lengths[pushed] * dt, rel=1e-9)
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert abs(work - sum(energy.values())) < 1e-10 * work
+
+
+@pytest.mark.parametrize("stepper", ["leapfrog", "hybrid"])
+def test_a_stage_shorter_than_a_step_is_refused(stepper: str) -> None:
+    """And runs when it is as the message says."""
+    given = {**COMMON, "faults.main.contact": {"kind": "compliant", "C_n": 3e13, "C_s": 1e13}, "duration": 1.04e-6}
+    fast = {"kind": "leapfrog", "time_step": 5e-8}
+    for step, refused in ((5e-8, True), (4e-8, False)):
+        fast["time_step"] = step
+        case_ = parse_case(plates({
+            **given, "stepper": fast if stepper == "leapfrog" else {"kind": "hybrid", "fast": dict(fast)},
+            "stages": [{"duration": 1e-6}, {"duration": 4e-8, "boundaries": [PUSH]}],
+        }))  # fmt: skip
+        if not refused:
+            stages.bind(Model(case_))
+            continue
+        with pytest.raises(RuptfxError, match=r"stages\.1\.duration = 4e-08 s.* 5e-08 s.*to 4e-08 s or less"):
+            stages.bind(Model(case_))
 
 
 def test_a_profile_goes_on_from_the_old_one() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench.time_order import CONTACTS, LAWS, NOT_SMOOTH, fields, orders, plates
+from ruptfx.bench.time_order import CONTACTS, LAWS, NOT_SMOOTH, fields, orders, plates, slip_law_rupture
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 
@@ -67,6 +67,24 @@ def test_quasi_static_friction_is_of_second_order(contact: dict[str, Any]) -> No
     for field in ("slip", "slip_rate", "shear_traction", "theta"):
         coarse, middle = (np.linalg.norm(run[field] - runs[2][field]) for run in runs[:2])
         assert np.log2(coarse / middle) > 1.9, field
+
+
+@pytest.mark.parametrize("contact, late", [
+    (CONTACTS["split_node"], 0.5e-3),
+    ({"kind": "compliant", "C_n": 2e9, "C_s": 2e9}, 2e-3),
+], ids=["split_node", "compliant"])  # fmt: skip
+def test_a_front_of_the_slip_law_arrives_in_time(contact: dict[str, Any], late: float) -> None:
+    """Where D_c / V is about a step: 0.2 and 1.2 ms early at 3 km, second order. With the slip rates at the tractions
+    in the place of their mean, state evolved far too fast at the front: 3.5 and 10.7 ms early."""
+    box = 0.75, 5e3, 2.5e3
+    usual = slip_law_rupture(*box, contact=contact)
+    step = float(usual.time[2] - usual.time[1])
+    half, short = (slip_law_rupture(*box, step / factor, contact) for factor in (2, 16))
+    arrivals = [run.rupture_time(0.1)[run.at(3e3)] for run in (usual, half, short)]
+    early = arrivals[2] - np.array(arrivals[:2])
+    assert 0.5 < arrivals[2] < 0.65
+    assert abs(early[0]) < late and abs(early[1]) < 0.5 * late
+    assert max(run.closure for run in (usual, half, short)) < 1e-12
 
 
 @METHODS

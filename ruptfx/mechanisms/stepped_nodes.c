@@ -1,6 +1,6 @@
 // The nodes the bulk kernel leaves to the stepper: interfaces, boundaries, nodes shared with other ranks.  Arrays are over
 // those it may leave, numbered by `dof`, or by themselves where these are all there are and `dof` is null; `which` are those
-// it does leave now, all where it is null.  leapfrog.py writes lanes.c in front of this file.
+// it does leave now, all where it is null.  _nodes.py puts lanes.c in front.
 
 // v = keep v + push f. As the kernel rounds it where masses are not damped (alike), or as it always was.
 INLINE void kick_each(long n, const long *which, const long *dof, const int alike, const double *keep, const double *push,

@@ -1,0 +1,26 @@
+"""Rigid contact: the same physics in steps of every kind, by the method that belongs to them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from ruptfx.contact import ContactMethod, Way
+
+BY_STEPS = {
+    ("explicit", False): ("split_node", "SplitNode"),
+    ("explicit", True): ("forward_lagrange", "ForwardLagrange"),
+    ("implicit", False): ("augmented_lagrangian", "AugmentedLagrangian"),
+    ("implicit", True): ("augmented_lagrangian", "AugmentedLagrangian"),
+}
+"""Module and class of a rigid method, by the kind of steps and whether the surfaces slide."""
+
+
+class RigidContact(ContactMethod):
+    """A rigid method: another one with its defaults replaces it in steps that need that one."""
+
+    def in_steps(self, way: Way, slides: bool) -> ContactMethod:
+        if getattr(self, way) and not (slides and way == "explicit" and self.sweeps_to() is None):
+            return self
+        module, name = BY_STEPS[way, slides]
+        found: ContactMethod = getattr(import_module(f"ruptfx.contact.{module}"), name)()
+        return found

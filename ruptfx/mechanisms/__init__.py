@@ -1,0 +1,127 @@
+"""Mechanisms of explicit steps, one per file: what exerts forces on the bodies or constrains their motion.
+
+A step is a sequence of phases, the methods of `Mechanism`. In each phase the stepper calls the mechanisms that override
+it, in ascending `Mechanism.order`. The stepper knows no mechanism by name, and no mechanism knows another one.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Iterable
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.model import Model
+    from ruptfx.operators import Damped
+    from ruptfx.state import State
+
+Floats = NDArray[np.float64]
+
+
+class Mechanism:
+    """The contract of a mechanism; a method that is not overridden does nothing.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    order : int
+        Facets (0) come first: they find the force zero. Prescribed motion (50) comes before contact (60), which reads
+        it; ties (80) and components that move as one (90) equalise what contact did to one of their nodes.
+    rounds_as_kernel : bool
+        Whether stepped nodes must be rounded as the bulk kernel rounds the others, so that results are bitwise the same
+        on any number of ranks.
+    damped : Damped, optional
+        Viscous damping of all elements, which the bulk kernel computes in its sweep.
+    """
+
+    order: ClassVar[int] = 55
+    rounds_as_kernel: bool = False
+    damped: Damped | None = None
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        """Return whether the model has this mechanism."""
+        return True
+
+    def nodes(self) -> NDArray[np.bool_]:
+        """Nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
+        return np.zeros(self.model.nodes, dtype=bool)
+
+    def bind(self, stepped: SteppedNodes) -> None:
+        """Prepare arrays for steps of one size."""
+
+    def prepare(self, state: State, kick: Kick) -> None:
+        """Update geometry and connectivity before any force is computed; collective."""
+
+    def add_first(self, state: State, kick: Kick) -> None:
+        """Add forces at the nodes this rank owns, before those of the elements, in an order that no partition changes.
+
+        They are not derivatives of the strain energy of the bodies.
+        """
+
+    def add_with_elements(self, state: State, kick: Kick) -> None:
+        """Add forces of the elements of this rank; they are summed over ranks afterwards."""
+
+    def add_internal(self, state: State, kick: Kick) -> None:
+        """Add forces that derive from the strain energy, complete at every local node."""
+
+    def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
+        """Forces among the internal ones that do not derive from the strain energy: degrees of freedom, values [N]."""
+        return []
+
+    def add_external(self, state: State, kick: Kick) -> None:
+        """Add applied forces, complete at every local node."""
+
+    def combine(self, state: State, kick: Kick) -> None:
+        """Give nodes that move together the sum of their forces."""
+
+    def before_kick(self, state: State, kick: Kick) -> None:
+        """Read the velocities before the forces act on them."""
+
+    def after_kick(self, state: State, kick: Kick) -> None:
+        """Correct the velocities after all other forces have acted: prescribed motion, contact, ties.
+
+        Raises
+        ------
+        RuptfxError
+            On the rank that owns the failing point.
+        """
+
+    def account(self, state: State, kick: Kick) -> None:
+        """Add the work and the losses of the step to `state.energy`; the new velocities are final."""
+
+    def started(self, state: State, dt: float) -> None:
+        """Correct the work of step 0, in which bodies reach v from rest in half a step."""
+
+
+def overriding(mechanisms: Iterable[Mechanism], phase: str) -> list[Callable[..., None]]:
+    """Methods of one phase of the mechanisms that override it."""
+    base = getattr(Mechanism, phase)
+    return [getattr(each, phase) for each in mechanisms if getattr(type(each), phase) is not base]
+
+
+@cache
+def kinds() -> tuple[type[Mechanism], ...]:
+    """Return the mechanisms in the files of this folder, in calling order."""
+    files = [each.name for each in pkgutil.iter_modules(__path__) if not each.name.startswith("_")]
+    modules = [import_module(f"{__name__}.{name}") for name in files]
+    classes = [each for module in modules for each in vars(module).values() if isinstance(each, type)]
+    found = {each for each in classes if issubclass(each, Mechanism) and each is not Mechanism}
+    return tuple(sorted(found, key=lambda each: (each.order, each.__name__)))
+
+
+def mechanisms_of(model: Model) -> list[Mechanism]:
+    """Return the mechanisms that a model has, in calling order."""
+    return [kind(model) for kind in kinds() if kind.present(model)]

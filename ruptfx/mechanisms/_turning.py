@@ -1,0 +1,21 @@
+"""The energy `turning`: what forces do in finite steps beyond the energies of the bodies that rotate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ruptfx.state import State
+
+DISSIPATED = "frictional_dissipation", "fracture", "impact", "collision_loss"
+"""Energies that facets dissipate, and that springs lose when collisions take over their facets."""
+
+
+@contextmanager
+def deducting_dissipation(state: State) -> Iterator[None]:
+    """Subtract from the energy `turning` what facets dissipate meanwhile: it has a column of its own."""
+    before = sum(state.energy[name] for name in DISSIPATED)
+    yield
+    state.energy["turning"] -= sum(state.energy[name] for name in DISSIPATED) - before

@@ -1,0 +1,123 @@
+"""Facets along which bodies break: springs from the start (intrinsic), or inserted at their strength (extrinsic)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.cracks._rigid import RigidCracks
+from ruptfx.mechanisms import Mechanism
+from ruptfx.mechanisms._turning import deducting_dissipation
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+
+class IntrinsicFacets(Mechanism):
+    """Springs of all facets, until they have failed."""
+
+    order = 0
+    rounds_as_kernel = True
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return model.cracks is not None and not isinstance(model.cracks, RigidCracks)
+
+    def add_first(self, state: State, kick: Kick) -> None:
+        assert self.model.cracks is not None
+        with deducting_dissipation(state):
+            self.model.cracks(state, self.model.mass, kick.clock.since)
+
+    def account(self, state: State, kick: Kick) -> None:
+        assert self.model.cracks is not None
+        self.model.cracks.require_balance(state.time)
+
+
+class ExtrinsicFacets(Mechanism):
+    """Facets that are rigid until their strength: the corners of a connected component move as one.
+
+    Mass, damping and force of a component are those of its corners together, so that all of them get the same velocity
+    to the last bit. As facets are inserted components fall apart, and the sums of the new ones are computed.
+    """
+
+    order = 90
+    rounds_as_kernel = True
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        assert isinstance(model.cracks, RigidCracks)
+        self._rigid = model.cracks
+        self._adopted: State | None = None
+        self._followers = self._leaders = np.zeros(0, np.int64)  # degrees of freedom that move as driven ones do
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return isinstance(model.cracks, RigidCracks)
+
+    def nodes(self) -> NDArray[np.bool_]:
+        return ~super().nodes()  # they move with others
+
+    def bind(self, stepped: SteppedNodes) -> None:
+        self._stepped = stepped
+        # Of every corner alone, and of components.
+        self._own = stepped.mass.copy(), stepped.dashpot.copy(), stepped.driven.copy()
+        self._together = tuple(np.empty_like(values) for values in self._own)
+        acting = self.model.loads.acting.reshape(-1, 2).any(axis=1)
+        acting |= self.model.case.damping.mass > 0  # its work is summed with that of dashpots
+        self._acting = acting
+
+    def prepare(self, state: State, kick: Kick) -> None:
+        if state is not self._adopted:
+            self._rigid.adopt(state.cracks)
+            self._sum(None)
+            self._adopted = state
+        found = self._rigid.grow(state, self.model.mass)
+        if len(found):
+            self._sum(found)
+
+    def combine(self, state: State, kick: Kick) -> None:
+        self._rigid.total(state.force, state.force, self._rigid.held)
+
+    def after_kick(self, state: State, kick: Kick) -> None:
+        stepped, clock = self._stepped, kick.clock
+        self._rigid.advance(state, clock.dt, kick.keep, kick.push, stepped.damped)
+        state.velocity[self._followers] = state.velocity[self._leaders]
+        self._rigid.hold(state, clock.dt, clock.kick, clock.since, kick.push, stepped.velocity_before)
+        self.model.layout.take_from_owners(state.velocity)
+
+    def account(self, state: State, kick: Kick) -> None:
+        self._rigid.require_balance(state.time)
+
+    def _sum(self, vertices: np.ndarray | None) -> None:
+        """Sum mass, damping and prescribed motion over components, at all vertices or at some of them."""
+        rigid = self._rigid
+        if vertices is None:
+            nodes = np.arange(self.model.nodes)
+            for own, together in zip(self._own, self._together, strict=True):
+                together[:] = own  # also of corners whose star is not here
+        else:
+            nodes = rigid.corners_at(vertices)
+        for own, together in zip(self._own, self._together, strict=True):
+            rigid.total(own, together, vertices)
+        dofs = (2 * nodes[:, None] + np.arange(2)).ravel()
+        mass, dashpot, driven = (together[dofs] for together in self._together)
+        self._stepped.renew(dofs, mass, dashpot, driven > 0)
+        first = (rigid.leader[nodes] == nodes) & (nodes < self.model.owned_nodes)
+        self._stepped.once[dofs] = np.repeat(first.astype(float), 2)
+        if vertices is None or driven.any():
+            self._follow()
+        self._stepped.only = (2 * rigid.hold_vertices(self._acting)[:, None] + np.arange(2)).ravel()
+
+    def _follow(self) -> None:
+        """Find the corners that move with driven ones; the last of several motions counts, as it does at nodes."""
+        leader = (2 * self._rigid.leader.astype(np.int64)[:, None] + np.arange(2)).ravel()
+        source = np.full(len(leader), -1)
+        for motion in self.model.loads.motions:
+            source[leader[motion.dofs]] = motion.dofs
+        source = source[leader]
+        self._followers = np.flatnonzero((source >= 0) & (source != np.arange(len(source))))
+        self._leaders = source[self._followers]

@@ -1,0 +1,94 @@
+"""Faults whose points are pairs of opposite nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.fault import Fault
+from ruptfx.fault_step import FaultStep
+from ruptfx.mechanisms import Floats, Mechanism
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.model import Model
+    from ruptfx.sliding.step import SlidingStep
+    from ruptfx.state import State
+
+
+class Faults(Mechanism):
+    """Friction and contact at the points of all faults, after all other forces have acted on the velocities.
+
+    Attributes
+    ----------
+    steps : list of list of FaultStep
+        For every kick those of all faults.
+    """
+
+    order = 60
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self.faults = self.of(model)
+        self.steps: list[list[FaultStep | SlidingStep]] = []
+        self._rates: list[Floats | None] = []
+
+    @classmethod
+    def of(cls, model: Model) -> list[Fault]:
+        """Return the faults that this mechanism handles."""
+        return [fault for fault in model.faults if not fault.slides]
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return bool(cls.of(model))
+
+    def nodes(self) -> NDArray[np.bool_]:
+        found = super().nodes()
+        for fault in self.faults:
+            found[fault.interface.nodes] = True
+        return found
+
+    def bind(self, stepped: SteppedNodes) -> None:
+        self.steps = []
+        for kick in stepped.kicks:
+            inverse_mass = stepped.inverse_mass(kick)
+            self.steps.append([self._step(fault, inverse_mass, kick, stepped) for fault in self.faults])
+
+    def _step(
+        self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes
+    ) -> FaultStep | SlidingStep:
+        return FaultStep(fault, inverse_mass, kick.clock, self.model.case.output.rupture_threshold)
+
+    def before_kick(self, state: State, kick: Kick) -> None:
+        steps = self.steps[kick.number]
+        self._rates = [step.opening_rate(state.faults[step.fault.name], state.velocity) for step in steps]
+
+    def after_kick(self, state: State, kick: Kick) -> None:
+        for step, rate_old in zip(self.steps[kick.number], self._rates, strict=True):
+            name, fields = step.fault.name, state.faults[step.fault.name]
+            dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)
+            state.take(name, "frictional_dissipation", dissipated)
+            state.energy["boundary_work"] += step.work
+            state.take(name, "impact", step.impact_loss(fields, state.velocity, rate_old))
+            state.energy["fracture"] += step.fractured(fields, state.velocity, rate_old)
+
+    def started(self, state: State, dt: float) -> None:
+        # From v_0 to v in half a step the way is (v_0 + v) dt / 4; the sum over the steps has counted v dt / 2, and
+        # friction v dt / 4.
+        beyond = 0.25 * dt * (state.velocity - self.model.initial_velocity())
+        for fault in self.faults:
+            if fault.contact.traction_ends_slip:
+                continue
+            state.energy["boundary_work"] -= fault.preload_work(beyond)
+            rate = self.model.initial_slip_rate(fault)
+            if rate is not None:
+                self._count_start(fault, state, 0.25 * dt * rate)
+
+    def _count_start(self, fault: Fault, state: State, way: Floats) -> None:
+        """Add the work of friction and nucleation on the part of the first half step that its step has left out [m]."""
+        traction = fault.components(state.faults[fault.name], "shear_traction")
+        area = fault.interface.owned * fault.interface.weight
+        state.take(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
+        state.energy["boundary_work"] += float((area * fault.load(0.0)) @ way[:, 0])

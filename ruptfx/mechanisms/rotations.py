@@ -1,0 +1,47 @@
+"""Large rotations of bodies: the work of forces whose energy is not a quadratic form."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.collisions._step import FORCE
+from ruptfx.fields import OF_BODIES
+from ruptfx.mechanisms import Mechanism
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+
+class LargeRotations(Mechanism):
+    """Account for the work of the forces of cells, facets and supports.
+
+    Leapfrog balances the work that the mean of successive forces does. An energy that is not a quadratic form changes
+    by something else in a finite step, of second order in it; `Model.energies` has the difference as `turning`.
+    """
+
+    order = 40
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return model.bulk.large_rotations
+
+    def nodes(self) -> NDArray[np.bool_]:
+        return ~super().nodes()  # the forces of all nodes are needed
+
+    def add_internal(self, state: State, kick: Kick) -> None:
+        force, model = state.force.copy(), self.model
+        if FORCE in state.fields:  # collisions balance their forces themselves
+            force -= state.fields[FORCE]
+        if OF_BODIES in state.fields:
+            mean = 0.5 * (state.fields[OF_BODIES] + force)
+            state.energy["turning"] -= kick.clock.since * model.layout.owned_dot(mean, state.velocity)
+        else:
+            state.energy["turning"] += model.strain_energy(state.displacement)
+            if model.cracks is not None:
+                state.energy["turning"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
+        state.fields[OF_BODIES] = force

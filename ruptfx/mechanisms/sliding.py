@@ -1,0 +1,48 @@
+"""Faults whose surfaces slide over meshes that do not match."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ruptfx.fault import Fault
+from ruptfx.mechanisms import Floats
+from ruptfx.mechanisms.faults import Faults
+from ruptfx.sliding.follower import Follower
+from ruptfx.sliding.interface import SlidingInterface
+from ruptfx.sliding.step import SlidingStep
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+
+class SlidingFaults(Faults):
+    """Faults with a geometry that follows the motion.
+
+    Attributes
+    ----------
+    followers : list of Follower
+    """
+
+    order = 70
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self.followers = [Follower(fault) for fault in self.faults]
+
+    @classmethod
+    def of(cls, model: Model) -> list[Fault]:
+        return [fault for fault in model.faults if fault.slides]
+
+    def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> SlidingStep:
+        assert isinstance(fault.interface, SlidingInterface)
+        before = stepped.velocity_before, stepped.among(fault.interface.dofs)
+        return SlidingStep(fault, inverse_mass, kick.clock, self.model.case.output.rupture_threshold, before)
+
+    def _count_start(self, fault: Fault, state: State, way: Floats) -> None:
+        """Do nothing: the sliding step takes the velocities before the kick."""
+
+    def prepare(self, state: State, kick: Kick) -> None:
+        for follower in self.followers:
+            follower(state)

@@ -1,0 +1,78 @@
+"""Kelvin-Voigt damping of elements: the force -eta K v."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.mechanisms import Floats, Mechanism
+from ruptfx.operators import Damped, FusedOperator
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick, SteppedNodes
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+
+class KelvinVoigt(Mechanism):
+    """Damping in the sweep of the bulk kernel where that covers all elements, else by an operator of its own."""
+
+    order = 20
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        assert model.viscosity is not None
+        self._viscosity, self._force = model.viscosity, np.zeros(len(model.mass))
+        operator = model.operator
+        if self._viscosity.everywhere and isinstance(operator, FusedOperator) and operator.damps:
+            self.damped = Damped(self._viscosity.eta, self._force, np.zeros(1))
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return model.viscosity is not None
+
+    def nodes(self) -> NDArray[np.bool_]:
+        return super().nodes() if self.damped is not None else self._viscosity.nodes
+
+    def bind(self, stepped: SteppedNodes) -> None:
+        self._stepped = stepped
+        viscous = np.flatnonzero(np.repeat(self._viscosity.nodes, self.model.components))
+        self._dofs: NDArray[np.int64] = stepped.dofs if self.damped is not None else viscous
+        every = len(self._dofs) == len(self._force)
+        self._here: NDArray[np.int64] | slice = slice(None) if every else self._dofs
+        places = stepped.among(self._dofs)
+        self._among: NDArray[np.int64] | slice = slice(None) if len(places) == len(stepped.dofs) else places
+
+    def add_first(self, state: State, kick: Kick) -> None:
+        # Sums at a node have the same order on any number of ranks if those of all elements come first.
+        if self._viscosity.everywhere and self.damped is None:
+            self._add(state)
+
+    def add_with_elements(self, state: State, kick: Kick) -> None:
+        if not self._viscosity.everywhere:
+            self._add(state)
+
+    def _add(self, state: State) -> None:
+        force, here = self._force, self._here
+        force[here] = 0
+        self._viscosity.operator.add_internal_force(state.velocity, force)
+        force[here] *= self._viscosity.eta
+        state.force[here] += force[here]
+
+    def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
+        if self._viscosity.everywhere and self.damped is None:  # the stepper knows what was added first
+            return []
+        return [(self._here, self._force[self._here].copy())]
+
+    def account(self, state: State, kick: Kick) -> None:
+        only = self._stepped.only
+        here, among = (self._here, self._among) if only is None else (only, only)
+        mean = 0.5 * (self._stepped.velocity_before[among] + state.velocity[here])
+        lost = -float(self._force[here] @ mean)
+        if self.damped is not None:
+            lost += float(self.damped.lost[0])
+            self.damped.lost[:] = 0
+            self._force[here] = 0
+        state.energy["damping"] += lost * kick.clock.kick

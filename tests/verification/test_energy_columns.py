@@ -1,0 +1,188 @@
+"""Every column of energy.csv against a number of its own, by hand: a column that is what others leave, or that shares
+with another, closes the budget whatever it is.
+
+The first are antiplane columns of two equal plates, which are as one-dimensional as a rod: their sides are free.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, HOMALITE, SPLIT, case
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.bench.collisions import Flight, pair
+from ruptfx.fields import ENERGIES
+from ruptfx.model import Model
+
+pytestmark = pytest.mark.fem
+
+LENGTH, HEIGHT = 12e-3, 4e-3  # of a plate
+RHO = HOMALITE["density"]
+G = HOMALITE["young_modulus"] / 2 / (1 + HOMALITE["poisson_ratio"])
+C = np.sqrt(G / RHO)
+RIGID = {"kind": "augmented_lagrangian"}
+BOTTOM = {"kind": "driven", "edge": "lower.bottom", "component": "z", "velocity": 0.0}
+
+
+def column(changes: dict[str, Any]) -> tuple[Any, Any]:
+    """Motion and initial state of two plates under 6 MPa of pressure."""
+    given = case({"plane": "antiplane", "order": 2, "faults.main.initial_stress.normal": 6e6, **changes})
+    model = Model(given)
+    return given.stepper.bind(model), model.initial_state()
+
+
+def run(motion: Any, state: Any, until: float) -> dict[str, float]:
+    """Go on to the first step whose energies are at a time [s] or later; the energies and their time."""
+    while state.at_velocity()[0] < until * (1 - 1e-9):
+        motion.step(state)
+    return motion.energies(state) | {"time": state.at_velocity()[0]}
+
+
+def expect(found: dict[str, float], expected: dict[str, float], tolerance: float) -> None:
+    """All columns: those that are not named are zero; relative to the largest one."""
+    assert set(expected) <= set(ENERGIES)
+    whole = [expected.get(name, 0.0) for name in ENERGIES]
+    scale = max(map(abs, whole))
+    np.testing.assert_allclose([found[name] for name in ENERGIES], whole, rtol=0, atol=tolerance * scale)
+
+
+@pytest.mark.parametrize("radiates", [False, True])
+@pytest.mark.parametrize("contact", [{**COMPLIANT, "C_s": 1e12}, RIGID], ids=lambda contact: contact["kind"])
+def test_equilibrium(contact: dict[str, Any], radiates: bool) -> None:
+    """The top is driven at 2 m/s. From 1 MPa on the shear stress rises at k 2 m/s, where 1 / k = 2 H / G + 1 / C_s,
+    until friction holds no more: 0.4 times 6 MPa, and Z / 2 times the slip rate of 2 m/s if waves radiate.
+
+    Energies are those beyond the initial stress tau_0, which works on slip and on the stretch of the springs.
+    """
+    speed, tau_0, strength, duration = 2.0, 1e6, 2.4e6, 80e-6
+    radiated = 0.5 * RHO * C * speed if radiates else 0.0
+    motion, state = column({
+        "duration": duration, "faults.main.contact": contact, "faults.main.initial_stress.shear": tau_0,
+        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.4},
+        "boundaries": [BOTTOM, {**BOTTOM, "edge": "upper.top", "velocity": speed}],
+        "stepper": {"kind": "quasi_static", "first_step": 1e-7, "largest_step": 4e-7, "slip_tolerance": 1.0,
+                    "radiation_damping": radiates},
+    })  # fmt: skip
+    # Slides after 4 us; with waves the slip rate comes near 2 m/s with exp(-t / 4 us).
+    early, late = run(motion, state, 70e-6), run(motion, state, duration)
+    assert np.ptp(state.faults["main"]["slip"]) < 1e-9 * state.faults["main"]["slip"].max()
+    # Between two times of steady sliding nothing but the work of the top and of the initial stress, what friction and
+    # what waves take: per area (tau - tau_0) and tau_0, strength, and Z / 2 V, each times the way V t.
+    way = LENGTH * speed * (late["time"] - early["time"])
+    change = {name: late[name] - early[name] for name in ENERGIES}
+    whole = strength + radiated
+    expect(change, {"boundary_work": whole * way, "frictional_dissipation": strength * way, "damping": radiated * way},
+           1e-4 if radiates else 1e-9)  # fmt: skip
+    # Stress and with it what bodies and springs hold: (tau - tau_0)^2 / 2 G and (tau^2 - tau_0^2) / 2 C_s.
+    stiffness = contact.get("C_s", np.inf)
+    assert late["strain"] == pytest.approx(LENGTH * (whole - tau_0) ** 2 / G * HEIGHT, rel=1e-4)
+    held = LENGTH * 0.5 * (whole**2 - tau_0**2) / stiffness
+    assert late["interface_elastic"] == pytest.approx(held, rel=1e-4, abs=1e-9 * late["strain"])
+    # The upper plate moves with the top, the lower one rests.
+    assert late["kinetic"] == pytest.approx(0.5 * RHO * LENGTH * HEIGHT * speed**2, rel=1e-4)
+
+
+LEAPFROG = {"kind": "leapfrog"}
+AVERAGE = {"kind": "generalized_alpha", "scheme": "average_acceleration", "courant": 1.0}
+# With what is left of the ringing behind the front, relative to the work.
+SCHEMES = [
+    (LEAPFROG, SPLIT, 1e-3), (LEAPFROG, COMPLIANT, 1e-3), (AVERAGE, COMPLIANT, 1e-3), (AVERAGE, RIGID, 1e-3),
+    ({"kind": "petsc_ts", "courant": 1.0}, COMPLIANT, 6e-3),
+]  # fmt: skip
+
+
+names = [f"{stepper['kind']}-{contact['kind']}" for stepper, contact, _ in SCHEMES]
+
+
+@pytest.mark.parametrize("stepper, contact, tolerance", SCHEMES, ids=names)
+def test_waves_of_a_sudden_stress_drop(stepper: dict[str, Any], contact: dict[str, Any], tolerance: float) -> None:
+    """From 3 MPa to a friction of 2.4 MPa: V = 2 (tau_0 - tau_d) / Z, half of it in either plate, which the wave has
+    filled when it leaves by the absorbing edges: those take Z (V / 2)^2 each, friction tau_d V, and tau_0 V comes in.
+
+    Per volume both kinetic and strain energy are rho (V / 2)^2 / 2.
+    """
+    tau_0, tau_d = 3e6, 2.4e6
+    rate = 2 * (tau_0 - tau_d) / (RHO * C)
+    motion, state = column({
+        "duration": 40e-6, "faults.main.contact": contact, "faults.main.initial_stress.shear": tau_0,
+        "faults.main.friction": {"kind": "coulomb", "mu_d": 0.4}, "stepper": stepper,
+        "boundaries": [{"kind": "absorbing", "edge": edge} for edge in ("upper.top", "lower.bottom")],
+    })  # fmt: skip
+    early, late = run(motion, state, 20e-6), run(motion, state, 40e-6)  # 4 mm take 3.2 us
+    way = LENGTH * rate * (late["time"] - early["time"])
+    change = {name: late[name] - early[name] for name in ENERGIES}
+    radiated = 0.5 * RHO * C * rate
+    expect(change, {"boundary_work": tau_0 * way, "frictional_dissipation": tau_d * way, "damping": radiated * way},
+           tolerance)  # fmt: skip
+    assert tau_0 == pytest.approx(tau_d + radiated)
+    for name in ("kinetic", "strain"):
+        assert late[name] == pytest.approx(RHO * (rate / 2) ** 2 / 2 * 2 * HEIGHT * LENGTH, rel=0.05)
+
+
+@pytest.mark.parametrize("stepper", [LEAPFROG, AVERAGE], ids=lambda stepper: stepper["kind"])
+@pytest.mark.parametrize("damping", [{"mass": 4e4}, {"kelvin_voigt": {"eta": 1e-7, "thickness": 1.0}}], ids="-".join)
+def test_damping_of_a_mode(stepper: dict[str, Any], damping: dict[str, Any]) -> None:
+    """Glued plates with free ends: u = A cos(pi y / 2 H), omega = pi c / 2 H. Mass damping a makes it decay with
+    exp(-a t / 2), viscosity eta with exp(-eta omega^2 t / 2), its energy twice as fast; all of that is `damping`."""
+    omega, amplitude = np.pi * C / (2 * HEIGHT), 1e-6
+    decay = damping["mass"] if "mass" in damping else damping["kelvin_voigt"]["eta"] * omega**2
+    glued = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14} if stepper is AVERAGE else SPLIT
+    motion, state = column({
+        "order": 3, "duration": 30e-6, "faults.main.contact": glued, "damping": damping,
+        "stepper": {**stepper, "courant": 1.0} if stepper is AVERAGE else {**stepper, "safety": 0.3},
+    })  # fmt: skip
+    model = motion.model
+    # The mode is odd about the interface: cos(pi (y + H) / 2 H) over both plates.
+    state.displacement[:] = -amplitude * np.sin(0.5 * np.pi * model.coordinates[:, 1] / HEIGHT)
+    # Strain energy G (A pi / 2 H)^2 / 2 times the volume times the mean of a squared cosine.
+    begun = 0.25 * G * (amplitude * np.pi / (2 * HEIGHT)) ** 2 * 2 * HEIGHT * LENGTH
+    # After whole half periods what the phase changes is gone: a t is half the time of the true oscillation.
+    found = run(motion, state, 6 * np.pi / omega)
+    left = begun * np.exp(-decay * found["time"])
+    assert found["damping"] == pytest.approx(begun - left, rel=5e-3)
+    assert found["kinetic"] + found["strain"] + found["interface_elastic"] == pytest.approx(left, rel=5e-3)
+    assert left < 0.7 * begun
+
+
+def test_plastic_impact() -> None:
+    """A block comes down on a rigid base at 3 m/s: its lowest nodes stop at once, and lose rho L (h / 2) v^2 / 2 where
+    elements of order 1 are h high; what is above them loses nothing, and turns back after they have stopped."""
+    speed, size = 3.0, 1e-3
+    mesh = {"kind": "block_on_rigid", "length": LENGTH, "height": HEIGHT, "element_size": size}
+    given = case({"order": 1, "mesh": mesh, "faults.main.contact": SPLIT, "faults.main.initial_stress.normal": 0.0})
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    state.velocity[1::2] = -speed
+    for _ in range(5):
+        motion.step(state)
+        found = motion.energies(state)
+        assert found["impact"] == pytest.approx(0.5 * RHO * LENGTH * 0.5 * size * speed**2, rel=1e-12)
+    assert state.faults["main"]["opening"].max() == 0 and state.faults["main"]["normal_stress"].min() > 0
+    assert found["frictional_dissipation"] == found["damping"] == found["boundary_work"] == 0
+    whole = 0.5 * RHO * LENGTH * HEIGHT * speed**2
+    assert found["kinetic"] + found["strain"] + found["impact"] == pytest.approx(whole, rel=1e-12)
+
+
+def test_what_collisions_lose_is_the_error_of_the_step() -> None:
+    """`collision_loss` is what is left of the work of contact when its energy and friction are taken off. With steps a
+    third of the stable ones little is: a hundredth of a wrong energy or friction would be more than all of it."""
+    bodies = {
+        name: {"kind": "rectangle", "center": [x, 0.0], "width": 2e-3, "height": 2e-3}
+        for name, x in (("left", 0.0), ("right", 2.0005e-3))
+    }
+    flight = Flight(pair(bodies, 0.5, 2e-6, {
+        "initial_velocity": {"left": [5.0, 0.0], "right": [-5.0, 3.0]},
+        "stepper": {"kind": "leapfrog", "time_step": 2e-9},
+    }))  # fmt: skip
+    rows = []
+    while flight.state.time < 2e-6:
+        flight.motion.step(flight.state)
+        rows.append(flight.motion.energies(flight.state))
+    held, loss = (np.abs([row[name] for row in rows]) for name in ("collisions", "collision_loss"))
+    assert held[-1] == 0 and held.max() > 0.1 * rows[-1]["boundary_work"]  # they have met, and are apart again
+    assert loss.max() < 5e-4 * held.max()
+    assert loss[-1] < 5e-3 * rows[-1]["frictional_dissipation"]
