@@ -6,12 +6,12 @@ import shlex
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from ruptfx import Table
+from ruptfx import Table, support
 from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.collisions import AnyCollisions
@@ -38,7 +38,7 @@ from ruptfx.schema import (
     shown_key,
 )
 from ruptfx.sliding import Sliding
-from ruptfx.steppers import AnyStepper, able
+from ruptfx.steppers import AnyStepper
 from ruptfx.stopping import StopWhen
 from ruptfx.units import Duration, Fraction, Length, Rate, Speed, Time, VaryingGap
 
@@ -49,6 +49,10 @@ FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
     "steppers", "instruments", "profiles", "phases",
 ]  # fmt: skip
+
+
+MOST_RECORDS = 1e7
+"""Records of one kind in a run; more are a mistake, a missing unit for example."""
 
 
 class FaultCase(Part):
@@ -76,11 +80,14 @@ class FaultCase(Part):
         return [value] if isinstance(value, dict) else value
 
 
-Velocity = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m/s")]
+Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")]
 
 
 class Output(Part):
-    """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots."""
+    """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots.
+
+    Records are made at the multiples of an interval, and a last one at the duration.
+    """
 
     interface_interval: Duration | None = None
     """Time between records of the interface; duration / 300 without it."""
@@ -128,9 +135,20 @@ class KelvinVoigt(Part):
     thickness: Length | None = None
     """Elements whose centre is that close to an interface; without it, those that touch one."""
 
+    @model_validator(mode="after")
+    def _one_viscosity(self) -> KelvinVoigt:
+        if self.eta is not None and self.fraction != type(self).model_fields["fraction"].default:
+            raise ValueError(
+                f"fraction = {self.fraction:g}: without effect beside eta = {self.eta:g} s; remove one of them"
+            )
+        return self
+
 
 class Damping(Part):
     """Damping of the bodies."""
+
+    waves: ClassVar[bool] = True
+    """It acts on motion, and needs a stepper that computes waves (`Stepper.inertia`)."""
 
     mass: Rate = 0.0
     """Force per mass and velocity."""
@@ -187,7 +205,7 @@ class Case(CaseFile):
     collisions: AnyCollisions | None = None
     """How pieces and bodies meet that were no neighbours; without it they pass through each other."""
     initial_velocity: dict[Name, Velocity] = {}
-    """Of bodies that fly when the run begins, by body, where bodies may break; the others are at rest."""
+    """Of bodies that move when the run begins, by body, in explicit steps; the others are at rest."""
     boundaries: list[AnyBoundary] = []
     """What acts on edges and inside of the bodies, an entry each; edges that are not named are free."""
     damping: Damping = Damping()
@@ -220,8 +238,10 @@ class Case(CaseFile):
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
         for key, boundary in self.all_boundaries():
             boundary.check(key, self.plane, allowed)
+        self._check_initial_velocity(allowed)
         self._check_stages()
         self._check_instruments(allowed)
+        self._check_intervals()
         if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):
             raise ValueError(
                 f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
@@ -238,7 +258,21 @@ class Case(CaseFile):
                     f"faults.{name}.initial_stress.tensor = {tensor}: faults.{first} has {tensors[first]}, and the "
                     "bodies have one uniform initial stress; give normal and shear where an interface carries another"
                 )
+        support.check(self)
         return self
+
+    def _check_initial_velocity(self, components: str) -> None:
+        for name, velocity in self.initial_velocity.items():
+            if len(velocity) != len(components):
+                raise ValueError(
+                    f"initial_velocity.{name} = {velocity}: plane = '{self.plane}' moves in {', '.join(components)}; "
+                    f"give {len(components)} components"
+                )
+            if self.stepper.kind() != "leapfrog":
+                raise ValueError(
+                    f"initial_velocity.{name}: steps of stepper.kind = '{self.stepper.kind()}' begin at rest; use "
+                    "'leapfrog', or leave it out"
+                )
 
     def all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
         """With their keys, those of stages as well."""
@@ -247,6 +281,13 @@ class Case(CaseFile):
         for number, stage in enumerate(self.stages):
             for index, boundary in enumerate(stage.boundaries or []):
                 yield f"stages.{number}.boundaries.{index}", boundary
+
+    def all_dampings(self) -> Iterator[tuple[str, Damping]]:
+        """With their keys, those of stages as well."""
+        yield "damping", self.damping
+        for number, stage in enumerate(self.stages):
+            if stage.damping is not None:
+                yield f"stages.{number}.damping", stage.damping
 
     def _check_instruments(self, allowed: str) -> None:
         seen = set[str]()
@@ -259,15 +300,22 @@ class Case(CaseFile):
                 )
             seen.add(instrument.name)
 
+    def _check_intervals(self) -> None:
+        given = {f"output.{name}_interval": getattr(self.output, f"{name}_interval") for name in self.intervals}
+        given |= {f"instruments.{number}.interval": each.interval for number, each in enumerate(self.instruments)}
+        for key, interval in given.items():
+            if interval is not None and self.duration / interval > MOST_RECORDS:
+                raise ValueError(
+                    f"{key} = {interval:g} s: {self.duration / interval:.3g} records in {self.duration:g} s, and at "
+                    f"most {MOST_RECORDS:g} are made; give at least {1.01 * self.duration / MOST_RECORDS:.3g} s"
+                )
+
     def _check_stages(self) -> None:
         if not self.stages:
             return
         together = sum(stage.duration for stage in self.stages)
         if abs(together - self.duration) > 1e-9 * self.duration:
             raise ValueError(f"duration = {self.duration:g} s: the stages last {together:g} s together; give that")
-        if not self.stepper.staged:
-            kind = self.stepper.kind()
-            raise ValueError(f"stepper.kind = '{kind}': its steps take no stages; use {able('staged')}")
         ties = [boundary for boundary in self.boundaries if boundary.tied_edges is not None]
         for number, stage in enumerate(self.stages):
             if stage.boundaries is not None and [b for b in stage.boundaries if b.tied_edges is not None] != ties:
@@ -281,37 +329,21 @@ class Case(CaseFile):
             return
         if self.plane not in ("stress", "strain"):
             raise ValueError(f"large_rotations: plane = '{self.plane}': in plane stress and plane strain only")
-        if self.stepper.kind() != "leapfrog":
-            kind = self.stepper.kind()
-            raise ValueError(f"large_rotations: stepper.kind = '{kind}' is for small ones; use 'leapfrog'")
         if self.faults:
             raise ValueError(
                 f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
                 "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
             )
-        if self.fracture is not None and self.fracture.rigid:
-            kind = self.fracture.kind()
-            raise ValueError(f"large_rotations: fracture.kind = '{kind}' is for small ones; use 'everywhere'")
-        stages = [stage.damping for stage in self.stages if stage.damping is not None]
-        if any(damping.kelvin_voigt is not None for damping in (self.damping, *stages)):
+        if any(damping.kelvin_voigt is not None for _, damping in self.all_dampings()):
             raise ValueError("large_rotations: damping.kelvin_voigt would resist rotation; use damping.mass, or none")
 
     def _check_fracture(self) -> None:
-        if self.collisions is not None:
-            if self.fracture is None or not self.large_rotations:
-                raise ValueError(
-                    "collisions: what moves far may turn and break; add the table [fracture], and large_rotations = "
-                    "true before the first table"
-                )
-            if self.fracture.kind() != "everywhere":
-                raise ValueError(f"collisions: fracture.kind = '{self.fracture.kind()}' has no springs to go by; use "
-                                 "'everywhere'")
+        if self.collisions is not None and (self.fracture is None or not self.large_rotations):
+            raise ValueError(
+                "collisions: what moves far may turn and break; add the table [fracture], and large_rotations = "
+                "true before the first table"
+            )
         if self.fracture is None:
-            if self.initial_velocity:
-                raise ValueError(
-                    f"initial_velocity.{next(iter(self.initial_velocity))}: bodies fly where they may break; add the "
-                    "table [fracture]"
-                )
             return
         if self.plane not in ("stress", "strain"):
             raise ValueError(f"plane = '{self.plane}': bodies break in plane stress and plane strain only")
@@ -322,12 +354,6 @@ class Case(CaseFile):
                 f"faults.{next(iter(self.faults))}: bodies that break have no interfaces of their own yet; make the "
                 "interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"] without cohesion"
             )
-        if self.stepper.kind() != "leapfrog":
-            kind = self.stepper.kind()
-            raise ValueError(f"stepper.kind = '{kind}': bodies break in explicit steps only; use 'leapfrog'")
-        for key, boundary in self.all_boundaries():
-            if boundary.tied_edges is not None:
-                raise ValueError(f"{key}.kind = '{boundary.kind()}': bodies that break cannot be tied; leave it out")
 
     def _check_axisymmetric(self) -> None:
         if self.plane != "axisymmetric":
@@ -347,6 +373,16 @@ class Case(CaseFile):
         dim = 3 if self.plane == "solid" else 2
         given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
         return next((tensor for tensor in given if tensor is not None), None)
+
+    @property
+    def intervals(self) -> dict[str, float]:
+        """Time between records [s] by what is recorded: interfaces, bodies, and forces where they are means."""
+        output = self.output
+        found = {
+            "interface": output.interface_interval or self.duration / 300,
+            "bulk": output.bulk_interval or self.duration / 6,
+        }
+        return found if output.forces_interval is None else {**found, "forces": output.forces_interval}
 
     @property
     def impact_speed(self) -> float:

@@ -26,6 +26,7 @@ from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.crack_files import SNAPSHOTS
 from ruptfx.recording.recorder import Recorder
 from ruptfx.recording.sampling import Samples
+from ruptfx.recording.schedule import count
 
 if TYPE_CHECKING:
     from ruptfx.instruments import Channel, Instrument
@@ -91,7 +92,7 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
             step = _each(run.step, SECONDS, FEWEST, left)
             of_record = _each(run.step_and_record, 0.2 * SECONDS, 2) - step
             of_snapshot = _each(run.snapshot, 0.1 * SECONDS, 1)
-    records, snapshots = _counts(case, steps)
+    records, snapshots = counts(case, steps)
     total = min(started, START * pace) + built - started + opening + max((steps or 0) - 1, 0) * step
     total += max(records - 2, 0) * max(of_record, 0.0) + max(snapshots - 1, 0) * of_snapshot + ANALYSIS * pace
     memory = largest_memory()
@@ -143,7 +144,7 @@ class _Beginning:
     def _record(self, what: str) -> None:
         """Make the recorder believe that this is due."""
         self.recorder.next = NEVER | {what: 0}
-        self.recorder.last = -1.0
+        self.recorder.last[what] = -1.0
         self.recorder.record(self.state)
         self.recorder.meet()
 
@@ -169,7 +170,7 @@ def _once(action: Callable[[], object]) -> float:
 def _bytes_of_files(model: Model, steps: int | None) -> float:
     """Numbers in interface.h5, bulk.h5 (before compression) and instruments.h5 and, as text of 20, in energy.csv."""
     case = model.case
-    records, snapshots = _counts(case, steps)
+    records, snapshots = counts(case, steps)
     numbers = 0.0
     for fault in model.faults:
         recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
@@ -192,13 +193,14 @@ def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
     return Samples(model, dt, BulkFields(model).initial_stress_at).instruments
 
 
-def _counts(case: Case, steps: int | None) -> tuple[float, float]:
-    """How many records of the interfaces and snapshots of the bodies a run makes."""
-    output, most = case.output, np.inf if steps is None else steps + 1
-    records = case.duration / (output.interface_interval or case.duration / 300) + 1
-    if steps is not None and output.interface_steps is not None:
-        records += steps / output.interface_steps
-    return min(records, most), min(case.duration / (output.bulk_interval or case.duration / 6), most)
+def counts(case: Case, steps: int | None) -> tuple[int, int]:
+    """Return the numbers of records of the interfaces and of snapshots of the bodies, at most one of each step."""
+    records, snapshots = (count(case.intervals[what], case.duration) for what in ("interface", "bulk"))
+    if steps is None:
+        return 1 + records, snapshots
+    every = case.output.interface_steps
+    records += 0 if every is None else steps // every
+    return 1 + min(records, steps), min(snapshots, steps)
 
 
 def work_of_figures(case: Case) -> dict[str, int]:

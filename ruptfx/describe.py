@@ -7,7 +7,7 @@ import inspect
 import re
 import typing
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import BaseModel
@@ -127,15 +127,42 @@ def entries(topic: str) -> Iterator[Entry]:
             yield Entry(kind, "", "", {}, [], reason)
 
 
-def describe_topic(topic: str) -> Iterator[RenderableType]:
-    """What the command prints, one block per kind or table.
+def entries_of(what: str) -> Iterator[Entry]:
+    """Return the entries of a topic, or those of one kind: `coulomb`, or `boundaries.driven` where two folders have it.
 
     Raises
     ------
     RuptfxError
-        No such topic.
+        No such topic or kind.
     """
-    for entry in entries(topic):
+    topic, _, kind = what.rpartition(".")
+    places = [each for each in TOPICS if each in (*FOLDERS, *CLASSES) and topic in ("", each)]
+    if what in TOPICS or not any(kind in names_of(each) for each in places):
+        if what not in TOPICS:
+            known = [*TOPICS, *(name for each in places for name in names_of(each))]
+            raise RuptfxError(f"describe {what}: {nearest(what, known)}")
+        yield from entries(what)
+        return
+    for each in places:
+        if kind in names_of(each):
+            related = (entry for entry in entries(each) if entry.name == kind or entry.name.startswith(f"{kind}."))
+            yield from (replace(entry, name=f"{each}.{entry.name}") for entry in related)
+
+
+def names_of(topic: str) -> list[str]:
+    """Return the kinds of a topic without loading them."""
+    return [*(kinds(f"ruptfx.{topic}") if topic in FOLDERS else ()), *CLASSES.get(topic, {})]
+
+
+def describe_topic(what: str) -> Iterator[RenderableType]:
+    """Return the blocks that the command prints, one per kind or table.
+
+    Raises
+    ------
+    RuptfxError
+        No such topic or kind.
+    """
+    for entry in entries_of(what):
         if entry.problem:
             yield Panel(Text(entry.problem), title=Text(f"{entry.name} (broken)"), title_align="left", style="red")
             continue
@@ -276,4 +303,19 @@ def _default(field: FieldInfo) -> str:
         return default.kind()
     if isinstance(default, BaseModel) or default is None or default in ({}, [], ""):
         return ""
-    return str(default) if not isinstance(default, float) else f"{default:g}"
+    if isinstance(default, dict) and default.keys() == {"kind"}:
+        return str(default["kind"])
+    return _as_toml(default)
+
+
+def _as_toml(value: object) -> str:
+    """Return a default in the words of a case file."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_as_toml(inner)}" for key, inner in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_as_toml, value)) + "]"
+    return str(value)

@@ -78,9 +78,9 @@ class InitialStress(Part):
         if self.shear is not None:
             shear[:, 0] = evaluate(given.shear, face.position)
             if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
-                raise CaseError(
-                    "initial_stress.shear: the law's initial slip rate and state carry another; give two of three"
-                )
+                keys = [f"friction.{name}" for name in type(law).model_fields if name.endswith("_initial")]
+                others = " and ".join(keys)
+                raise CaseError(f"initial_stress.shear: {others} carry another; give two of the three")
         elif carried is not None:
             shear[:, 0] = carried
         return normal, shear

@@ -1,16 +1,33 @@
-"""Numbers from text files: what is wrong with one names the file and the line."""
+"""Numbers from text files, in SI units; errors name the file and the line.
+
+A header may give the unit of a column: `time (us)`, `time [us]`, `t/us`, `time us`, `time_us`, or units alone in a line
+below the names. A column whose header has no unit is in SI units.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 from pydantic import ValidationInfo
 
+from ruptfx.quantities import OtherKind, factor
 
-def number(word: str | None, path: str | Path, line: int) -> float:
-    """A finite number.
+Units = tuple[str, str | None]
+
+MOST_BYTES = 100_000_000  # of a file with numbers
+
+_BRACKETED = re.compile(r"(.*?)[\s/]*[(\[]([^()\[\]]*)[)\]]")
+_NAMES = ("min", "bar", "deg", "rad")  # units that are words of names, too: x_min
+_SLASHED = re.compile(r"(\S.*?)\s*/\s*(\S.*)")
+
+
+def number(word: str | None, path: str | Path, line: int, scale: Fraction | int = 1) -> float:
+    """A finite number, times the factor of its column.
 
     Raises
     ------
@@ -22,7 +39,137 @@ def number(word: str | None, path: str | Path, line: int) -> float:
         value = np.nan
     if not np.isfinite(value):
         raise ValueError(f"line {line} of {path}: {(word or '').strip()!r} is not a finite number")
-    return value
+    # In exact arithmetic, so that 60 in microseconds is the very number 60e-6.
+    return value if scale == 1 else float(Fraction(Decimal((word or "").strip())) * scale)
+
+
+def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
+    """Name of a column and the factor of its numbers to a unit, None where its header gives no unit.
+
+    Parameters
+    ----------
+    cell : str
+        Header of the column.
+    unit : str or None
+        The unit that is wanted; None for the SI unit of whatever the header says.
+
+    Raises
+    ------
+    ValueError
+        An unknown unit, or one of another kind.
+    """
+    cell = cell.strip().strip("\"'").strip()
+    if found := _BRACKETED.fullmatch(cell):
+        text = found[2].strip()
+        return found[1], factor("1" if text in ("", "-") else text, unit)
+    # Without brackets a word may be part of the name: it is a unit if it is one of the right kind.
+    *words, last = cell.split() or [""]
+    likely = [("", cell), (" ".join(words), last)]
+    *words, last = cell.replace("_per_", "/").split("_")
+    if len(words) > 1:
+        likely.append(("_".join(words[:-1]), f"{words[-1]}/{last}"))
+    if words:
+        likely.append(("_".join(words), last))
+    for name, text in likely:
+        scale = _factor_or_none(text, unit)
+        if scale is not None:
+            return name, scale
+    if found := _SLASHED.fullmatch(cell):
+        return found[1], factor(found[2], unit)
+    return cell, None
+
+
+def _factor_or_none(text: str, unit: str | None) -> Fraction | None:
+    """Factor of a text that is a unit of the right kind, else None.
+
+    Raises
+    ------
+    ValueError
+        A unit with a prefix, of another kind.
+    """
+    if unit is None or not text or (re.search(r"\d", text) and "/" not in text):  # v_1, x2 are names
+        return None
+    try:
+        return factor(text, unit)
+    except OtherKind:
+        if len(text) > 1 and "/" not in text and text not in _NAMES:  # t/us is no unit, but a name and one
+            raise
+    except ValueError:
+        pass
+    return None
+
+
+def factors(
+    above: Sequence[tuple[int, str]], units: Sequence[str | None], given: int, path: str | Path
+) -> list[Fraction | None]:
+    """Factor of each column to its unit, from the header; None where it gives no unit.
+
+    Parameters
+    ----------
+    above : sequence of (int, str)
+        Lines above the first number, with their numbers; the last that gives units is the header.
+    units : sequence of str or None
+        Those wanted of the columns.
+    given : int
+        How many columns the numbers have. A comment is a header only if it has as many cells as they or `units`.
+
+    Raises
+    ------
+    ValueError
+        A header with an unknown unit, or one of another kind.
+    """
+    for line, content in reversed(above):
+        cells = _cells(content.lstrip("#").strip(), len(units))
+        comment = content.startswith("#")
+        if len(cells) < len(units) or (comment and len(cells) not in (len(units), given)):
+            continue
+        found = [_name_and_factor(cell, unit, f"line {line} of {path}, column {column}")[1]
+                 for column, (cell, unit) in enumerate(zip(cells, units, strict=False), 1)]  # fmt: skip
+        if any(scale is not None for scale in found):
+            return found
+    return [None] * len(units)
+
+
+def named_columns(
+    header: Sequence[str], units: Mapping[str, str], path: str | Path, line: int
+) -> dict[str, tuple[int, Fraction | int]]:
+    """Number and factor of each column that a header names, alone or with a unit; the others are left out.
+
+    Raises
+    ------
+    ValueError
+        A unit that is unknown, or of another kind.
+    """
+    found: dict[str, tuple[int, Fraction | int]] = {}
+    for column, cell in enumerate(header):
+        for name, unit in units.items():
+            if cell.strip() == name:
+                found[name] = column, 1
+            elif re.match(rf"{name}[\s/_(\[]", cell.strip()):
+                called, scale = _name_and_factor(cell, unit, f"line {line} of {path}, column {column + 1}")
+                if called.strip() == name and scale is not None:
+                    found.setdefault(name, (column, scale))
+    return found
+
+
+def _name_and_factor(cell: str, unit: str | None, where: str) -> tuple[str, Fraction | None]:
+    try:
+        return name_and_factor(cell, unit)
+    except ValueError as error:
+        wanted = f"({unit}) or a multiple" if unit else "(m)"
+        raise ValueError(
+            f"{where}, {cell.strip()!r}: {error}; write the unit in brackets behind the name, {wanted}"
+        ) from None
+
+
+def _cells(text: str, columns: int) -> list[str]:
+    """Cells of a header, between semicolons, commas, tabs, closing brackets or else blanks."""
+    if columns == 1:
+        return [text.rstrip(";,")]
+    separator = next((mark for mark in ";,\t" if mark in text), None)
+    if separator is None and re.search(r"[(\[]", text):
+        return re.findall(r"[^()\[\]]*[(\[][^()\[\]]*[)\]]", text)
+    return text.split(separator)
 
 
 def is_number(word: str) -> bool:
@@ -48,28 +195,51 @@ def require_increasing(values: Sequence[float] | np.ndarray, lines: Sequence[int
         )
 
 
-def two_columns(path: Path, first: str) -> tuple[list[float], list[float]]:
-    """The first two columns of a CSV file, `first` (which increases) and values.
+def text_of(path: Path) -> str:
+    """Return the text of a file that a case names.
 
-    Lines before the first number and lines that begin with # are skipped.
+    Raises
+    ------
+    ValueError
+        It cannot be read, is a device or a pipe, or too large.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise ValueError(f"{path}: cannot be read: it is no regular file; give a file with numbers")
+        if (size := path.stat().st_size) > MOST_BYTES:
+            raise ValueError(
+                f"{path}: has {size / 1e6:.0f} MB, and files with numbers at most {MOST_BYTES / 1e6:.0f}; leave out "
+                "columns or rows"
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None
+
+
+def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list[float]]:
+    """The first two columns of a CSV file, `first` (which increases) and values, in the units wanted.
+
+    Lines before the first number and lines that begin with # are skipped, but for the units of the header.
 
     Raises
     ------
     ValueError
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from None
+    text = text_of(path)
     rows: list[list[float]] = []
     lines: list[int] = []
+    above: list[tuple[int, str]] = []
+    scales: list[Fraction | int] = []
     for line, content in enumerate(text.splitlines(), 1):
         words = content.split(";" if ";" in content else ",")
         if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
+            above.append((line, content))
             continue
         if len(words) < 2:
             raise ValueError(f"line {line} of {path}: two columns are needed, {first} and value")
-        rows.append([number(word, path, line) for word in words[:2]])
+        if not rows:
+            scales = [scale or 1 for scale in factors(above, units, len(words), path)]
+        rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=False)])
         lines.append(line)
     if len(rows) < 2:
         raise ValueError(f"{path}: at least two lines with a {first} and a value are needed, found {len(rows)}")
@@ -78,7 +248,7 @@ def two_columns(path: Path, first: str) -> tuple[list[float], list[float]]:
     return list(column), list(values)
 
 
-def with_file_read(values: object, info: ValidationInfo, key: str, first: str) -> object:
+def with_file_read(values: object, info: ValidationInfo, key: str, first: str, units: Units) -> object:
     """Tables of a part that may give a `file` instead of two lists: `key` and values; then with those of the file.
 
     Parameters
@@ -89,6 +259,8 @@ def with_file_read(values: object, info: ValidationInfo, key: str, first: str) -
         Its context knows the directory of the case.
     key, first : str
         Name of the first list, and what one of its numbers is.
+    units : (str, str or None)
+        Those of the two columns, of which headers may give multiples.
 
     Raises
     ------
@@ -98,5 +270,5 @@ def with_file_read(values: object, info: ValidationInfo, key: str, first: str) -
         return values
     if values.get(key) or values.get("values"):
         raise ValueError(f"give either a file or {key} and values")
-    column, found = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), first)
+    column, found = two_columns(Path((info.context or {}).get("directory") or ".", values["file"]), first, units)
     return {**{name: value for name, value in values.items() if name != "file"}, key: column, "values": found}

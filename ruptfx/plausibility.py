@@ -10,6 +10,7 @@ import numpy as np
 from ruptfx.boundaries.absorbing import Absorbing
 from ruptfx.boundaries.incident_wave import IncidentWave
 from ruptfx.fault import Fault
+from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.schema import unit_of
 
@@ -60,7 +61,7 @@ def slow_records(model: Model, label: str, zone: float) -> Iterator[Doubt]:
     """Records further apart than a process zone needs to pass a point at the Rayleigh or shear wave speed."""
     if not model.case.stepper.inertia:
         return
-    interval = model.case.output.interface_interval or model.case.duration / 300
+    interval = model.case.intervals["interface"]
     speeds = [material.wave_speeds(model.case.plane) for material in model.materials]
     passing = zone / min(speed.c_R for speed in speeds)
     if interval > passing and model.case.output.interface_steps is None:
@@ -90,22 +91,32 @@ def _echoes(model: Model) -> Iterator[Doubt]:
     """Edges that reflect and lie away from the interfaces: when what they send back arrives at one."""
     absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
     open_edges = {boundary.edge for boundary in absorbing}
-    fastest = max(float(m.wave_speeds(model.case.plane).c_p) for m in model.materials)
-    points = [fault.interface.points for fault in model.faults if len(fault.interface.points)]
-    if not points:
+    faces = [fault.interface for fault in model.faults if len(fault.interface.points)]
+    if not faces:
         return
     extent = float(np.max(np.ptp(model.coordinates, axis=0)))
+    explained = ""
     for name in model.bodies.edges:
         nodes = model.loads.edge(name, "boundaries").nodes
         if name in open_edges or not len(nodes):
             continue
+        body = model.layout.body[nodes[0]]
+        near = [face.points for face in faces if body in _bodies(model, face)]
         x = model.coordinates[nodes]
+        points = near or [face.points for face in faces]
         distance = min(float(np.min(np.linalg.norm(x[:, None] - own[None], axis=2))) for own in points)
-        arrival = 2 * distance / fastest
+        arrival = 2 * distance / float(model.materials[body].wave_speeds(model.case.plane).c_p)
         if distance > 1e-6 * extent and arrival < model.case.duration:
             yield Doubt(
-                f"{name}: echo", arrival, "s",
+                f"{name}: echo", arrival, "s", f"as of {explained}" if explained else
                 f"the run lasts {model.case.duration:.3g} s: waves that this edge reflects are back at the interface "
                 "before its end; make the body larger, or the edge absorbing, unless they belong to the experiment",
                 likely_meant=True,
             )  # fmt: skip
+            explained = explained or name
+
+
+def _bodies(model: Model, face: Interface) -> np.ndarray:
+    """Numbers of the bodies on both sides of an interface."""
+    sides = [face.plus, face.minus] if face.other_side == "meshed" else [face.plus]
+    return np.unique(model.layout.body[np.concatenate(sides)])

@@ -12,8 +12,10 @@ import numpy as np
 
 from ruptfx import fem, parallel, stages
 from ruptfx.analysis import fracture, rough_contact
+from ruptfx.boundaries import Boundary, EdgeBoundary
+from ruptfx.boundaries._history import Samples
 from ruptfx.case import Case, FaultCase
-from ruptfx.cost import available, measured, need_memory, rehearse
+from ruptfx.cost import available, counts, measured, need_memory, rehearse
 from ruptfx.cracks import CrackLaws
 from ruptfx.cracks._step import CrackStep
 from ruptfx.cracks.on_strength import OnStrength
@@ -42,6 +44,7 @@ NODES_PER_WAVELENGTH = 5
 COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
 FAR_COARSER = 4.0  # of the spacing of nodes that are faced, over that of those that carry points
 STEEP = 0.2
+LONG_AFTER = 100  # times the run: where samples end that are hardly in seconds
 STIFF = 1.5  # of the stable step without the springs of an interface over that with them
 FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
 RESOLVED, LOST = 2.0, 0.2  # facets that a process zone of a crack should have, and must
@@ -93,6 +96,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
     else:
         yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
+    yield from _load_rows(case)
     for fault in model.faults:
         if len(fault.interface.plus):
             yield from _fault_rows(model, fault)
@@ -112,7 +116,20 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row("collisions: cells that may meet", model.collisions.cells(), "",
                   f"of {model.mesh.topology.index_map(2).size_global}, at the start; every facet that fails adds two")
     yield from (_doubtful(doubt) for doubt in doubts(model))
+    yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
+
+
+def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
+    """Numbers of records and snapshots."""
+    for what, number in zip(("interface", "bulk"), counts(case, steps), strict=True):
+        interval, key = case.intervals[what], f"output.{what}_interval"
+        note = f"every {interval:.6g} s, and at the end" if interval < case.duration else "of the end alone"
+        if what == "interface":
+            note = note.replace("of the end alone", "of the start and the end alone")
+            every = case.output.interface_steps
+            note += "" if every is None else f"; also every {every} steps" + ", not counted here" * (steps is None)
+        yield Row(f"records: {what}", number, "", f"{note}; {key}")
 
 
 def _crack_rows(model: Model, cracks: CrackStep, dt: float) -> Iterator[Row]:
@@ -230,55 +247,155 @@ def _pairing(model: Model) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
-    """Strength, S ratio, process zone and nucleation length of one fault.
+def _load_rows(case: Case) -> Iterator[Row]:
+    """Samples in time that boundaries follow: how many, and what of them the run sees."""
+    given = [("boundaries", case.boundaries, case.duration)]
+    if case.stages:
+        given = [
+            ("boundaries", case.boundaries, stage.duration) if stage.boundaries is None else
+            (f"stages.{number}.boundaries", stage.boundaries, stage.duration)
+            for number, stage in enumerate(case.stages)
+        ]  # fmt: skip
+    for key, boundaries, end in given:
+        for number, boundary in enumerate(boundaries):
+            if boundary.samples is not None:
+                yield _samples_row(f"{key}.{number}: samples", boundary, boundary.samples, end)
 
-    At its middle point or, where that slips at once, at the nearest point that does not.
-    """
+
+def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float) -> Row:
+    first, last = samples.times[0], samples.times[-1]
+    low, high = samples.until(end)
+    unit = "" if samples.unit == "1" else f" {samples.unit}"
+    where = f"{boundary.kind()}, {boundary.edge}" if isinstance(boundary, EdgeBoundary) else boundary.kind()
+    note = f"{where}: {first:.4g} to {last:.4g} s; the run sees {low:.4g} to {high:.4g}{unit} in {end:.4g} s"
+    if last > LONG_AFTER * end:
+        note += f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as " \
+                "'time (us)' says so"
+    elif first >= end:
+        note += "; the run ends before the first: a longer duration, or earlier times"
+    elif last < end * (1 - 1e-9) and not samples.held:
+        note += "; they end before the run, and not at rest: more samples, or a shorter duration"
+    else:
+        return Row(quantity, len(samples.times), "", note)
+    return Row(quantity, len(samples.times), "", note, "warning")
+
+
+def _fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
+    """Strength, S ratio, process zone and critical lengths of one fault, at the nucleation and at its weakest place."""
     face, label = fault.interface, f"faults.{fault.name}"
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
     yield from _position_rows(model, fault)
-    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
-    state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
-    zero = np.zeros(len(face.plus))
-    strength = TracedLaw(fault.friction)(zero, np.maximum(fault.normal_stress_0, 0.0), state, 0.0).strength
-    if fault.cohesion is not None:
-        strength = strength + fault.cohesion.c
-    slips = shear > strength * (1 + 1e-12)
-    distance = np.abs(face.position - 0.5 * (face.line.first + face.line.last))
-    middle = int(np.argmin(np.where(slips & ~slips.all(), np.inf, distance)))
-    sigma, tau, peak = (float(values[middle]) for values in (fault.normal_stress_0, shear, strength))
-    yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, at position {face.position[middle]:.4g} m")
+    rest = _at_rest(fault)
     if any(material.lame(model.case.plane) is None for material in model.materials):
         yield Row(
             f"{label}: lengths and limits", "estimates", "",
             "formulas for isotropic bodies, with the wave speeds along x", "warning",
         )  # fmt: skip
+    if rest.slips.any() and not isinstance(fault.friction.lengths(fault.normal_stress_0, 1.0), RateDependence):
+        ratio = float(np.max(rest.shear[rest.slips] / np.maximum(rest.strength[rest.slips], 1e-300)))
+        where = "everywhere" if rest.slips.all() else f"at {np.count_nonzero(rest.slips)} points"
+        yield Row(f"{label}: shear / strength", ratio, "", f"it slips from the first step {where}", "warning")
+    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed) or 1.0
+    lengths = fault.friction.lengths(fault.normal_stress_0, rate)
+    start, weakest = _judged_points(model, fault, rest, lengths)
+    found = {row.quantity: row for row in _rows_at(model, fault, rest, lengths, rate, start, spacing)}
+    yield from found.values()
+    if weakest == start:
+        return
+    for row in _rows_at(model, fault, rest, lengths, rate, weakest, spacing):
+        same = found.get(row.quantity)
+        if same is None or row.value != same.value:
+            yield replace(row, quantity=row.quantity.replace(label, f"{label}, weakest place", 1))
+
+
+@dataclass(frozen=True)
+class _AtRest:
+    """Shear stress and strength of the points of a fault before the first step [Pa], and which of them slip at once."""
+
+    shear: np.ndarray
+    strength: np.ndarray
+    slips: np.ndarray
+
+
+def _at_rest(fault: Fault) -> _AtRest:
+    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
+    state = {name: value for name, value in fault.initial_state().items() if name in fault.friction.all_state_fields()}
+    zero = np.zeros(len(fault.interface.plus))
+    strength = TracedLaw(fault.friction)(zero, np.maximum(fault.normal_stress_0, 0.0), state, 0.0).strength
+    if fault.cohesion is not None:
+        strength = strength + fault.cohesion.c
+    return _AtRest(shear, strength, shear > strength * (1 + 1e-12))
+
+
+def _judged_points(
+    model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None
+) -> tuple[int, int]:
+    """Numbers of the points at which a fault is judged, among those that do not slip at once, if there are any.
+
+    The first is the nearest to the nucleation; without one it is the weakest, too. The weakest has the largest shear
+    over strength, where strength depends on the slip rate the largest (b - a) sigma; of several the nearest to the
+    nucleation or to the middle.
+    """
+    face = fault.interface
+    begins = _nucleation_position(model, fault, rest)
+    middle = 0.5 * (face.line.first + face.line.last) if begins is None else begins
+    distance = np.abs(face.position - middle)
+    allowed = ~rest.slips if not rest.slips.all() else np.ones(len(distance), dtype=bool)
+    if isinstance(lengths, RateDependence):
+        scores = [np.broadcast_to(lengths.weakening, distance.shape)]
+    else:
+        scores = [rest.shear / np.maximum(rest.strength, 1e-300), -rest.strength]
+    best = allowed
+    for score in scores:
+        most = np.max(np.nan_to_num(score[best], nan=-np.inf))
+        close = score >= most - 1e-9 * abs(most)
+        best = best & (close if np.any(best & close) else True)  # numbers that overflow tell no point from another
+    weakest = int(np.argmin(np.where(best, distance, np.inf)))
+    start = weakest if begins is None else int(np.argmin(np.where(allowed, distance, np.inf)))
+    return start, weakest
+
+
+def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | None:
+    """Position where a rupture is started [m]: the center of a nucleation, its largest load, or what slips at once."""
+    position = fault.interface.position
+    for nucleation in model.placed[fault.name].nucleation:
+        center = getattr(nucleation, "center", None)
+        if isinstance(center, float):
+            return center
+        added = np.abs(nucleation.shear_traction(position, model.case.duration))
+        if added.any():
+            return float(position[added >= added.max() * (1 - 1e-9)].mean())
+    return float(position[rest.slips].mean()) if rest.slips.any() and not rest.slips.all() else None
+
+
+def _rows_at(
+    model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float, point: int,
+    spacing: float,
+) -> Iterator[Row]:  # fmt: skip
+    """Strength, S ratio, process zone and critical lengths at one point of a fault."""
+    face, label = fault.interface, f"faults.{fault.name}"
+    sigma, tau, peak = (float(values[point]) for values in (fault.normal_stress_0, rest.shear, rest.strength))
+    where = f"at {'x' if face.line.measure == 'x' else 'position'} = {face.position[point]:.4g} m"
+    yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, {where}")
     slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
     speeds = slowest.wave_speeds(model.case.plane)
     modulus = slowest.density * speeds.c_s**2
     if model.case.plane != "antiplane":
         modulus = fracture.effective_modulus(modulus, speeds.c_p, speeds.c_s)
     if fault.cohesion is not None:
-        yield from _bond_rows(label, fault, middle, sigma, modulus, spacing)
-    rate = max(_expected_slip_rate(model, fault), model.case.impact_speed) or 1.0
-    lengths = fault.friction.lengths(fault.normal_stress_0, rate)
+        yield from _bond_rows(label, fault, point, sigma, modulus, spacing)
     if isinstance(lengths, RateDependence):
-        yield from _rate_rows(label, _at(lengths, middle), sigma, modulus, spacing)
+        yield from _rate_rows(label, _at(lengths, point), sigma, modulus, spacing, where)
         return
-    yield Row(f"{label}: strength at rest", peak, "Pa")
-    if slips.any():
-        ratio = float(np.max(shear[slips] / np.maximum(strength[slips], 1e-300)))
-        where = "everywhere" if slips.all() else f"at {np.count_nonzero(slips)} points"
-        yield Row(f"{label}: shear / strength", ratio, "", f"it slips from the first step {where}", "warning")
+    yield Row(f"{label}: strength at rest", peak, "Pa", where)
     if lengths is None:
         yield Row(f"{label}: process zone", "none", "", f"{fault.friction.kind()} has no length of its own")
         return
     other, note = fault.friction.lengths(fault.normal_stress_0, 2 * rate), ""
     if isinstance(other, Breakdown) and np.any(other.energy != lengths.energy):
-        note = f"over a drop of {_at(lengths, middle).drop:.4g} Pa, at a slip rate of {rate:.3g} m/s: it depends on it"
-    yield from _breakdown_rows(label, _at(lengths, middle), tau, note, modulus, spacing, fault, model)
+        note = f"over a drop of {_at(lengths, point).drop:.4g} Pa, at a slip rate of {rate:.3g} m/s: it depends on it"
+    yield from _breakdown_rows(label, _at(lengths, point), tau, note, modulus, spacing, fault, model, where)
 
 
 def _bond_rows(
@@ -574,12 +691,13 @@ def _at(lengths: AnyLengths, point: int) -> AnyLengths:
 
 
 def _breakdown_rows(
-    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: Model
+    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: Model,
+    where: str,
 ) -> Iterator[Row]:
     """S, critical lengths and process zone, for laws that lose strength with slip."""
     if law.drop <= 0:
         why = "does not weaken" if law.residual > 0 else "no strength at the start"
-        yield Row(f"{label}: strength drop", law.drop, "Pa", why)
+        yield Row(f"{label}: strength drop", law.drop, "Pa", f"{why}; {where}")
         return
     yield Row(f"{label}: fracture energy", law.energy, "J/m2", note)
     if tau > law.residual:
@@ -592,13 +710,15 @@ def _breakdown_rows(
                 limit, source = fracture.supershear_limit(*model.wave_speeds()), "Burridge 1973; Andrews 1985"
             verdict = "may go supershear" if ratio < limit else "stays sub-Rayleigh"
             verdict += f" (limit {limit:.4g}, {source})"
-        yield Row(f"{label}: S", ratio, "", verdict)
+        yield Row(f"{label}: S", ratio, "", f"{verdict}; {where}")
         critical = fracture.critical_half_length(law.energy, 2 * modulus, tau - law.residual)
-        yield Row(f"{label}: critical half-length", critical, "m", "Griffith, under the stress drop (Andrews 1976)")
+        why = "Griffith, under the stress drop (Andrews 1976)"
+        yield Row(f"{label}: critical half-length", critical, "m", f"{why}; {where}")
         nucleation = law.nucleation(modulus)
-        yield Row(f"{label}: nucleation half-length", nucleation, "m", "under slow loading (Uenishi and Rice 2003)")
+        why = "under slow loading (Uenishi and Rice 2003)"
+        yield Row(f"{label}: nucleation half-length", nucleation, "m", f"{why}; {where}")
     zone = law.process_zone(modulus)
-    yield Row(f"{label}: static process zone", zone, "m", "shrinks as 1/A_II with rupture speed")
+    yield Row(f"{label}: static process zone", zone, "m", f"shrinks as 1/A_II with rupture speed; {where}")
     yield _points_row(f"{label}: points in it", zone, spacing, 5)
     yield from (_doubtful(doubt) for doubt in slow_records(model, label, zone))
     stiffness = fault.contact.stiffness()[1]
@@ -608,21 +728,23 @@ def _breakdown_rows(
             "with slip than the springs of the contact unload, so that slip jumps within a step; take a stiffer "
             "contact, split_node, or a longer slip weakening", "warning",
         )  # fmt: skip
-    if fault.contact.explicit and not any(fault.contact.stiffness()) and model.viscosity is None:
+    if "explicit" in model.case.stepper.ways and not any(fault.contact.stiffness()) and model.viscosity is None:
         yield Row(
             f"{label}: damping", "none", "", "split nodes make grid noise behind a sharp front; "
             "damping.kelvin_voigt = { fraction = 0.2 } takes most of it away (Day et al. 2005)", "warning",
         )  # fmt: skip
 
 
-def _rate_rows(label: str, law: RateDependence, sigma: float, modulus: float, spacing: float) -> Iterator[Row]:
+def _rate_rows(
+    label: str, law: RateDependence, sigma: float, modulus: float, spacing: float, where: str
+) -> Iterator[Row]:
     """Critical stiffness and lengths, for laws that change with the rate of slip."""
     if sigma <= 0:
         yield Row(f"{label}: L_b", "none", "", "the interface is open there")
         return
     weakens = law.weakening > 0
     verdict = "velocity weakening" if weakens else "velocity strengthening: stable"
-    yield Row(f"{label}: b - a", law.weakening / sigma, "", verdict)
+    yield Row(f"{label}: b - a", law.weakening / sigma, "", f"{verdict}; {where}")
     zone = law.process_zone(modulus)
     yield Row(f"{label}: L_b", zone, "m", "G* D_c / (b sigma), the process zone (Dieterich 1992)")
     yield _points_row(f"{label}: points in L_b", zone, spacing, 3)

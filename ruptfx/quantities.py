@@ -52,15 +52,35 @@ def parse(text: str, unit: str) -> float:
     ValueError
         No number with a unit, an unknown unit, or one of another kind.
     """
-    wanted, wanted_dimension = _unit(unit)
     example = "'2 %'" if unit == "1" else f"'2 {unit}'"
     found = _QUANTITY.fullmatch(text)
     if found is None:
         raise ValueError(f"input should be a valid number, or one with a unit, such as {example}")
-    factor, dimension = _unit(found[2])
+    try:
+        return float(Fraction(found[1]) * factor(found[2], unit))
+    except OtherKind as error:
+        raise ValueError(f"{error}; write for example {example}") from None
+
+
+class OtherKind(ValueError):  # noqa: N818
+    """A unit of another dimension than that of the key."""
+
+
+def factor(text: str, unit: str | None) -> Fraction:
+    """Exact factor from a unit to that of a key: 1/1000 from "mm" to "m"; to the SI unit of its kind without a key.
+
+    Raises
+    ------
+    ValueError
+        An unknown unit, or one of another kind.
+    """
+    given, dimension = _unit(text)
+    if unit is None:
+        return given
+    wanted, wanted_dimension = _unit(unit)
     if dimension != wanted_dimension:
-        raise ValueError(f"a value in {unit} is wanted, and {found[2]} is of another kind; write for example {example}")
-    return float(Fraction(found[1]) * factor / wanted)
+        raise OtherKind(f"a value in {unit} is wanted, and {text} is of another kind")
+    return given / wanted
 
 
 def _unit(text: str) -> tuple[Fraction, Counter[str]]:

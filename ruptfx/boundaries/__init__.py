@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from ruptfx.boundaries._history import Sampled, Samples
 from ruptfx.materials import Plane
 from ruptfx.schema import Alternative, Unit, alternative
 
@@ -108,6 +109,10 @@ class Boundary(Alternative):
     """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
     source: ClassVar[str] = ""
     """Where what it does comes from."""
+    waves: ClassVar[bool] = False
+    """Whether it acts on waves only, and needs a stepper that computes them (`Stepper.inertia`)."""
+    acts: ClassVar[bool] = True
+    """Whether it adds anything to the equation of motion."""
     amounts: ClassVar[tuple[str, ...]] = ()
     """Fields that say how much and how soon, with a `ramp` among them; a stage of loading may change them smoothly."""
 
@@ -134,6 +139,12 @@ class Boundary(Alternative):
     def largest_speed(self) -> float:
         """Of the motion that is prescribed [m/s]."""
         return 0.0
+
+    @property
+    def samples(self) -> Samples | None:
+        """Course in time that it follows from sample to sample, if there is one."""
+        history = getattr(self, "history", None)
+        return history.samples if isinstance(history, Sampled) else None
 
     def in_place_of(self, other: Boundary) -> bool:
         """Whether they differ by their amounts only: in the next stage one goes on from where the other had come."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
@@ -16,6 +18,35 @@ Times = TypeVar("Times", float, np.ndarray)
 def ramp(time: float, duration: float) -> float:
     """Linear growth from 0 to 1."""
     return 1.0 if duration <= 0 else min(max(time / duration, 0.0), 1.0)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A course in time that a boundary follows from sample to sample, as `ruptfx check` shows it.
+
+    Attributes
+    ----------
+    times, values : list of float
+        The samples; times increase [s].
+    unit : str
+        Of the values, ``1`` for a factor.
+    at : callable
+        Value at a time [s]; between samples it stays between theirs.
+    held : bool
+        Whether the last value is meant to go on after the last sample.
+    """
+
+    times: list[float]
+    values: list[float]
+    unit: str
+    at: Callable[[float], float]
+    held: bool
+
+    def until(self, end: float) -> tuple[float, float]:
+        """Smallest and largest value from time zero to `end` [s]."""
+        within = [value for time, value in zip(self.times, self.values, strict=True) if 0 <= time <= end]
+        seen = [*within, self.at(0.0), self.at(end)]
+        return min(seen), max(seen)
 
 
 class Ricker(Part):
@@ -51,6 +82,10 @@ class Sampled(Part):
     def __call__(self, time: Times) -> Times:
         """At a time [s] or an array of times."""
         return np.interp(time, self.times, self.values)
+
+    @property
+    def samples(self) -> Samples:
+        return Samples(self.times, self.values, "1", lambda time: float(self(time)), held=True)
 
 
 History = Annotated[Ricker | Sampled, Field(discriminator="kind")]

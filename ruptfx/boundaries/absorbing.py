@@ -21,6 +21,7 @@ class Absorbing(EdgeBoundary):
     Source: Lysmer and Kuhlemeyer (1969).
     """
 
+    waves: ClassVar[bool] = True
     example: ClassVar[str] = '{ kind = "absorbing", edge = "upper.right" }'
 
     def act_on(self, edge: Edge, key: str) -> Action:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 class Free(EdgeBoundary):
     """No traction beyond the initial load: what an edge is when it is not named."""
 
+    acts: ClassVar[bool] = False
     example: ClassVar[str] = '{ kind = "free", edge = "upper.top" }'
 
     def act_on(self, edge: Edge, key: str) -> Action:

@@ -33,6 +33,7 @@ class IncidentWave(EdgeBoundary):
     Source: Lysmer and Kuhlemeyer (1969); Joyner and Chen (1975).
     """
 
+    waves: ClassVar[bool] = True
     example: ClassVar[str] = (
         '{ kind = "incident_wave", edge = "lower.bottom", wave = "P", direction = [0.5, 1.0], velocity = 1.0, '
         'history = { kind = "ricker", frequency = 3e5, delay = 4e-6 } }'

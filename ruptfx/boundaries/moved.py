@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ from pydantic import ValidationInfo, model_validator
 
 from ruptfx.boundaries import Action, Motion
 from ruptfx.boundaries._edge_motion import EdgeMotion
+from ruptfx.boundaries._history import Samples
 from ruptfx.number_files import with_file_read
 from ruptfx.schema import Unit
 
@@ -40,13 +42,14 @@ class Moved(EdgeMotion):
     values: list[float] = []
     """One for each time, in m or m/s."""
     file: str | None = None
-    """CSV file with two columns, time and value, instead; relative to the case file. Lines before the first number and
-    lines that begin with # are skipped. The resolved case holds its numbers."""
+    """CSV file with two columns, time and value, instead; relative to the case file. Its header may give their units,
+    as in `time (us), velocity (m/s)`; without, they are s and m or m/s. The resolved case holds the numbers."""
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        return with_file_read(values, info, "times", "time")
+        quantity = values.get("quantity") if isinstance(values, Mapping) else None
+        return with_file_read(values, info, "times", "time", ("s", "m" if quantity == "displacement" else "m/s"))
 
     @model_validator(mode="after")
     def _matching(self) -> Moved:
@@ -64,6 +67,13 @@ class Moved(EdgeMotion):
         turning = course.derivative(2).roots(extrapolate=False)
         times = [*self.times, *turning[np.isfinite(turning)]]
         return float(np.abs(course.derivative()(times)).max())
+
+    @property
+    def samples(self) -> Samples:
+        motion, moves = self.motion(np.zeros(0, dtype=int)), self.quantity == "velocity"
+        course, rest = (motion.velocity, 0.0) if moves else (motion.displacement, self.values[-2])
+        unit = "m/s" if moves else "m"
+        return Samples(self.times, self.values, unit, lambda time: float(course(time)), self.values[-1] == rest)
 
     def motion(self, dofs: np.ndarray) -> Motion:
         """Displacement, velocity and acceleration of some degrees of freedom in time."""

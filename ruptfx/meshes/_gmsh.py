@@ -1,8 +1,10 @@
-"""Gmsh while something is meshed."""
+"""Gmsh while something is meshed; as a program with the arguments SCRIPT MESH FOLDER it meshes a script in a folder."""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import ModuleType
@@ -22,3 +24,19 @@ def session() -> Iterator[ModuleType]:
         with suppress(ValueError):  # not the main thread
             # It leaves the signal as the system has it: writing to a process that has ended would end this one.
             signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+
+
+def main(script: str, mesh: str) -> None:
+    """Mesh a script."""
+    try:
+        with session() as gmsh:
+            gmsh.open(script)
+            gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
+            gmsh.write(mesh)
+    except Exception as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    os.chdir(sys.argv[3])  # after the imports: files that Gmsh writes of its own accord go there
+    main(*sys.argv[1:3])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +17,6 @@ from scipy.spatial import cKDTree
 from ruptfx import RuptfxError
 from ruptfx.meshes import FACETS, MeshSource, RawMesh, _geo
 from ruptfx.meshes._cut import Facets, places
-from ruptfx.meshes._gmsh import session
 from ruptfx.schema import CasePath, Name, Part
 from ruptfx.units import Positive
 
@@ -30,6 +32,9 @@ _CELLS = [
     ("triangle", "triangle", [0, 1, 2], "line"),
 ]
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
+
+SECONDS = 600.0  # that Gmsh may take for a script
+AGAIN = "write it again with Gmsh, or whatever made it"
 
 OneOrMore = Annotated[
     list[str], Field(min_length=1), BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
@@ -218,18 +223,21 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     """Vertices, cell type, cells, names of bodies, body of every cell, named facets, and the other nodes of cells."""
     import meshio
 
-    if not path.exists():
+    if not path.is_file():
         raise RuptfxError(f"{path}: no such mesh file")
     if path.suffix == ".geo" and not trust:
         _geo.check(path)
     try:
         if path.suffix == ".geo":
             with tempfile.TemporaryDirectory() as folder:
-                mesh = meshio.read(_generate(path, Path(folder)))
+                mesh = meshio.read(_generate(path, Path(folder), trust))
         else:
             mesh = meshio.read(path)
-    except (meshio.ReadError, OSError, SystemExit) as error:
-        raise RuptfxError(f"{path}: not a mesh that can be read: {error}") from None
+    except RuptfxError:
+        raise
+    except (Exception, SystemExit) as error:  # meshio has errors of many kinds for files that are damaged
+        raise RuptfxError(f"{path}: not a mesh that can be read ({error!s:.200}); {AGAIN}") from None
+    _check_whole(path, mesh)
     kinds = {block.type for block in mesh.cells}
     known = [entry for entry in _CELLS if entry[0] in kinds]
     if not known:
@@ -264,6 +272,21 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
     return mesh.points[used], cell, cells.reshape(all_cells.shape), bodies, cell_body, named, mesh.points[others]
 
 
+def _check_whole(path: Path, mesh: Mesh) -> None:
+    """Refuse a mesh that names points which it does not have, or that are nowhere."""
+    count = len(mesh.points)
+    if np.ndim(mesh.points) != 2:
+        raise RuptfxError(f"{path}: damaged: it has no points; {AGAIN}")
+    for block in mesh.cells:
+        nodes = np.asarray(block.data)
+        wrong = nodes[(nodes < 0) | (nodes >= count)]
+        if len(wrong):
+            raise RuptfxError(f"{path}: damaged: a {block.type} has the point {wrong[0]}, of {count}; {AGAIN}")
+    bad = ~np.isfinite(mesh.points).all(axis=1)
+    if bad.any():
+        raise RuptfxError(f"{path}: damaged: point {np.argmax(bad)} is at {mesh.points[np.argmax(bad)]}; {AGAIN}")
+
+
 def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
     """Elements of one type by the names of their physical groups: what is in several groups has several names."""
     names = {name: int(number) for name, (number, dim) in mesh.field_data.items() if dim == _DIMENSION[type_]}
@@ -278,12 +301,30 @@ def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
     return found
 
 
-def _generate(path: Path, folder: Path) -> Path:
-    with session() as gmsh:
-        try:
-            gmsh.open(str(path))
-            gmsh.model.mesh.generate(3 if gmsh.model.getEntities(3) else 2)
-            gmsh.write(str(folder / "generated.msh"))
-        except Exception as error:
-            raise RuptfxError(f"{path}: Gmsh could not mesh it: {error}") from None
-    return folder / "generated.msh"
+def _generate(path: Path, folder: Path, trust: bool) -> Path:
+    """Mesh a script in a process of its own, which a time limit can end.
+
+    It works in `folder`, as options of Gmsh make it write files; a script that is trusted, where the command does.
+
+    Raises
+    ------
+    RuptfxError
+        Gmsh cannot mesh it, or takes too long.
+    """
+    mesh = folder / "generated.msh"
+    here = os.getcwd() if trust else str(folder)
+    command = [sys.executable, "-m", "ruptfx.meshes._gmsh", str(path.absolute()), str(mesh), here]
+    try:
+        done = subprocess.run(
+            command, timeout=SECONDS, check=False, text=True, errors="replace", stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise RuptfxError(
+            f"{path}: Gmsh took longer than {SECONDS:g} s; coarsen the mesh, or mesh it with Gmsh yourself and give "
+            "the file (.msh) in its place"
+        ) from None
+    if done.returncode or not mesh.is_file():
+        said = done.stderr.strip() or f"it ended with code {done.returncode}"
+        raise RuptfxError(f"{path}: Gmsh could not mesh it: {said}")
+    return mesh

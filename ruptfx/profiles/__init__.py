@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler, Tag, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -38,6 +38,21 @@ class Profile(Alternative):
     example: ClassVar[str] = ""
     """How a case gives it; the contract tests evaluate it between -1 and 1 m."""
 
+    @classmethod
+    def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
+        """Keys of the profile with the numbers of the files that they name.
+
+        Parameters
+        ----------
+        values : object
+            What the profile is made of.
+        info : ValidationInfo
+            Its context knows the directory of the case.
+        unit : str
+            That of the key that varies.
+        """
+        return values
+
     def __call__(self, position: np.ndarray) -> np.ndarray:
         """The values, shape (n,); each follows from its position alone.
 
@@ -56,8 +71,8 @@ def varying(number: object, unit: str) -> Any:
     def tag(value: object) -> str:
         return "<profile>" if isinstance(value, Mapping | Profile) else "<number>"
 
-    def read(value: object) -> object:
-        """Texts in a table that have the unit of the key, as numbers."""
+    def read(value: object, info: ValidationInfo) -> object:
+        """Texts in a table that have the unit of the key, as numbers, and numbers in place of files."""
         kind = value.get("kind") if isinstance(value, Mapping) else None
         if not isinstance(value, Mapping) or not isinstance(kind, str):
             return value
@@ -65,8 +80,10 @@ def varying(number: object, unit: str) -> Any:
             cls = find("ruptfx.profiles", kind)
         except PydanticCustomError:
             return value  # refused by what reads it
+        assert issubclass(cls, Profile)
         marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
-        return {key: of_key.read(item) if key in marked else item for key, item in value.items()}
+        given = {key: of_key.read(item) if key in marked else item for key, item in value.items()}
+        return cls.with_files(given, info, unit)
 
     profile = alternative("ruptfx.profiles")
     return Annotated[

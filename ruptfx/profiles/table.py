@@ -26,13 +26,19 @@ class Table(Profile):
     extend: bool = False
     """Beyond the ends the first and the last value go on."""
     file: str | None = None
-    """CSV file with two columns, position and value, instead; relative to the case file. Lines before the first number
-    and lines that begin with # are skipped. The resolved case holds its numbers."""
+    """CSV file with two columns, position and value, instead; relative to the case file. Its header may give their
+    units, as in `x (mm), stress (MPa)`; without, they are m and the unit of the key. The resolved case holds the
+    numbers."""
+
+    @classmethod
+    def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
+        return with_file_read(values, info, "positions", "position", ("m", unit))
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        return with_file_read(values, info, "positions", "position")
+        """For tables that are made in Python, without a key."""
+        return with_file_read(values, info, "positions", "position", ("m", None))
 
     @field_validator("positions")
     @classmethod

@@ -34,7 +34,8 @@ def draws(name: str) -> bool:
     return any(len(call.args) > 1 or any(word.arg == "draw" for word in call.keywords) for call in made)
 
 
-NAMES = [name for name in own_kinds("ruptfx.bench") if name not in OF_THE_MACHINE and draws(name)]
+FINE_ONLY = {"smooth_sliding"}  # draws with --fine, which takes a quarter of an hour
+NAMES = [name for name in own_kinds("ruptfx.bench") if name not in (*OF_THE_MACHINE, *FINE_ONLY) and draws(name)]
 
 
 @pytest.mark.fem

@@ -115,7 +115,7 @@ def test_a_crack_from_the_start_carries_nothing() -> None:
 
 
 @pytest.mark.parametrize(("changes", "said"), [
-    ({"faults.main.gap": 1e-6}, "with a gap"),
+    ({"faults.main.gap": 1e-6}, "faults.main.gap has no cohesion"),
     ({"faults.main.contact": COMPLIANT}, "not with contact.kind = 'compliant'"),
     ({"faults.main.cohesion": {**BOND, "f_t": -1.0}}, r"cohesion.f_t = -1.0"),
 ])  # fmt: skip

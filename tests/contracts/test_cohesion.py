@@ -9,6 +9,8 @@ import pytest
 import tomli_w
 from pydantic import TypeAdapter
 
+from ruptfx.check_law import check_law
+from ruptfx.check_law.cohesive import straight_path
 from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.schema import CaseError, alternatives
@@ -77,6 +79,28 @@ def test_a_mixed_mode_takes_the_energy_of_its_mix() -> None:
     left = law.left(law.damage(opening, slip))
     work = np.trapezoid(law.f_t * left, opening) + np.trapezoid(law.c * left, slip)
     assert work == pytest.approx(20.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in LAWS if kind != "benzeggagh_kenane"])
+@pytest.mark.parametrize("angle", [30.0, 45.0, 80.0])
+def test_a_mixed_mode_on_the_circle_takes_more_than_one_mode(kind: str, angle: float) -> None:
+    """W_I = G_Ic cos a and W_II = G_IIc sin a: sqrt(2) times a common fracture energy at 45 degrees."""
+    law = LAWS[kind](f_t=2e6, c=5e6, G_Ic=10.0, G_IIc=40.0)
+    _, opening, slip = straight_path(law, np.radians(angle))
+    assert opening == pytest.approx(10.0 * np.cos(np.radians(angle)), rel=1e-6)
+    assert slip == pytest.approx(40.0 * np.sin(np.radians(angle)), rel=1e-6)
+
+
+@every_law
+def test_a_law_passes_check_law(kind: str) -> None:
+    (report,) = check_law(kind)
+    assert report.name == "cohesive law" and report.sound, report.rows
+
+
+@every_law
+def test_the_key_says_what_a_mixed_mode_costs(kind: str) -> None:
+    said = LAWS[kind].model_fields["G_Ic"].description or ""
+    assert "1.41" in said and "benzeggagh_kenane" in said
 
 
 def test_mixed_modes_of_the_other_laws_fail_on_a_circle() -> None:

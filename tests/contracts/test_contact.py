@@ -22,6 +22,7 @@ from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import Point
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep, impedances
+from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.interface import Interface, Line
 from ruptfx.model import Model
@@ -243,6 +244,44 @@ def test_failure_names_the_point(method: str) -> None:
         ),
     ):
         with pytest.raises(ProjectionError, match=r"coulomb: the trial traction is not a number.*point 13 .*'main'"):
+            step()
+
+
+class Jumps(FrictionLaw):
+    """A coefficient that jumps from 0.3 to 0.6 at 1 m/s: between the two no slip rate balances a traction."""
+
+    formula = "mu"
+    source = "none"
+
+    def strength(self, slip_rate: Any, normal_stress: Any, state: Any) -> Any:
+        return np.where(slip_rate > 1.0, 0.6, 0.3) * normal_stress
+
+    def advance(self, state: Any, slip_rate: Any, normal_stress: Any, dt: Any) -> Any:
+        return state
+
+    def initial_state(self, normal_stress: Any, shear_stress: Any, slip_rate: Any) -> Any:
+        return {}
+
+
+def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
+    """By the compiled step and by arrays: the bracket closes at the jump, where the strength is not the traction."""
+    from ruptfx.projection import ProjectionError
+
+    # 1e6 Pa and a trial of 0.45e6 Pa; Z of some 1e3 Pa s/m takes next to nothing of it at 1 m/s.
+    face = an_interface(2, np.random.default_rng(1))
+    fault = Fault("main", face, contact("split_node"), Jumps(), np.full(POINTS, 1e6), np.full((POINTS, 1), 0.45e6))
+    dt, none = 1e-7, np.zeros(4 * POINTS)
+    mobile = np.full(4 * POINTS, 1 / (1e3 * dt * face.weight.mean()))
+    for step in (
+        lambda: FaultStep(fault, mobile, Clock.of_step(dt, 2), 1e-3)(
+            fault.initial_state(), none.copy(), none.copy(), none.copy(), 2e-6
+        ),
+        lambda: advance_reference(
+            fault, fault.traced_law(), fault.initial_state(), none.copy(), none.copy(), none.copy(), mobile,
+            Clock.of_step(dt, 2), 2e-6, 1e-3,
+        ),
+    ):
+        with pytest.raises(ProjectionError, match=r"jumps: no slip rate balances the trial traction.*point 0 "):
             step()
 
 

@@ -14,9 +14,10 @@ from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem
+from ruptfx import RuptfxError, fem
 from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.cohesion.linear import Linear
 from ruptfx.cracks._step import ENDS
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
@@ -196,6 +197,19 @@ def test_a_path_of_all_modes_takes_never_less(kind: str) -> None:
         whole = facet.stored() + sum(facet.taken(name) for name in ("fracture", "frictional_dissipation", "impact"))
         assert facet.work / facet.length == pytest.approx(whole, rel=1e-10, abs=1e-10 * law.G_Ic)
     assert damage == 1
+
+
+def test_a_damage_that_agrees_with_nothing_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strength that doubles at half of the damage: more damage opens less, and none agrees with the opening."""
+    monkeypatch.setattr(Linear, "left", lambda law, damage: np.where(damage > 0.5, 1.0, 0.2) * (1.0 - damage))
+    pair = Facet(law_of("linear"))
+    pair.jump(1e-8, 0.0)
+    pair.cracks.require_balance(0.0)
+    # An opening w beyond the spring leaves D = w / 20 um; with left = 0.1 just below D = 0.5 and 0.5 just above it,
+    # w + f_t left / k = 10.2 um is too much for the one and too little for the other.
+    pair.jump(10e-6 + 0.3 * BOND["f_t"] / pair.stiffness, 0.0)
+    with pytest.raises(RuptfxError, match=r"no damage of the facet at \(.*\) m agrees .* at time 3e-06 s"):
+        pair.cracks.require_balance(3e-6)
 
 
 def test_unloading_goes_to_the_origin_and_back() -> None:

@@ -65,7 +65,7 @@ def test_all_of_them_in_every_stepper(stepper: str, shared_tmp_path: Path) -> No
     given = with_instruments(tables, changes)
     simulate(given, shared_tmp_path / stepper, COMM, progress=False)
     if COMM.rank > 0:
-        return
+        pytest.skip("rank 0 reads the files")
     with Record(shared_tmp_path / stepper) as record:
         assert list(record.instruments) == [table["name"] for table in tables]
         for table in tables:
@@ -178,7 +178,7 @@ def test_a_fault_receiver_at_a_point_of_a_plane(shared_tmp_path: Path) -> None:
     gathered = samples.gather()
     simulate(given, shared_tmp_path / "boxes", COMM, progress=False)
     if COMM.rank > 0:
-        return
+        pytest.skip("rank 0 reads the files")
     channels = dict(zip(("node", "between"), (found for _, found in samples.instruments), strict=True))
     for (name, _, columns), (a, b, _) in zip(gathered, (node, between), strict=True):
         values = dict(zip((channel.name for channel in channels[name]), columns, strict=True))

@@ -249,5 +249,7 @@ def test_what_cannot_turn_is_refused(changes: dict[str, Any], message: str) -> N
         case({"large_rotations": True, **changes})
     with pytest.raises(CaseError, match=r"large_rotations: faults\.main keeps the direction"):
         parse_case(plates({"large_rotations": True}))
-    with pytest.raises(CaseError, match=r"initial_velocity.upper: bodies fly where they may break; add .*\[fracture\]"):
-        parse_case(plates({"initial_velocity": {"upper": [1.0, 0.0]}}))
+    with pytest.raises(CaseError, match=r"initial_velocity.upper: .*'quasi_static' begin at rest; use 'leapfrog'"):
+        parse_case(plates({"initial_velocity": {"upper": [1.0, 0.0]}, "stepper": {"kind": "quasi_static"}}))
+    with pytest.raises(CaseError, match=r"initial_velocity.upper = .*moves in x, y; give 2 components"):
+        parse_case(plates({"initial_velocity": {"upper": [1.0]}}))

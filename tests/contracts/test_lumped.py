@@ -11,6 +11,7 @@ import pytest
 from labels import label_faults
 from matplotlib import pyplot
 
+from ruptfx import RuptfxError
 from ruptfx.case import parse_case
 from ruptfx.lumped import LumpedModel, read_result, simulate
 from ruptfx.schema import alternatives
@@ -46,3 +47,17 @@ def test_example(kind: str, tmp_path: Path) -> None:
         assert sum(map(bool, labels)) >= 2
         for ax in figure.axes:
             assert ax.lines or ax.collections or ax.images or ax.patches or not ax.get_visible()
+
+
+@pytest.mark.parametrize("error", [ValueError("no root"), OverflowError(), ZeroDivisionError(), MemoryError()])
+@pytest.mark.parametrize("kind", MODELS)
+def test_an_error_of_numbers_is_no_traceback(
+    kind: str, error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    model = example(kind)
+    monkeypatch.setattr(type(model), "run", fail)
+    with pytest.raises(RuptfxError, match=f"^{kind}: "):
+        simulate(model, tmp_path / "run")

@@ -72,6 +72,18 @@ def test_pictures_show_the_values_of_the_run(record):
         assert np.nanmin(image) == pytest.approx(expected.min(), rel=0.02, abs=1e-3)
 
 
+def test_speed_has_both_components(tmp_path):
+    """Of a shear wave that moves 0.75 times as fast along x as along y: 1.25 times as fast, for 3, 4 and 5."""
+    time, position = synthetic.times(31), synthetic.points(20)
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(time, position), time, position)
+    with h5py.File(path / "bulk.h5", "r+") as file:
+        across = file["velocity"][:, :, 1]
+        file["velocity"][:, :, 0] = 0.75 * across
+    with Record(path) as record:
+        image = movies.film(record, "velocity").image(4)
+    assert np.nanmax(image) == pytest.approx(1.25 * np.abs(across[4]).max(), rel=0.02)
+
+
 def test_contours_of_the_largest_shear_stress(record, monkeypatch):
     """The stress at the nodes next to a contour is its level; the label says how far apart they are."""
     made, new = [], movies.new_figure

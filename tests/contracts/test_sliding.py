@@ -16,12 +16,13 @@ from reference_sliding import slide_reference
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
 from ruptfx.contact import ContactMethod
+from ruptfx.mechanisms._nodes import masses_and_dashpots
+from ruptfx.mechanisms.sliding import SlidingFaults
 from ruptfx.model import Model
 from ruptfx.operators._geometry import BOX, POINTWISE, _classify
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import alternatives
 from ruptfx.spectrum import stable_time_step
-from ruptfx.steppers.leapfrog import masses_and_dashpots
 
 pytestmark = pytest.mark.fem
 
@@ -147,7 +148,8 @@ def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> No
         "faults.main.nucleation": {"kind": "overstress", "extra": 1e5},
     })  # fmt: skip
     model, motion, state = march(parse_case(table))
-    compiled, field = motion._kicks[2].faults[0][1], state.faults["main"]
+    (sliding,) = (each for each in motion.mechanisms if isinstance(each, SlidingFaults))
+    compiled, field = sliding.steps[2][0], state.faults["main"]
     states = [{name: values.copy() for name, values in field.items()} for _ in range(2)]
     arrays = [(state.velocity.copy(), np.zeros_like(state.force)) for _ in range(2)]
     compiled(states[0], state.displacement, *arrays[0], state.time)
@@ -227,7 +229,8 @@ def test_springs_carry_the_same_where_they_face_the_same() -> None:
     before = {name: fields[name].copy() for name in names}
     assert 0.1 < np.mean(before["normal_stress"] > 0) < 0.9
     model.faults[0].interface.geometry.slides = np.inf
-    motion._followers[0]._stretch(state)
+    (sliding,) = (each for each in motion.mechanisms if isinstance(each, SlidingFaults))
+    sliding.followers[0]._stretch(state)
     for name in names:
         np.testing.assert_allclose(fields[name], before[name], atol=1e-9 * np.abs(before[name]).max())
 
@@ -360,20 +363,24 @@ def mean_force_and_friction(given: Case) -> tuple[float, float]:
     return float(np.mean(forces)), float(state.energy["frictional_dissipation"])
 
 
+def test_split_nodes_that_slide_are_forward_lagrange() -> None:
+    """Rigid contact by whatever name, bitwise."""
+    given = [parse_case(rough({"faults.main.contact": contact})) for contact in (SPLIT, {"kind": "forward_lagrange"})]
+    one, other = (march(each)[2] for each in given)
+    assert one.faults["main"]["normal_stress"].max() > 1e6
+    np.testing.assert_array_equal(one.displacement, other.displacement)
+
+
 # -- what is refused -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "changes, message",
     [
-        ({"faults.main.contact": SPLIT},
-         r"contact.kind = 'split_node': on an interface that slides .* 'forward_lagrange'"),
-        ({"stepper": {"kind": "quasi_static"}},
-         r"'forward_lagrange': not for implicit steps; use 'augmented_lagrangian' or 'compliant', or another stepper"),
         ({"faults.main.contact": CONTACTS["compliant"], "stepper": {"kind": "petsc_ts"}},
-         r"faults.main.sliding: TS keeps what points face as it is; use the stepper 'generalized_alpha'"),
+         r"faults.main.sliding: not for stepper.kind = 'petsc_ts'; use stepper.kind = 'generalized_alpha'"),
         ({"faults.main.sliding": None}, r"'main' have meshes of their own; add the table \[faults.main.sliding\]"),
-        ({"faults.main.gap": 1e-6}, r"faults.main.gap: surfaces that slide have the distance"),
+        ({"faults.main.gap": 1e-6}, r"faults.main.gap = 1e-06: surfaces that slide have the distance"),
         ({"plane": "antiplane", "boundaries": []}, r"faults.main.sliding: only motion in a plane slides far"),
         ({"boundaries": [{"kind": "periodic", "first": "upper.left", "second": "upper.right"}]},
          r"faults.main.sliding: the interface ends at periodic edges"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ruptfx import RuptfxError
-from ruptfx.meshes import _geo
+from ruptfx.meshes import _geo, gmsh_file
 from ruptfx.meshes.gmsh_file import GmshFile
 
 DATA = Path(__file__).parents[1] / "data"
@@ -105,3 +105,38 @@ def test_a_script_in_two_files(tmp_path: Path) -> None:
     path = tmp_path / "whole.geo"
     path.write_text('Include "parts/plates.geo";\n')
     build(path)
+
+
+# -- what Gmsh does of its own accord ----------------------------------------------------------------------------------
+
+
+def test_options_of_a_script_write_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With this algorithm and that much to say Gmsh writes quadqs_statistics.json and sizes where it works."""
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    for folder in ("here", "there"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    path = tmp_path / "there" / "plates.geo"
+    path.write_text(f"{PLATES}\nGeneral.Verbosity = 100;\nMesh.Algorithm = 11;\n")
+    build(path)
+    assert [item.name for item in tmp_path.rglob("*") if item.is_file()] == ["plates.geo"]
+
+
+def test_a_script_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "plates.geo"
+    path.write_text(f"For i In {{1:1000000000}}\nx = i;\nEndFor\n{PLATES}")
+    monkeypatch.setattr(gmsh_file, "SECONDS", 4.0)
+    with pytest.raises(RuptfxError, match=r"plates.geo: Gmsh took longer than 4 s; .*\.msh"):
+        build(path)
+
+
+def test_what_gmsh_says_of_a_script(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "plates.geo"
+    path.write_text(PLATES.replace("Plane Surface", "Plain Surface"))
+    with pytest.raises(RuptfxError, match=r"plates.geo: Gmsh could not mesh it: (?!Traceback)"):
+        build(path)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from sliding_cases import rough, wave
 from small_cases import COMPLIANT, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
@@ -15,6 +18,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.case import parse_case, read_case
 from ruptfx.preflight import Row, preflight
 from ruptfx.schema import CaseError
+from ruptfx.sliding.roughness import _slope
 
 pytestmark = pytest.mark.fem
 
@@ -124,6 +128,13 @@ def test_pressure_of_stages_and_of_driven_edges() -> None:
     push = {"kind": "traction", "edge": "lower.bottom", "traction": [0.0, 3e6]}
     # 3 MPa on 2.4 mm press 1.2 mm.
     assert "under 6e+06 Pa" in rows({**table, "boundaries": [*up, push]})[": contact fraction"].note
+
+
+def test_a_slope_is_the_mean_over_the_length_and_not_over_the_nodes() -> None:
+    """A distance that falls by 0.5 over the first of four metres and by nothing over the others: sqrt(0.5^2 / 4)."""
+    plus = SimpleNamespace(points=np.array([[0.0, 1.0], [4.0, 1.0]]))
+    minus = SimpleNamespace(points=np.array([[0.0, 0.0], [1.0, 0.5], [4.0, 0.5]]))
+    assert _slope(plus, minus) == pytest.approx(0.25, rel=1e-12)  # type: ignore[arg-type]
 
 
 def test_theory_of_a_self_affine_surface() -> None:
@@ -302,6 +313,103 @@ def test_echoes_of_edges_that_reflect() -> None:
     assert "upper.top: echo" not in quiet and "lower.bottom: echo" in quiet
 
 
+def test_echoes_return_with_the_speed_of_their_own_body() -> None:
+    """4 mm to and fro: in Homalite with 2201.7 m/s, in aluminium with sqrt(70e9 / 2700 / (1 - 0.33^2)) = 5393.9 m/s."""
+    aluminium = {"kind": "isotropic_elastic", "young_modulus": 70e9, "poisson_ratio": 0.33, "density": 2700.0}
+    table = plates({"duration": 10e-6, "materials.lower": aluminium})
+    found = {key: row for key, row in rows(table).items() if "echo" in key}
+    assert found["upper.top: echo"].value == pytest.approx(8e-3 / 2201.7, rel=1e-4)
+    assert found["lower.bottom: echo"].value == pytest.approx(8e-3 / 5393.9, rel=1e-4)
+    assert sum("make the body larger" in row.note for row in found.values()) == 1
+
+
+# -- where a fault is judged ------------------------------------------------------------------------------------------
+
+# Below 6 MPa with mu_s 0.677, mu_d 0.525 and a shear of 3.5 MPa, as in TPV3: S = (4.062 - 3.5) / (3.5 - 3.15).
+BARRIER = {"kind": "boxcar", "inside": 0.677, "outside": 1e4, "center": 8e-3, "half_width": 6e-3}
+S_TPV = 0.562 / 0.35
+
+
+def where(row: Row) -> float:
+    """Position in the note of a row [m]."""
+    found = re.search(r"x = ([-+.\de]+) m", row.note)
+    assert found is not None, row
+    return float(found[1])
+
+
+@pytest.mark.parametrize("shear", [
+    3.5e6, {"kind": "boxcar", "inside": 4.2e6, "outside": 3.5e6, "center": 6e-3, "half_width": 1e-3},
+])  # fmt: skip
+def test_a_strength_barrier_is_not_where_a_fault_is_judged(shear: Any) -> None:
+    """The fault ends at 14 mm of 32 mm: its middle lies in the barrier. Process zone 9 pi / 32 G* D_c / drop."""
+    law = {"kind": "linear_slip_weakening", "mu_s": BARRIER, "mu_d": 0.525, "D_c": 5e-6}
+    found = rows(slip_weakening({"faults.main.friction": law, "faults.main.initial_stress.shear": shear}))
+    assert found[": S"].value == pytest.approx(S_TPV, rel=1e-9)
+    assert found[": strength at rest"].value == pytest.approx(4.062e6, rel=1e-9)
+    zone = 9 * math.pi / 32 * 2.65e9 * 5e-6 / 0.912e6
+    assert found[": static process zone"].value == pytest.approx(zone, rel=1e-3)
+    for name in (": S", ": strength at rest", ": static process zone", ": critical half-length"):
+        assert 2e-3 - 1e-9 <= where(found[name]) <= 14e-3 + 1e-9
+    assert not any("weakest place" in key for key in found)  # it is the same there
+
+
+def test_the_nucleation_and_the_weakest_place_are_judged() -> None:
+    """A rupture starts at 4 mm; between 22 and 26 mm the shear is 3.9 MPa, S = (4.062 - 3.9) / (3.9 - 3.15)."""
+    law = {"kind": "linear_slip_weakening", "mu_s": 0.677, "mu_d": 0.525, "D_c": 5e-6}
+    shear = {"kind": "boxcar", "inside": 3.9e6, "outside": 3.5e6, "center": 24e-3, "half_width": 2e-3}
+    drop = {"kind": "friction_drop", "center": 4e-3, "half_width": 1e-3}
+    found = rows(slip_weakening({
+        "faults.main.friction": law, "faults.main.initial_stress.shear": shear, "faults.main.nucleation": [drop],
+    }))  # fmt: skip
+    assert found[": S"].value == pytest.approx(S_TPV, rel=1e-9) and where(found[": S"]) == pytest.approx(4e-3, abs=1e-3)
+    weakest = found[", weakest place: S"]
+    assert weakest.value == pytest.approx(0.162 / 0.75, rel=1e-9) and 22e-3 <= where(weakest) <= 26e-3
+    assert ", weakest place: static process zone" not in found  # the same at both
+
+
+# -- what loads the bodies --------------------------------------------------------------------------------------------
+
+
+def sampled(times: list[float], values: list[float], **changes: Any) -> Row:
+    moved = {"kind": "moved", "edge": "upper.left", "component": "x", "quantity": "velocity", **changes}
+    return rows(plates({"boundaries": [{**moved, "times": times, "values": values}]}))["boundaries.0: samples"]
+
+
+def test_what_the_run_sees_of_samples() -> None:
+    """5 us of samples whose largest value comes at 4 us, or just before the end, or after it."""
+    row = sampled([0.0, 4e-6, 9e-6], [0.0, 3.0, 1.0])
+    assert (row.value, row.verdict) == (3, "ok") and "0 to 3 m/s" in row.note and "upper.left" in row.note
+    # From 0 at 0 s to 6 at 10 us by straight lines (three samples in a row): 3 at 5 us.
+    assert "0 to 3 m/s" in sampled([0.0, 10e-6, 20e-6], [0.0, 6.0, 12.0]).note
+    assert "0 to 3 m in" in sampled([0.0, 10e-6, 20e-6], [0.0, 6.0, 12.0], quantity="displacement").note
+
+
+@pytest.mark.parametrize(
+    "times, values, verdict",
+    [
+        ([0.0, 10.0, 60.0], [0.0, 5.0, 9.0], "warning"),  # microseconds read as seconds
+        ([0.0, 10e-6, 490e-6], [0.0, 5.0, 9.0], "ok"),  # 98 times the run
+        ([0.0, 10e-6, 510e-6], [0.0, 5.0, 9.0], "warning"),  # 102 times
+        ([0.0, 1e-6, 4e-6], [0.0, 5.0, 9.0], "warning"),  # ends before the run, moving
+        ([0.0, 1e-6, 4e-6], [0.0, 5.0, 0.0], "ok"),  # at rest
+        ([6e-6, 7e-6], [5.0, 9.0], "warning"),  # begins after the run
+    ],
+)
+def test_samples_that_are_hardly_meant(times: list[float], values: list[float], verdict: str) -> None:
+    assert sampled(times, values).verdict == verdict
+
+
+def test_samples_of_a_history_and_of_stages() -> None:
+    history = {"kind": "sampled", "times": [0.0, 1e-6, 2.0], "values": [0.0, 0.5, 1.0]}
+    pull = {"kind": "traction", "edge": "upper.top", "traction": [1e3, 0.0], "history": history}
+    found = rows(plates({"boundaries": [pull]}))["boundaries.0: samples"]
+    assert found.verdict == "warning" and found.value == 3
+    short = {**pull, "history": {**history, "times": [0.0, 1e-6, 2e-6]}}
+    stages = [{"duration": 2.5e-6}, {"duration": 2.5e-6, "boundaries": [short]}]
+    staged = rows(plates({"stages": stages}))
+    assert staged["stages.1.boundaries.0: samples"].verdict == "ok"  # a history keeps its last value
+
+
 def test_records_coarser_than_the_process() -> None:
     # Process zone 6.504 mm (above), c_R of plane stress 1155.9 m/s: it passes in 5.63 us.
     for interval, doubt in ((5.5e-6, False), (5.8e-6, True)):
@@ -344,6 +452,28 @@ def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
     for what, value in taken.items():
         least, most = (0.4, 2.5) if what == "expected run time" else (1 - ALIKE, 1 + ALIKE)
         assert least * value < told[what] < most * value, what
+
+
+def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of 1 s, 10 s more for a record, 100 s for a snapshot; 20 steps, 11 records, 4 snapshots.
+
+    Of these the first step, the first two records and the first snapshot are part of the beginning, which takes
+    nothing here: 19 x 1 + 9 x 10 + 3 x 100 = 409 s.
+    """
+    from types import SimpleNamespace
+
+    from ruptfx import cost, fem
+    from ruptfx.model import Model
+
+    given = parse_case(plates({"output.interface_interval": 2e-7, "output.bulk_interval": 5e-7, "duration": 2e-6}))
+    model = Model(given, fem.MPI.COMM_WORLD)
+    motion = given.stepper.bind(model)
+    takes = {"step": 1.0, "step_and_record": 11.0, "snapshot": 100.0}
+    monkeypatch.setattr(cost, "_each", lambda action, *_: takes[action.__name__])
+    monkeypatch.setattr(cost, "_pace", lambda: 0.0)
+    monkeypatch.setattr(cost, "time", SimpleNamespace(process_time=lambda: 0.0))
+    found = cost.rehearse(model, motion, steps=20, started=0.0, built=0.0)
+    assert (found.step, found.time) == (1.0, pytest.approx(409.0, rel=1e-12))
 
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

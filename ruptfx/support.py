@@ -1,0 +1,419 @@
+"""Which parts of a case work together: parts declare what they can do, this module refuses what does not fit.
+
+Declarations are class attributes: `Stepper.ways`, `ContactMethod.implicit`, `Boundary.waves` and so on. A rule compares
+the declarations of two or three parts. The remedies of a message are changes of the same case that break no rule: they
+are found by trying them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from typing import TYPE_CHECKING, cast
+
+from ruptfx.boundaries import Boundary
+from ruptfx.contact import ContactMethod
+from ruptfx.cracks import Fracture
+from ruptfx.friction import FrictionLaw
+from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.nucleation import Nucleation
+from ruptfx.schema import Alternative, CaseError, Part, alternatives
+from ruptfx.steppers import Stepper
+
+if TYPE_CHECKING:
+    from ruptfx.case import Case
+
+FOLDERS = {
+    "stepper": "ruptfx.steppers", "contact": "ruptfx.contact", "friction": "ruptfx.friction",
+    "fracture": "ruptfx.cracks",
+}  # fmt: skip
+"""Where other kinds of a part are, by the last word of its key."""
+MOST_CHANGES = 3  # that a remedy may need together
+
+Choices = Mapping[str, type[Part]]
+"""Classes of the parts that a case gives, by key; for a key without a table, the class of the part that it is in."""
+Keys = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A rule that a case breaks.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        Parts that break it.
+    reason : str
+    swap : tuple of tuple of str
+        Parts that may be of another kind; those of one tuple change together.
+    drop : tuple of tuple of str
+        Parts that may be removed; those of one tuple together.
+    """
+
+    keys: Keys
+    reason: str
+    swap: tuple[Keys, ...] = ()
+    drop: tuple[Keys, ...] = ()
+
+
+@dataclass(frozen=True)
+class Change:
+    """Another kind of some parts of a case, or their removal.
+
+    Attributes
+    ----------
+    keys : tuple of str
+    cls : type of Alternative, optional
+        None removes them.
+    """
+
+    keys: Keys
+    cls: type[Alternative] | None = None
+
+    @property
+    def kind(self) -> str | None:
+        """The kind as a case writes it; None removes the parts."""
+        return None if self.cls is None else self.cls.kind()
+
+    def of(self, choices: Choices) -> Choices:
+        """Return the choices with this change."""
+        if self.cls is None:
+            return {key: cls for key, cls in choices.items() if key not in self.keys}
+        return {**choices, **dict.fromkeys(self.keys, self.cls)}
+
+
+class UnsupportedError(CaseError):
+    """Parts of a case that do not work together.
+
+    Attributes
+    ----------
+    remedies : tuple of tuple of Change
+        Changes of the case, each with all that it needs, after which it is accepted.
+    """
+
+    def __init__(self, message: str, remedies: tuple[tuple[Change, ...], ...]) -> None:
+        super().__init__(message)
+        self.remedies = remedies
+
+
+def check(case: Case) -> None:
+    """Refuse parts of a case that do not work together, and keys without effect in it.
+
+    Raises
+    ------
+    CaseError
+        Names keys, values, the reason and what works in this case.
+    """
+    choices = choices_of(case)
+    refusals = tuple(refusals_of(choices))
+    if refusals:
+        found = remedies(choices, refusals)
+        reasons = (f"{', '.join(_shown(case, key) for key in refusal.keys)}: {refusal.reason}" for refusal in refusals)
+        raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {_in_words(found)}", found)
+    for text in without_effect(case):
+        raise CaseError(text)
+
+
+def choices_of(case: Case) -> Choices:
+    """Everything in a case that some rule asks for."""
+    choices: dict[str, type[Part]] = {"stepper": type(case.stepper)}
+    for name, fault in case.faults.items():
+        for field in ("contact", "friction", "cohesion", "sliding"):
+            if (part := getattr(fault, field)) is not None:
+                choices[f"faults.{name}.{field}"] = type(part)
+        if fault.gap is not None:
+            choices[f"faults.{name}.gap"] = type(fault)
+        choices |= {f"faults.{name}.nucleation.{n}": type(each) for n, each in enumerate(fault.nucleation)}
+    choices |= {key: type(boundary) for key, boundary in case.all_boundaries()}
+    for key, damping in case.all_dampings():
+        given = (name for name, field in type(damping).model_fields.items() if getattr(damping, name) != field.default)
+        choices |= {f"{key}.{name}": type(damping) for name in given}
+    for name in ("fracture", "collisions"):
+        if (part := getattr(case, name)) is not None:
+            choices[name] = type(part)
+    given = (name for name in ("stages", "large_rotations") if getattr(case, name))
+    return choices | {name: type(case) for name in given}
+
+
+def refusals_of(choices: Choices) -> Iterator[Refusal]:
+    """Every rule that the choices break."""
+    for rule in RULES:
+        yield from rule(choices)
+
+
+def remedies(choices: Choices, refusals: Iterable[Refusal]) -> tuple[tuple[Change, ...], ...]:
+    """Smallest sets of changes with which no rule is broken: of kinds, of removals, or of both where neither helps."""
+    swaps: list[Change] = []
+    drops: list[Change] = []
+    for refusal in refusals:
+        for keys in refusal.swap:
+            others = alternatives(FOLDERS[keys[0].rpartition(".")[2]]).values()
+            swaps += (Change(keys, cls) for cls in others if cls is not choices[keys[0]])
+        drops += (Change(keys) for keys in refusal.drop)
+    found = [*_smallest(choices, swaps), *_smallest(choices, drops)]
+    return tuple(found or _smallest(choices, [*swaps, *drops]))
+
+
+def _smallest(choices: Choices, changes: list[Change]) -> list[tuple[Change, ...]]:
+    """Smallest sets of some changes with which no rule is broken, at most `MOST_CHANGES` in each."""
+    changes = list(dict.fromkeys(changes))
+    for size in range(1, MOST_CHANGES + 1):
+        sets = [each for each in combinations(changes, size) if _apart(each)]
+        found = [each for each in sets if not any(refusals_of(_changed(choices, each)))]
+        if found:
+            return found
+    return []
+
+
+def _apart(changes: tuple[Change, ...]) -> bool:
+    """Return whether no key changes twice."""
+    keys = [key for change in changes for key in change.keys]
+    return len(keys) == len(set(keys))
+
+
+def _changed(choices: Choices, changes: Iterable[Change]) -> Choices:
+    for change in changes:
+        choices = change.of(choices)
+    return choices
+
+
+# -- rules -----------------------------------------------------------------------------------------
+
+
+def _faults(choices: Choices, field: str) -> dict[str, type[Part]]:
+    """Classes of a field of all faults that give it, by name of the fault."""
+    split = ((key.split("."), cls) for key, cls in choices.items() if key.startswith("faults."))
+    return {parts[1]: cls for parts, cls in split if parts[2] == field}
+
+
+def _stepper(choices: Choices) -> type[Stepper]:
+    return cast(type[Stepper], choices["stepper"])
+
+
+def overrides(cls: type, base: type, name: str) -> bool:
+    """Return whether a class has a method of its own in place of that of the contract."""
+    return getattr(cls, name) is not getattr(base, name)
+
+
+def _contact(choices: Choices, wrong: Callable[[str, type[ContactMethod]], bool], reason: str) -> Iterator[Refusal]:
+    """Refuse contact methods, those of one kind together."""
+    by_kind: dict[type[ContactMethod], list[str]] = {}
+    for name, part in _faults(choices, "contact").items():
+        method = cast(type[ContactMethod], part)
+        if wrong(name, method):
+            by_kind.setdefault(method, []).append(name)
+    for names in by_kind.values():
+        keys = tuple(f"faults.{name}.contact" for name in names)
+        loose = tuple(f"faults.{name}.sliding" for name in names if f"faults.{name}.sliding" in choices)
+        yield Refusal(keys, reason, swap=(keys, ("stepper",)), drop=(loose,) if loose else ())
+
+
+def _replaced(method: type[ContactMethod]) -> bool:
+    """Return whether steps of another kind take another method for the same contact."""
+    return overrides(method, ContactMethod, "in_steps")
+
+
+def _cannot(way: str, name: str, method: type[ContactMethod]) -> bool:
+    return not (getattr(method, way) or _replaced(method))
+
+
+def _contact_in_steps(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    for way in stepper.ways:
+        yield from _contact(choices, partial(_cannot, way), f"not for {way} steps")
+    if not stepper.multipliers:
+        yield from _contact(
+            choices, lambda _, method: overrides(method, ContactMethod, "multiplier_tolerance") or (
+                _replaced(method) and not method.implicit),
+            f"stepper.kind = '{stepper.kind()}' has no outer iterations",
+        )  # fmt: skip
+    if stepper.elastic_contact_only:
+        yield from _contact(
+            choices, lambda _, method: not overrides(method, ContactMethod, "stiffness"),
+            f"stepper.kind = '{stepper.kind()}' takes contact with a stiffness only",
+        )  # fmt: skip
+
+
+def _sliding(choices: Choices) -> Iterator[Refusal]:
+    stepper, sliding = _stepper(choices), _faults(choices, "sliding")
+    keys = tuple(f"faults.{name}.sliding" for name in sliding)
+    if sliding and not stepper.sliding:
+        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
+    if "explicit" in stepper.ways:
+        def alone(name: str, method: type[ContactMethod]) -> bool:
+            sweeps = method.traction_ends_slip or overrides(method, ContactMethod, "sweeps_to")
+            return name in sliding and method.explicit and not (sweeps or _replaced(method))
+
+        yield from _contact(choices, alone, "on an interface that slides neighbouring points depend on each other")
+    for name in sliding:
+        if (gap := f"faults.{name}.gap") in choices:
+            yield Refusal((gap,), "surfaces that slide have the distance that they have in the mesh", drop=((gap,),))
+
+
+def _cohesion(choices: Choices) -> Iterator[Refusal]:
+    names, stepper = _faults(choices, "cohesion"), _stepper(choices)
+    keys = tuple(f"faults.{name}.cohesion" for name in names)
+    if keys and "implicit" in stepper.ways:
+        yield Refusal(
+            keys, "interfaces break in explicit steps only (in all others the friction law 'cohesion' weakens with "
+            "slip)", (("stepper",),), (keys,),
+        )  # fmt: skip
+    for name in names:
+        key, method = f"faults.{name}.cohesion", cast(type[ContactMethod], choices[f"faults.{name}.contact"])
+        if method.traction_ends_slip:
+            yield Refusal(
+                (key,), f"not with contact.kind = '{method.kind()}', whose springs know their opening too late",
+                ((f"faults.{name}.contact",),), ((key,),),
+            )  # fmt: skip
+        for field in ("gap", "sliding"):
+            other = f"faults.{name}.{field}"
+            if other in choices:
+                yield Refusal((key,), f"an interface with {other} has no cohesion", drop=((key,), (other,)))
+
+
+def has_age(law: type[FrictionLaw]) -> bool:
+    """Return whether the only state of a law is an age, of which it knows the rate."""
+    known = issubclass(law, RateAndState) and overrides(law, RateAndState, "age_rate")
+    return known and set(law.state_fields) == {"theta"} and "law" not in law.model_fields
+
+
+def _friction(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    if not stepper.ages_only:
+        return
+    reason = f"stepper.kind = '{stepper.kind()}' integrates slip rate and age"
+    for name, law in _faults(choices, "friction").items():
+        if not has_age(cast(type[FrictionLaw], law)):
+            yield Refusal((f"faults.{name}.friction",), reason, ((f"faults.{name}.friction",), ("stepper",)))
+    weaken = tuple(
+        key for key, cls in choices.items() if issubclass(cls, Nucleation) and overrides(cls, Nucleation, "weaken")
+    )
+    if weaken:
+        yield Refusal(weaken, f"{reason}, of laws that nothing else weakens", (("stepper",),), (weaken,))
+
+
+def _boundaries(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    ties = tuple(
+        key for key, cls in choices.items() if issubclass(cls, Boundary) and overrides(cls, Boundary, "tied_edges")
+    )
+    if ties and not stepper.keeps_ties:
+        yield Refusal(ties, f"stepper.kind = '{stepper.kind()}' cannot tie nodes", (("stepper",),), (ties,))
+    if ties and "fracture" in choices:
+        yield Refusal(ties, "bodies that break cannot be tied", drop=(ties,))
+    waves = tuple(key for key, cls in choices.items() if getattr(cls, "waves", False))
+    if waves and not stepper.inertia:
+        yield Refusal(
+            waves, f"without effect, for stepper.kind = '{stepper.kind()}' has no waves", (("stepper",),), (waves,)
+        )
+
+
+def _bodies(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    if "stages" in choices and not stepper.staged:
+        yield Refusal(("stepper",), "its steps take no stages", (("stepper",),), (("stages",),))
+    if "fracture" in choices and not stepper.fracture:
+        yield Refusal(("stepper",), "bodies break in explicit steps only", (("stepper",),))
+    large = "large_rotations"
+    if large in choices and not stepper.large_rotations:
+        yield Refusal((large,), f"stepper.kind = '{stepper.kind()}' is for small ones", (("stepper",),), ((large,),))
+    way = choices.get("fracture")
+    if way is not None and cast(type[Fracture], way).rigid:
+        kind = cast(type[Fracture], way).kind()
+        for key, why in ((large, "is for small ones"), ("collisions", "has no springs to go by")):
+            if key in choices:
+                yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))
+
+
+RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
+    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _bodies,
+)  # fmt: skip
+
+
+# -- keys without effect ---------------------------------------------------------------------------
+
+
+def without_effect(case: Case) -> Iterator[str]:
+    """Messages on keys that change nothing in a case, whatever its parts are."""
+    output, stop = case.output, case.stop_when
+    if output.plate_thickness is not None and case.plane not in ("stress", "strain"):
+        yield (
+            f"output.plate_thickness = {output.plate_thickness:g} m: without effect, for fringes are of plates, and "
+            f"plane = '{case.plane}'; remove it"
+        )
+    yield from _edges_named_twice(case)
+    if case.faults:
+        return
+    # A resolved case gives its defaults, too.
+    given = {
+        f"output.{name}": getattr(output, name) for name in ("rupture_threshold", "rupture_after")
+        if getattr(output, name) != type(output).model_fields[name].default
+    }  # fmt: skip
+    if stop is not None and stop.sliding_dead_for is not None:
+        given["stop_when.sliding_dead_for"] = stop.sliding_dead_for
+    for key, value in given.items():
+        yield f"{key} = {value:g}: without effect, for there is no interface ([faults.NAME]); remove it"
+
+
+def _edges_named_twice(case: Case) -> Iterator[str]:
+    """Messages on boundaries that add nothing to an edge on which another one acts."""
+    edges: dict[tuple[str, str], list[str]] = {}
+    idle = []
+    for key, boundary in case.all_boundaries():
+        edge = key.rpartition(".")[0], getattr(boundary, "edge", "")
+        edges.setdefault(edge, []).append(key)
+        if not boundary.acts:
+            idle.append((key, boundary.kind(), edge))
+    for key, kind, edge in idle:
+        others = [other for other in edges[edge] if other != key]
+        if others:
+            yield (
+                f"{key}.kind = '{kind}': without effect, for {others[0]} acts on '{edge[1]}', too, and leaves free "
+                "what it does not drive or load; remove this entry"
+            )
+
+
+# -- words -----------------------------------------------------------------------------------------
+
+
+def _shown(case: Case, key: str) -> str:
+    """A key with its kind or its number, as in a case."""
+    value: object = case
+    for name in key.split("."):
+        value = value[int(name)] if isinstance(value, list) else (
+            value[name] if isinstance(value, Mapping) else getattr(value, name)
+        )  # fmt: skip
+    if isinstance(value, Alternative):
+        return f"{key}.kind = '{value.kind()}'"
+    return f"{key} = {value:g}" if isinstance(value, float) else key
+
+
+def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
+    """Remedies as the end of a message: kinds of one key side by side."""
+    kinds: dict[tuple[tuple[Change, ...], Keys], list[str]] = {}
+    removals = []
+    for changes in found:
+        *others, last = changes
+        if all(change.kind is None for change in changes):
+            removals.append(f"remove {_listed([key for change in changes for key in change.keys], 'and')}")
+        else:
+            kinds.setdefault((tuple(others), last.keys), []).append(last.kind or "")
+    texts = []
+    for (first, keys), names in kinds.items():
+        texts.append(" with ".join([*(_change(change.keys, change.kind) for change in first), _change(keys, *names)]))
+    words = ["use " + ", or ".join(texts)] if texts else []
+    return ", or ".join([*words, *removals]) or "no other kind of one of them helps"
+
+
+def _change(keys: Keys, *kinds: str | None) -> str:
+    """Other kinds of some parts; none leaves them out."""
+    if not any(kinds):
+        return f"no {_listed(keys, 'and')}"
+    return f"{_listed([f'{key}.kind' for key in keys], 'and')} = {_listed([repr(kind) for kind in kinds], 'or')}"
+
+
+def _listed(words: Sequence[str], last: str) -> str:
+    """Words with commas, the last one behind `and` or `or`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,0 +1,233 @@
+"""What does not work together is refused by key, and every remedy that a refusal names is accepted by the same case."""
+
+from __future__ import annotations
+
+import copy
+import re
+from itertools import product
+from typing import Any
+
+import pytest
+from crack_cases import HERE, block
+from small_cases import COMPLIANT, SPLIT, merged, plates
+
+from ruptfx.case import parse_case
+from ruptfx.check_law.examples import table
+from ruptfx.schema import Alternative, CaseError, alternatives, set_key
+from ruptfx.support import Change, UnsupportedError
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import stages
+from ruptfx.model import Model
+
+pytestmark = pytest.mark.fem
+
+STEPPERS, METHODS = alternatives("ruptfx.steppers"), alternatives("ruptfx.contact")
+AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-5, "f_0": 0.6, "V_0": 1e-6}
+BOND = {"kind": "linear", "f_t": 1e6, "c": 2e6, "G_Ic": 10.0, "G_IIc": 20.0}
+SIDES = [{"kind": "periodic", "first": f"{body}.left", "second": f"{body}.right"} for body in ("lower", "upper")]
+PUSH = {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 1.0}
+ABSORBS = {"kind": "absorbing", "edge": "upper.left"}
+SMALL = {
+    "order": 1, "duration": 2e-6, "mesh": {"kind": "two_plates", "length": 4e-3, "height": 2e-3, "element_size": 1e-3},
+    "boundaries": [{**PUSH, "edge": "lower.bottom", "velocity": 0.0},
+                   {**PUSH, "edge": "lower.bottom", "component": "y", "velocity": 0.0}, PUSH],
+    "faults.main.friction": AGEING, "faults.main.initial_stress": {"normal": 6e6, "shear": 3e6},
+}  # fmt: skip
+FEATURES: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "sliding": {"faults.main.sliding": {}},
+    "cohesion": {"faults.main.cohesion": BOND},
+    "sliding and cohesion": {"faults.main.sliding": {}, "faults.main.cohesion": BOND},
+    "gap": {"faults.main.gap": 1e-6, "faults.main.initial_stress": {"normal": 0.0},
+            "faults.main.friction": {"kind": "coulomb", "mu_d": 0.3}},
+    "sliding and gap": {"faults.main.sliding": {}, "faults.main.gap": 1e-6,
+                        "faults.main.initial_stress": {"normal": 0.0}},
+    "periodic": {"boundaries": [*SIDES, SMALL["boundaries"][1]]},
+    "stages": {"stages": [{"duration": 1e-6}, {"duration": 1e-6, "damping": {"mass": 1e3}}]},
+    "coulomb": {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}},
+    "weakened": {"faults.main.nucleation": [{"kind": "friction_drop", "mu_d": 0.1, "center": 2e-3,
+                                             "half_width": 1e-3}]},
+    "waves": {"damping": {"mass": 1e3, "kelvin_voigt": {}}, "boundaries": [*SMALL["boundaries"], ABSORBS]},
+}  # fmt: skip
+OF_CRACKS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "turning": {"large_rotations": True},
+    "meeting": {"large_rotations": True, "collisions": {"kind": "potential"}},
+    "stages": {"stages": [{"duration": 4e-6}, {"duration": 6e-6}]},
+    "tied": {"boundaries": [{"kind": "periodic", "first": "rock.left", "second": "rock.right"}]},
+}
+CELLS: list[tuple[str, dict[str, Any]]] = [
+    (f"{method}, {stepper}, {feature}", plates({
+        **SMALL, "faults.main.contact": {"kind": method, **table(METHODS[method])}, "stepper": {"kind": stepper},
+        **changes,
+    })) for method, stepper, (feature, changes) in product(METHODS, STEPPERS, FEATURES.items())
+] + [
+    (f"{kind}, {stepper}, {feature}", block({"fracture.kind": kind, "stepper": {"kind": stepper}, **changes}))
+    for kind, stepper, (feature, changes) in product(alternatives("ruptfx.cracks"), STEPPERS, OF_CRACKS.items())
+]  # fmt: skip
+
+
+def applied(given: dict[str, Any], changes: tuple[Change, ...]) -> dict[str, Any]:
+    """The tables of a case with a remedy."""
+    result = copy.deepcopy(given)
+    gone = {key for change in changes if change.cls is None for key in change.keys}
+    for change in changes:
+        for key in change.keys if change.cls else ():
+            old = given
+            for name in key.split("."):
+                old = old[name]
+            contract = next(base for base in change.cls.__mro__ if Alternative in base.__bases__)
+            own = {name for name, field in change.cls.model_fields.items() if field.is_required()}
+            needed = {} if own <= contract.model_fields.keys() else table(change.cls)
+            kept = {name: value for name, value in old.items() if name in contract.model_fields}
+            set_key(result, key, {"kind": change.kind, **{name: needed[name] for name in own - kept.keys()}, **kept})
+    for key in sorted(gone, reverse=True):  # of lists the last entry first
+        *parents, last = key.split(".")
+        node: Any = result
+        for name in parents:
+            node = node[int(name)] if isinstance(node, list) else node[name]
+        del node[int(last) if isinstance(node, list) else last]
+    return result
+
+
+def test_every_remedy_is_accepted() -> None:
+    """In every cell of contact or way to break, stepper and feature; once in each of the cases that come out."""
+    refused, tried, works = 0, 0, set()
+    for name, given in CELLS:
+        try:
+            parse_case(given, HERE)
+        except UnsupportedError as error:
+            refused += 1
+            assert error.remedies, f"{name}: {error}"
+            words = str(error).partition("; use ")[2]
+            assert set(re.findall(r"'(\w+)'", words)) == {
+                change.kind for changes in error.remedies for change in changes if change.kind
+            }, f"{name}: {error}"
+            for changes in error.remedies:
+                case = parse_case(applied(given, changes), HERE)
+                tried += 1
+                if case.hash not in works:
+                    stages.bind(Model(case))
+                    works.add(case.hash)
+    assert refused > 100 and tried > 300
+
+
+@pytest.mark.parametrize("stepper", ["petsc_ts", "quasi_dynamic"])
+@pytest.mark.parametrize("method", ["split_node", "forward_lagrange", "augmented_lagrangian"])
+def test_no_remedy_leads_in_a_circle(stepper: str, method: str) -> None:
+    """Messages named rigid kinds of contact in turn; these steps take `compliant`."""
+    with pytest.raises(UnsupportedError) as refused:
+        parse_case(plates({
+            "stepper": {"kind": stepper}, "faults.main.contact": {"kind": method}, "faults.main.friction": AGEING,
+        }))  # fmt: skip
+    kinds = {c.kind for changes in refused.value.remedies for c in changes if c.keys == ("faults.main.contact",)}
+    assert kinds == {"compliant"}
+
+
+def test_faults_of_one_kind_change_together() -> None:
+    """Two of three interfaces have contact that the steps cannot use: one remedy for both of them."""
+    rest = {"friction": {"kind": "coulomb", "mu_d": 0.6}, "initial_stress": {"normal": 1e6}}
+    faults = {name: {**rest, "contact": given} for name, given in (("a", SPLIT), ("b", SPLIT), ("c", COMPLIANT))}
+    with pytest.raises(UnsupportedError, match=r"^faults\.a\.contact\.kind = .*, faults\.b\.contact\.kind") as refused:
+        parse_case(plates({"faults": faults, "stepper": {"kind": "petsc_ts"}}))
+    keys = ("faults.a.contact", "faults.b.contact")
+    assert [change.kind for (change,) in refused.value.remedies if change.keys == keys] == ["compliant"]
+
+
+# -- keys without effect -------------------------------------------------------------------------------------------
+
+WAVE = {"kind": "incident_wave", "edge": "upper.right", "wave": "P", "direction": [-1.0, 0.0], "velocity": 1.0,
+        "history": {"kind": "ricker", "frequency": 3e5, "delay": 4e-6}}  # fmt: skip
+BARE = {"faults": {}, "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": {
+    "plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 4e-3, "height": 2e-3}}}}  # fmt: skip
+
+
+@pytest.mark.parametrize("stepper", [kind for kind, cls in STEPPERS.items() if not cls.inertia])
+@pytest.mark.parametrize("key, changes", [
+    ("boundaries.3.kind", {"boundaries": [*SMALL["boundaries"], ABSORBS]}),
+    ("boundaries.3.kind", {"boundaries": [*SMALL["boundaries"], WAVE]}),
+    ("damping.mass", {"damping.mass": 1e3}),
+    ("damping.kelvin_voigt", {"damping.kelvin_voigt": {"eta": 1e-8}}),
+    ("damping.kelvin_voigt", {"damping.kelvin_voigt": {}}),
+    ("stages.1.damping.mass", {"stages": [{"duration": 1e-6}, {"duration": 1e-6, "damping": {"mass": 1.0}}]}),
+    ("stages.0.boundaries.0.kind", {"stages": [{"duration": 2e-6, "boundaries": [ABSORBS]}]}),
+])  # fmt: skip
+def test_steps_without_waves_refuse_what_acts_on_waves(stepper: str, key: str, changes: dict[str, Any]) -> None:
+    """The same case is accepted by steps with waves, and by those that change between both."""
+    given = {**SMALL, **changes, "faults.main.contact": COMPLIANT}
+    with pytest.raises(UnsupportedError, match=rf"{re.escape(key)}.*stepper\.kind = '{stepper}'"):
+        parse_case(plates({**given, "stepper": {"kind": stepper}}))
+    for other in ("leapfrog", "generalized_alpha", "hybrid"):
+        Model(parse_case(plates({**given, "stepper": {"kind": other}})))
+
+
+@pytest.mark.parametrize("key, changes", [
+    ("output.rupture_threshold = 0.5", {**BARE, "output.rupture_threshold": 0.5}),
+    ("output.rupture_after = 1e-06", {**BARE, "output.rupture_after": 1e-6}),
+    ("stop_when.sliding_dead_for = 1e-06", {**BARE, "stop_when": {"sliding_dead_for": 1e-6}}),
+    ("output.plate_thickness = 0.01", {"plane": "antiplane", "boundaries": [], "output.plate_thickness": 0.01}),
+    ("output.plate_thickness = 0.01", {"plane": "axisymmetric", "boundaries": [], "output.plate_thickness": 0.01}),
+    ("output.plate_thickness = 0.01", {"plane": "solid", "boundaries": [], "output.plate_thickness": 0.01}),
+    ("damping.kelvin_voigt: fraction = 0.2: without effect beside eta = 1e-08",
+     {"damping.kelvin_voigt": {"fraction": 0.2, "eta": 1e-8}}),
+    ("boundaries.3.kind = 'free'", {"boundaries": [*SMALL["boundaries"], {"kind": "free", "edge": "upper.top"}]}),
+    ("stages.0.boundaries.0.kind = 'free'", {"stages": [{"duration": 2e-6, "boundaries": [
+        {"kind": "free", "edge": "upper.top"}, PUSH]}]}),
+])  # fmt: skip
+def test_keys_without_effect_are_refused(key: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(CaseError, match=f"^{re.escape(key)}"):
+        parse_case(plates({**SMALL, "faults.main.contact": COMPLIANT, **changes}))
+
+
+@pytest.mark.parametrize("key, value", [
+    ("stop_when", {"sliding_dead_for": 1e-6}), ("output.rupture_after", 1e-6), ("output.rupture_threshold", 0.5),
+])  # fmt: skip
+def test_bodies_that_break_have_no_interface_that_could_die_or_rupture(key: str, value: Any) -> None:
+    with pytest.raises(CaseError, match=rf"^{key}.*there is no interface"):
+        parse_case(block({key: value}), HERE)
+
+
+def test_a_resolved_case_gives_defaults_of_keys_that_would_be_refused() -> None:
+    for given in (parse_case(block(), HERE), parse_case(plates({"damping.kelvin_voigt": {"eta": 1e-8}}))):
+        assert parse_case(given.table()) == given
+
+
+@pytest.mark.parametrize("key, added", [
+    ("boundaries.3.edge = 'upper.top'", {**PUSH, "velocity": 5.0}),
+    ("boundaries.3.edge = 'upper.top'", {"kind": "moved", "edge": "upper.top", "component": "x",
+                                         "quantity": "velocity", "times": [0.0, 1.0], "values": [0.0, 1.0]}),
+    ("boundaries.3.edge = 'upper.top'", {**PUSH, "x_range": [0.0, 2e-3]}),
+    ("boundaries.3.kind = 'traction': without effect in x", {"kind": "traction", "edge": "upper.top",
+                                                            "traction": [1e6, 1e6]}),
+    ("boundaries.3.kind = 'traction': without effect in y", {"kind": "traction", "edge": "lower.bottom",
+                                                            "traction": [0.0, 1e6]}),
+    ("boundaries.3.kind = 'spring': without effect in x", {"kind": "spring", "edge": "upper.top", "normal": 1e12,
+                                                          "tangential": 1e12}),
+    ("boundaries.3.kind = 'absorbing': without effect, ", {"kind": "absorbing", "edge": "lower.bottom"}),
+    ("boundaries.3.kind = 'incident_wave': without effect, ", {**WAVE, "edge": "lower.bottom"}),
+    ("boundaries.3.kind = 'point_force': without effect in x", {"kind": "point_force", "point": [2e-3, 2e-3],
+                                                               "force": [1.0, 1.0]}),
+])  # fmt: skip
+def test_edges_that_are_driven_take_nothing_else_in_that_direction(key: str, added: dict[str, Any]) -> None:
+    given = plates({**SMALL, "faults.main.contact": COMPLIANT})
+    given["boundaries"] = [*given["boundaries"], added]
+    with pytest.raises(CaseError, match=f"^{re.escape(key)}"):
+        Model(parse_case(given))
+    staged = merged(given, {"boundaries": [], "stages": [{"duration": 2e-6, "boundaries": given["boundaries"]}]})
+    with pytest.raises(CaseError, match=f"^stages.0.{re.escape(key)}"):
+        stages.bind(Model(parse_case(staged)))
+
+
+@pytest.mark.parametrize("entries", [
+    [{**PUSH, "x_range": [0.0, 2e-3]}, {**PUSH, "x_range": [2e-3, 4e-3], "velocity": 5.0}],  # a node in common
+    [PUSH, {**PUSH, "component": "y"}],
+    [PUSH, {**PUSH, "edge": "upper.left"}],  # a corner in common
+    [PUSH, {"kind": "traction", "edge": "upper.top", "traction": [0.0, 1e6]}],
+    [PUSH, {"kind": "absorbing", "edge": "upper.top"}],  # in y
+    [PUSH, {"kind": "spring", "edge": "upper.top", "normal": 1e12}],
+    [{**PUSH, "x_range": [0.0, 2e-3]}, {"kind": "traction", "edge": "upper.top", "traction": [1e6, 0.0]}],
+])  # fmt: skip
+def test_edges_with_several_boundaries_that_all_act(entries: list[dict[str, Any]]) -> None:
+    Model(parse_case(plates({**SMALL, "order": 2, "faults.main.contact": COMPLIANT, "boundaries": entries})))

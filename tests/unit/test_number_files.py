@@ -1,0 +1,149 @@
+"""Units in the headers of files with numbers: read in usual spellings, refused where they are unknown."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_cases import merged, plates
+
+from ruptfx import RuptfxError
+from ruptfx.analysis.emission import read_catalogue
+from ruptfx.case import parse_case
+from ruptfx.lumped.maxwell_slip.roughness import read_profile
+from ruptfx.lumped.spring_slider.fit import read_trace
+from ruptfx.number_files import two_columns
+from ruptfx.profiles.table import Table
+from ruptfx.schema import CaseError
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "header, time, velocity",
+    [  # SI values of a row "60, 3", to the last bit
+        ("time (us), velocity (m/s)", 60e-6, 3.0),
+        ("time [us];velocity [mm/s]", 60e-6, 3e-3),
+        ("t/us,v/(km/s)", 60e-6, 3e3),
+        ("t / ms, v / (mm s^-1)", 60e-3, 3e-3),
+        ("time us, velocity mm/s", 60e-6, 3e-3),
+        ("time_us,velocity_mm_s", 60e-6, 3e-3),
+        ("time_min,v_m_per_s", 3600.0, 3.0),
+        ("time (\u03bcs), velocity (\u00b5m/s)", 60e-6, 3e-6),
+        ('"Time (ms)","v (cm/s)"', 60e-3, 3e-2),
+        ("# time (us), velocity (m/s)", 60e-6, 3.0),
+        ("# one comment, two\n# time (us), velocity (m/s)\n# filtered", 60e-6, 3.0),
+        ("Time,Velocity\n(us),(km/s)", 60e-6, 3e3),
+        ("Time,Velocity\nus,km/s", 60e-6, 3e3),
+        ("time (us), velocity (m/s)\nchannel A, channel B", 60e-6, 3.0),
+        ("time (us), velocity (m/s), quality", 60e-6, 3.0),
+        ("time (us), velocity", 60e-6, 3.0),
+        # Without units the numbers are in SI units, whatever the names.
+        ("time, velocity", 60.0, 3.0),
+        ("t, v_1", 60.0, 3.0),
+        ("time_s,velocity_m_s", 60.0, 3.0),
+        ("", 60.0, 3.0),
+    ],
+)
+def test_units_of_two_columns(tmp_path: Path, header: str, time: float, velocity: float) -> None:
+    mark = ";" if ";" in header else ","
+    path = written(tmp_path / "v.csv", f"{header}\n60{mark}3\n70{mark}4\n")
+    times, values = two_columns(path, "time", ("s", "m/s"))
+    assert (times[0], values[0]) == (time, velocity)
+
+
+@pytest.mark.parametrize(
+    "header, column, unit",
+    [
+        ("time (fortnight), velocity (m/s)", 1, "fortnight"),
+        ("time (us), velocity (V)", 2, "V"),
+        ("time (mm), velocity (m/s)", 1, "mm"),  # of another kind
+        ("time (us), displacement (mm)", 2, "mm"),
+        ("time_us, velocity_MPa", 2, "MPa"),
+        ("t/us, v/c_R", 2, "c_R"),
+        ("# time (us), velocity (arbitrary)", 2, "arbitrary"),
+    ],
+)
+def test_other_units_are_refused(tmp_path: Path, header: str, column: int, unit: str) -> None:
+    path = written(tmp_path / "v.csv", f"title\n{header}\n60,3\n70,4\n")
+    with pytest.raises(ValueError, match=rf"line 2 of .*v\.csv, column {column}, .*\b{unit}\b.*in brackets"):
+        two_columns(path, "time", ("s", "m/s"))
+
+
+def test_the_remedy_works(tmp_path: Path) -> None:
+    path = written(tmp_path / "v.csv", "t/us, v/c_R (m/s)\n60,3\n70,4\n")
+    assert two_columns(path, "time", ("s", "m/s")) == ([60e-6, 70e-6], [3.0, 4.0])
+
+
+def test_a_moved_edge(tmp_path: Path) -> None:
+    written(tmp_path / "v.csv", "time (us), velocity (mm/s)\n0,0\n20,5\n")
+    written(tmp_path / "u.csv", "time (us), displacement (um)\n0,0\n20,5\n")
+    given = {"kind": "moved", "edge": "upper.left", "component": "x"}
+    for name, quantity, last in (("v", "velocity", 5e-3), ("u", "displacement", 5e-6)):
+        edge = parse_case(
+            plates({"boundaries": [{**given, "quantity": quantity, "file": f"{name}.csv"}]}), tmp_path
+        ).boundaries[0]
+        assert edge.times == [0.0, 20e-6] and edge.values == [0.0, last]
+    wrong = {**given, "quantity": "displacement", "file": "v.csv"}
+    with pytest.raises(CaseError, match=r"boundaries\.0.*column 2.*mm/s"):
+        parse_case(plates({"boundaries": [wrong]}), tmp_path)
+
+
+def test_a_profile_has_the_unit_of_its_key(tmp_path: Path) -> None:
+    written(tmp_path / "p.csv", "x (mm), p (MPa)\n-100,7\n200,3\n")
+    key = "faults.main.initial_stress.normal"
+    case = parse_case(plates({key: {"kind": "table", "file": "p.csv"}}), tmp_path)
+    profile = case.faults["main"].initial_stress.normal
+    assert profile.positions == [-0.1, 0.2] and profile.values == [7e6, 3e6] and profile.file is None
+    law = {"faults.main.friction": {"kind": "coulomb", "mu_d": {"kind": "table", "file": "p.csv"}}}
+    with pytest.raises(CaseError, match=r"friction\.mu_d.*column 2.*MPa"):
+        parse_case(merged(plates(), law), tmp_path)
+    assert Table(file=str(tmp_path / "p.csv")).values == [7e6, 3e6]  # in Python, without a key
+
+
+def test_a_height_profile(tmp_path: Path) -> None:
+    rows = "".join(f"{i} {(-1) ** i}\n" for i in range(9))
+    for header, size in (("x[mm] z[um]", (1e-3, 1e-6)), ("x (mm), z (um)", (1e-3, 1e-6)), ("x z", (1.0, 1.0))):
+        position, height = read_profile(written(tmp_path / "z.txt", f"{header}\n{rows}"))
+        np.testing.assert_array_equal(position, size[0] * np.arange(9), strict=False)
+        assert height[0] == size[1]
+    column = "".join(f"{(-1) ** i}\n" for i in range(9))
+    assert read_profile(written(tmp_path / "z.txt", f"heights (um)\n{column}"))[1][0] == 1e-6
+    assert read_profile(written(tmp_path / "z.txt", f"heights\n{column}"), 1e-6)[1][0] == 1e-6
+    with pytest.raises(RuptfxError, match=r"1e-06 m.*profile_unit = 0\.001 m"):
+        read_profile(written(tmp_path / "z.txt", f"heights (um)\n{column}"), 1e-3)
+
+
+def test_a_friction_trace(tmp_path: Path) -> None:
+    rows = "".join(f"{i},10,0.5\n" for i in range(20))
+    time, speed, friction = read_trace(written(tmp_path / "f.csv", f"time (ms),drive_speed [um/s],friction\n{rows}"))
+    assert time[3] == 3e-3 and speed[0] == 10e-6 and friction[0] == 0.5
+    with pytest.raises(RuptfxError, match=r"column 2.*mm"):
+        read_trace(written(tmp_path / "f.csv", f"time (ms),drive_speed (mm),friction\n{rows}"))
+
+
+def test_a_catalogue(tmp_path: Path) -> None:
+    found = read_catalogue(written(tmp_path / "c.csv", "x (mm),y (mm),time (us),energy (mJ),x_error\n1,2,3,4,5\n"))
+    assert (found.x[0], found.y[0], found.time[0], found.energy[0]) == (1e-3, 2e-3, 3e-6, 4e-3)
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "pipe"])
+def test_devices_and_pipes_are_refused_at_once(name: str, tmp_path: Path) -> None:
+    path = Path(name) if name.startswith("/") else tmp_path / name
+    if name == "pipe":
+        os.mkfifo(path)
+    with pytest.raises(ValueError, match=rf"{path}: cannot be read: it is no regular file"):
+        two_columns(path, "position", ("m", None))
+
+
+def test_files_beyond_the_limit_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "large.csv"
+    with path.open("wb") as file:
+        file.truncate(101_000_000)  # a hole: no byte is written
+    with pytest.raises(ValueError, match=r"large.csv: has 101 MB, and files with numbers at most 100"):
+        two_columns(path, "position", ("m", None))
