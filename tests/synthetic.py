@@ -235,20 +235,29 @@ def _write_energy(path: Path, time: Array) -> None:
 
 
 def write_cracks(path: Path, failed: int) -> None:
-    """Add three facets to a run, of which as many have failed, the first in tension, and an edge that was pulled."""
-    ends = 1e-3 * np.array([[[0, 0], [10, 0]], [[10, 0], [10, 10]], [[0, 0], [10, 10]]], dtype=float)
+    """Add facets to a run, three or as many as have failed, the first in tension, and an edge that was pulled.
+
+    Every second event radiates nothing; energies of the others fall by three decades, again and again.
+    """
+    facets = max(failed, 3)
+    triple = 1e-3 * np.array([[[0, 0], [10, 0]], [[10, 0], [10, 10]], [[0, 0], [10, 10]]], dtype=float)
+    shift = 1e-2 * np.array([[number // 3 % 8, number // 24] for number in range(facets)], dtype=float)
+    ends = triple[np.arange(facets) % 3] + shift[:, None]
     time = np.array([1e-6, 2e-6])
     with h5py.File(path / "cracks.h5", "w") as file:
         file.attrs["bodies"] = ["rock"]
-        file["points"], file["lines"] = ends.reshape(-1, 2), np.arange(6).reshape(3, 2)
+        file["points"], file["lines"] = ends.reshape(-1, 2), np.arange(2 * facets).reshape(-1, 2)
         file["length"] = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        file["time"], file["status"] = time, np.array([[1, 0, 0], np.where(np.arange(3) < failed, 2, 0)], dtype=np.int8)
-    middle, modes = ends.mean(axis=1)[:failed], np.array(["tensile", "shear"][:failed], dtype=object)
+        status = np.where(np.arange(facets) < failed, 2, 0)
+        file["time"], file["status"] = time, np.array([np.minimum(status, 1), status], dtype=np.int8)
+    number = np.arange(failed)
+    middle, modes = ends.mean(axis=1)[:failed], np.array(["tensile", "shear"] * failed, dtype=object)[:failed]
     along = (ends[:, 1] - ends[:, 0])[:failed]
+    when = np.where(number < 2, 1e-6 * (1 + number), 2e-6 + 1e-8 * number)
     numbers = {
-        "x": middle[:, 0], "y": middle[:, 1], "time": time[:failed], "time_of_failure": time[:failed],
-        "energy": np.array([1e-6, 0.0])[:failed], "inclination": np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 180,
-        "length": np.hypot(*along.T),
+        "x": middle[:, 0], "y": middle[:, 1], "time": when, "time_of_failure": when,
+        "energy": np.where(number % 2, 0.0, 1e-6 * 10.0 ** (-0.1 * (number % 30))),
+        "inclination": np.degrees(np.arctan2(along[:, 1], along[:, 0])) % 180, "length": np.hypot(*along.T),
     }  # fmt: skip
     columns = {**{name: ("event", values) for name, values in numbers.items()}, "mode": ("event", modes)}
     xarray.Dataset(columns).to_netcdf(path / "events.h5", engine="h5netcdf")

@@ -33,6 +33,8 @@ SMALLEST = -10.0
 CELLS = 3.0  # distance of events that are one, in facets
 RIPPLES = 0.5  # part of the largest stress below which a maximum is a wave
 ELASTIC = (0.2, 0.5)  # parts of the first peak between which the modulus is taken
+WINDOWS = (0.95, 0.98, 1.0)
+"""Parts of the time of the first peak until which tensile shares are given; the last is the window of Zhao (2013)."""
 MODES = ("tensile", "shear", "mixed")
 
 
@@ -100,8 +102,8 @@ class Emission:
     before : ndarray of bool, shape (events,)
         Which of them failed before the failure of the specimen.
     mode : ndarray of str, shape (events,)
-    inclination, length : ndarray, shape (events,)
-        Of the facets [degrees, m].
+    inclination, length, time_of_failure : ndarray, shape (events,)
+        Of the facets [degrees, m, s].
     failure_time : float or None
         Of the first peak of the stress [s], or as given.
     seismic : Catalogue
@@ -118,6 +120,7 @@ class Emission:
     mode: Array
     inclination: Array
     length: Array
+    time_of_failure: Array
     failure_time: float | None
     seismic: Catalogue
     counted: Array
@@ -128,8 +131,13 @@ class Emission:
     @property
     def shares(self) -> dict[str, float]:
         """Parts of the modes in `seismic`; not a number where there is no event."""
-        modes = self.mode[self.counted]
-        return {name: float(np.mean(modes == name)) if len(modes) else float(np.nan) for name in MODES}
+        return {name: _share(self.mode[self.counted], name) for name in MODES}
+
+    @property
+    def tensile_shares(self) -> dict[float, float]:
+        """Tensile part of `seismic` by the window it is of (`WINDOWS`); not a number without a time of failure."""
+        failed = self.time_of_failure[self.counted] / (np.nan if self.failure_time is None else self.failure_time)
+        return {part: _share(self.mode[self.counted][failed <= part], "tensile") for part in WINDOWS}
 
 
 def emission_of(
@@ -154,24 +162,44 @@ def emission_of(
         Distance [m] and speed [m/s] of `clusters`; default: three facets and half the slowest shear wave speed.
     """
     data, facets = record.events, record.cracks
-    columns = {name: np.asarray(data[name].values) for name in ("x", "y", "energy", "time", "time_of_failure")}
-    events = Catalogue(columns["time"], columns["x"], columns["y"], columns["energy"])
-    pressed = loading(record)
-    if failure_time is None and pressed is not None and pressed.peak is not None:
-        failure_time = float(pressed.time[pressed.peak])
-    before = columns["time_of_failure"] <= (np.inf if failure_time is None else failure_time)
+    time_of_failure = np.asarray(data["time_of_failure"].values)
+    events, before, counted, failure_time = _counted(record, smallest, failure_time)
     size = float(np.mean(facets["length"].values))
     points = facets["points"].values
     near, far = distances or (2 * size, float(np.ptp(points, axis=0).min()) / 3)
-    counted = before & (events.energy > 0) & (events.magnitude >= smallest)
     seismic = Catalogue(events.time[counted], events.x[counted], events.y[counted], events.energy[counted])
     linked = clusters(events.seismic(smallest), *(link or (CELLS * size, 0.5 * _slowest(record))))
     return Emission(
         events, before, np.asarray(data["mode"].values), np.asarray(data["inclination"].values),
-        np.asarray(data["length"].values), failure_time, seismic, counted, linked.events,
+        np.asarray(data["length"].values), time_of_failure, failure_time, seismic, counted, linked.events,
         estimate(seismic, completeness, (near, far), failure_time),
         tried(lambda: b_value(linked.events.magnitude, completeness)),
     )  # fmt: skip
+
+
+def _counted(
+    record: Files, smallest: float, failure_time: float | None
+) -> tuple[Catalogue, Array, Array, float | None]:
+    """All events, which of them came before the failure, which of those count, and the time of the failure [s]."""
+    data = record.events
+    x, y, energy, time, failed = (np.asarray(data[name].values) for name in ("x", "y", "energy", "time",
+                                                                            "time_of_failure"))  # fmt: skip
+    events = Catalogue(time, x, y, energy)
+    pressed = loading(record)
+    if failure_time is None and pressed is not None and pressed.peak is not None:
+        failure_time = float(pressed.time[pressed.peak])
+    before = failed <= (np.inf if failure_time is None else failure_time)
+    return events, before, before & (events.energy > 0) & (events.magnitude >= smallest), failure_time
+
+
+def events_that_count(record: Files) -> int:
+    """Number of events before the failure that radiate a magnitude of -10 at least."""
+    return int(_counted(record, SMALLEST, None)[2].sum())
+
+
+def _share(modes: Array, name: str) -> float:
+    """Part of events that have a mode; not a number without events."""
+    return float(np.mean(modes == name)) if len(modes) else float(np.nan)
 
 
 def _slowest(record: Files) -> float:
@@ -211,8 +239,6 @@ def summarise_fracture(record: Files) -> Table:
     """Scalars of a run whose bodies may break, under the names of the summary."""
     found, pressed = emission_of(record), loading(record)
     D, p = found.of_events.D, found.of_events.p
-    facets = record.cracks
-    failed = facets["status"].values[-1] == 2 if facets.sizes["time"] else np.zeros(0, dtype=bool)
     values: Table = {}
     if pressed is not None:
         values = {
@@ -225,11 +251,12 @@ def summarise_fracture(record: Files) -> Table:
         "events": len(found.events), "events_before_peak": len(found.seismic),
         "aseismic_share": 1 - len(found.seismic) / found.before.sum() if found.before.any() else np.nan,
         **{f"{name}_share": share for name, share in found.shares.items()},
+        **{f"tensile_share_until_{part:.0%}".rstrip("%"): found.tensile_shares[part] for part in WINDOWS[:-1]},
         "largest_magnitude": float(np.max(found.events.magnitude, initial=-np.inf)),
         **_with_error("b_value", found.of_clusters, "b"),
         **_with_error("b_value_of_facets", found.of_events.b, "b"),
         **_with_error("fractal_dimension", D, "D"), **_with_error("omori_exponent", p, "p"),
-        "failed_length": float(facets["length"].values[failed].sum()) if len(failed) else 0.0,
+        "failed_length": float(found.length.sum()),
         "fragments": fragments(record),
     }  # fmt: skip
     return values

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ruptfx import RuptfxError
-from ruptfx.number_files import number
+from ruptfx.number_files import named_columns, number
 
 Array = np.ndarray
 T = TypeVar("T")
@@ -74,7 +74,7 @@ class Catalogue:
 
 
 def read_catalogue(path: str | Path) -> Catalogue:
-    """A catalogue from a CSV file with the columns time [s], x, y [m] and magnitude or energy [J].
+    """A catalogue from a CSV file with the columns time [s], x, y [m] and magnitude or energy [J], or in other units.
 
     Further columns are left alone, lines that begin with # are skipped, and events are put in the order of time.
 
@@ -88,23 +88,24 @@ def read_catalogue(path: str | Path) -> Catalogue:
     except (OSError, UnicodeDecodeError) as error:
         raise RuptfxError(f"cannot read the catalogue {path}: {error}") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    reader = csv.DictReader((line for _, line in lines), skipinitialspace=True)
-    names = [name.strip() for name in reader.fieldnames or []]
-    reader.fieldnames = names
-    size = next((name for name in ("energy", "magnitude") if name in names), "magnitude")
-    wanted = ("time", "x", "y", size)
-    if missing := [name for name in wanted if name not in names]:
-        raise RuptfxError(
-            f"{path}: no column {', '.join(missing)}; a catalogue has the columns time (s), x, y (m) and magnitude or "
-            f"energy (J), and this file has {', '.join(names) or 'none'}"
-        )
+    table = list(csv.reader((line for _, line in lines), skipinitialspace=True))
+    names = [name.strip() for name in table[0]] if table else []
+    units = {"time": "s", "x": "m", "y": "m", "energy": "J", "magnitude": "1"}
     try:
-        rows = [[number(row[name], path, line) for name in wanted]
-                for row, (line, _) in zip(reader, lines[1:], strict=True)]
+        columns = named_columns(names, units, path, lines[0][0] if lines else 0)
+        size = next((name for name in ("energy", "magnitude") if name in columns), "magnitude")
+        wanted = ("time", "x", "y", size)
+        if missing := [name for name in wanted if name not in columns]:
+            raise ValueError(
+                f"{path}: no column {', '.join(missing)}; a catalogue has the columns time (s), x, y (m) and "
+                f"magnitude or energy (J), and this file has {', '.join(names) or 'none'}"
+            )
+        chosen = [columns[name] for name in wanted]
+        rows = [[number(row[place] if place < len(row) else None, path, line, scale) for place, scale in chosen]
+                for row, (line, _) in zip(table[1:], lines[1:], strict=True)]  # fmt: skip
     except ValueError as error:
         raise RuptfxError(str(error)) from None
-    columns = np.array(sorted(rows), dtype=float).reshape(-1, len(wanted)).T
-    time, x, y, last = columns
+    time, x, y, last = np.array(sorted(rows), dtype=float).reshape(-1, len(wanted)).T
     return Catalogue(time, x, y, energy_of(last) if size == "magnitude" else last)
 
 

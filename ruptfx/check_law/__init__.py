@@ -1,25 +1,39 @@
-"""`ruptfx check-law`: what a friction law promises, checked on examples of it, in one table and one picture."""
+"""`ruptfx check-law`: the contract of a friction or cohesive law, checked on examples of it; a table and a picture."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from pydantic import ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.case import override
-from ruptfx.check_law import examples
-from ruptfx.check_law.checks import CHECKS, missing
+from ruptfx.check_law import checks, cohesive, examples
+from ruptfx.cohesion import CohesiveLaw
 from ruptfx.friction import FrictionLaw
 from ruptfx.plugins import active, load
 from ruptfx.schema import CaseError, find, kinds, nearest
 from ruptfx.tracing import located
 
-PACKAGE = "ruptfx.friction"
+Law = FrictionLaw | CohesiveLaw
+
+
+class Contract(NamedTuple):
+    """The contract of the laws of a folder: their name, what a class must say of itself, the checks of an example."""
+
+    name: str
+    missing: Callable[[Any], list[str]]
+    checks: Mapping[str, Callable[[Any, int], str | None]]
+
+
+CONTRACTS = {
+    "ruptfx.friction": Contract("friction law", checks.missing, checks.CHECKS),
+    "ruptfx.cohesion": Contract("cohesive law", cohesive.missing, cohesive.CHECKS),
+}
 SEEDS = (0, 1, 2)
 
 
@@ -36,12 +50,15 @@ class Report(NamedTuple):
 
     Attributes
     ----------
-    law : FrictionLaw
+    name : str
+        "friction law" or "cohesive law".
+    law : FrictionLaw or CohesiveLaw
         The example that is drawn.
     rows : list of Row
     """
 
-    law: FrictionLaw
+    name: str
+    law: Law
     rows: list[Row]
 
     @property
@@ -50,7 +67,7 @@ class Report(NamedTuple):
 
 
 def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
-    """Check all friction laws of a file, or the one of that kind.
+    """Check all friction and cohesive laws of a file, or the one of that kind.
 
     Parameters
     ----------
@@ -62,36 +79,36 @@ def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
     Raises
     ------
     RuptfxError
-        No such file or kind, no friction law in it, or parameters that it refuses.
+        No such file or kind, no law in it, or parameters that it refuses.
     """
     plugins = [load(law)] if law.endswith(".py") else []
     with active(plugins):
-        if plugins:
-            names = list(plugins[0].classes.get(PACKAGE, {}))
-        elif law in kinds(PACKAGE):
-            names = [law]
-        else:
-            raise RuptfxError(f"check-law {law}: no file (its name ends with .py), and no kind: "
-                              f"{nearest(law, kinds(PACKAGE))}")  # fmt: skip
-        if not names:
-            raise RuptfxError(f"check-law {law}: defines no class derived from FrictionLaw")
-        return [_report(kind, list(changes)) for kind in names]
+        defined = plugins[0].classes if plugins else {package: kinds(package) for package in CONTRACTS}
+        found = [(package, kind) for package in CONTRACTS for kind in defined.get(package, {})]
+        if not plugins:
+            known = [kind for _, kind in found]
+            found = [(package, kind) for package, kind in found if kind == law]
+            if not found:
+                raise RuptfxError(f"check-law {law}: no file (its name ends with .py), and no kind: "
+                                  f"{nearest(law, known)}")  # fmt: skip
+        if not found:
+            raise RuptfxError(f"check-law {law}: defines no class derived from FrictionLaw or CohesiveLaw")
+        return [_report(package, kind, list(changes)) for package, kind in found]
 
 
-def _report(kind: str, changes: list[str]) -> Report:
-    cls = find(PACKAGE, kind)
-    assert issubclass(cls, FrictionLaw)
+def _report(package: str, kind: str, changes: list[str]) -> Report:
+    cls, contract = find(package, kind), CONTRACTS[package]
     tables = [examples.table(cls, seed) for seed in SEEDS]
     for table in tables:
         for item in changes:
             override(table, item)
     try:
-        laws = [cls.model_validate(copy.deepcopy(table)) for table in tables]
+        laws: list[Law] = [cast("Law", cls.model_validate(copy.deepcopy(table))) for table in tables]
     except ValidationError as error:
         raise CaseError.from_validation(error, kind) from None
-    said = missing(cls)
+    said = contract.missing(cls)
     rows = [Row("what it says of itself", "missing" if said else "passed", ", ".join(said))]
-    for name, check in CHECKS.items():
+    for name, check in contract.checks.items():
         rows.append(Row(name, "passed"))
         for seed, law in zip(SEEDS, laws, strict=True):
             try:
@@ -103,10 +120,10 @@ def _report(kind: str, changes: list[str]) -> Report:
                 break
             if reason:
                 rows[-1] = Row(name, "does not apply", reason)
-    return Report(laws[0], rows)
+    return Report(contract.name, laws[0], rows)
 
 
-def save_figure(law: FrictionLaw, path: Path) -> None:
+def save_figure(law: Law, path: Path) -> None:
     """Draw a law into a picture.
 
     Raises
@@ -114,10 +131,11 @@ def save_figure(law: FrictionLaw, path: Path) -> None:
     RuptfxError
         It cannot be evaluated, or the file not be written.
     """
-    from ruptfx.check_law.figure import draw
+    from ruptfx.check_law import figure
 
     try:
         with np.errstate(all="ignore"):
-            draw(law).savefig(path)
+            drawn = figure.draw_cohesive(law) if isinstance(law, CohesiveLaw) else figure.draw(law)
+            drawn.savefig(path)
     except Exception as error:
         raise RuptfxError(f"{path}: no picture ({type(error).__name__}: {error})") from error

@@ -133,7 +133,7 @@ def traced(law: FrictionLaw, seed: int) -> None:
     """What is traced has the values of the methods, and its derivatives are those of finite differences."""
     rate, sigma, state = histories(law, seed)
     dt, where = 1e-7, {"slip_rate": rate, "normal_stress": sigma}
-    found = TracedLaw(law, at_end=True)(rate, sigma, state, dt, speed_then=rate)
+    found = TracedLaw(law, at_end=True)(rate, sigma, state, dt, speed_before=rate)
     after = law.advance(state, rate, sigma, dt)
     close(found.strength, law.strength(rate, sigma, after) + 0 * rate, 1e-12, "traced strength differs", **where)
     for name, value in after.items():
@@ -141,7 +141,7 @@ def traced(law: FrictionLaw, seed: int) -> None:
     # Central differences of step h: error h^2 from the third derivative, 1e-16 / h from rounding; h = 1e-5.
     h, at = 1e-5, state | {"normal_stress": 0.9 * sigma}
     last = rate * np.random.default_rng(seed).uniform(0.3, 1.6, len(rate))  # no kink of the extrapolation within h
-    known: Table = {"speed_before": last, "speed_then": last, "extrapolation": 0.5, "radiation": 1e3}
+    known: Table = {"speed_before": last, "extrapolation": 0.5, "radiation": 1e3}
     for at_end in (True, False):
         of_law = TracedLaw(law, at_end)
 
@@ -168,7 +168,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
     if not law.all_state_fields():
         return "no state"
     v, sigma, state = _sliding(law, seed)
-    constant: Table = {"before": v, "speed_before": v, "speed_then": v, "extrapolation": 0.5}
+    constant: Table = {"before": v, "speed_before": v, "extrapolation": 0.5}
     for at_end in (True, False):
         for dt in (1e-9, 1e-6, 1e-3):
             expected = law.advance(state, v, sigma, dt)
@@ -180,7 +180,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
         for at_end in (True, False):
             # (V_before + V) / 2 or V + (V - V_before) / 2 with V_before = V / 2
             now = (1.25 if at_end else 0.75) * v
-            half: Table = {"before": 0.5 * v, "speed_before": 0.5 * v, "speed_then": 2 * v, "extrapolation": 0.5}
+            half: Table = {"before": 0.5 * v, "speed_before": 0.5 * v, "extrapolation": 0.5}
             found = TracedLaw(law, at_end)(v, sigma, state | {"normal_stress": 2 * sigma}, 2e3, **half)
             close(found.rate_now, now, 1e-12, "slip rate at the traction")
             expected = law.strength(now, sigma, law.advance(state, now, sigma, 1e3))  # half of the step
@@ -229,7 +229,7 @@ def dissipation(law: FrictionLaw, seed: int) -> None:
     z, before = 10 ** random.uniform(5, 8, N), random.normal(size=(N, 2))
     size = np.linalg.norm(trial, axis=1)
     for at_end in (True, False):
-        done = project(TracedLaw(law, at_end), state, sigma, trial, z, 1e-8, before, np.full(N, 0.5))
+        done = project(TracedLaw(law, at_end), state, sigma, trial, z, 1e-8, before)
         power = np.sum(done.shear_traction * done.slip_rate, axis=1)
         carried = np.linalg.norm(done.shear_traction, axis=1)
         # Stuck points have slipped until half a step before the traction; which may be the other way.

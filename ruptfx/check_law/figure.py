@@ -1,15 +1,18 @@
-"""A law at a glance: strength against slip rate, and what follows velocity steps."""
+"""Pictures of laws: strength of friction at slip rates and after velocity steps, strength and energy of cohesion."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from ruptfx.figure_style import letter, new_figure, note, styled
+from ruptfx.check_law.cohesive import ANGLES, jump_at, straight_path
+from ruptfx.cohesion import CohesiveLaw
+from ruptfx.figure_style import MUTED, STEADY, STICK_SLIP, letter, new_figure, note, styled
 from ruptfx.friction import FrictionLaw
 
 STRESSES = (1e6, 3e6, 10e6)  # Pa
 RATE = 0.1  # m/s
+LONGEST = 10.0  # times the jump at failure, by which a mixed mode has failed as well
 STEPS = {10.0: "#d55e00", 0.1: "#0072b2"}  # safe for colour-blind readers
 
 
@@ -56,6 +59,34 @@ def draw(law: FrictionLaw) -> Figure:
         axes[2].legend()
     else:
         note(axes[2], "no state")
+    letter(axes)
+    return figure
+
+
+@styled
+def draw_cohesive(law: CohesiveLaw) -> Figure:
+    """Strength against opening and against slip alone; work of straight mixed-mode paths over the fracture energies.
+
+    Parameters
+    ----------
+    law : CohesiveLaw
+        With numbers as parameters.
+    """
+    figure, (axes,) = new_figure(1, 3, 2.7)
+    size = np.linspace(0, 1.2, 601)
+    pure = (("opening", "Tensile strength (MPa)", 0.0, law.f_t), ("slip", "Cohesion (MPa)", np.pi / 2, law.c))
+    for ax, (name, label, angle, strength), colour in zip(axes, pure, (STICK_SLIP, STEADY), strict=False):
+        jump = jump_at(law, angle, size)
+        damage = law.damage(*jump) + 0 * size
+        ax.plot(1e6 * jump[name == "slip"], 1e-6 * strength * np.where(damage < 1, law.left(damage), 0.0), color=colour)
+        ax.set(xlabel=f"Inelastic {name} (µm)", ylabel=label, xlim=(0, None), ylim=(0, None))
+    works = np.array([straight_path(law, angle, LONGEST)[1:] for angle in ANGLES])
+    taken = works @ [1 / law.G_Ic, 1 / law.G_IIc]
+    axes[2].plot(np.degrees(ANGLES), taken, color="#1a1a1a", label=f"at most {taken.max():.2f}")
+    axes[2].axhline(1, color=MUTED, lw=0.6, ls=":")
+    axes[2].set(xlabel="Mix of modes (degree)", xlim=(0, 90), ylim=(0, None))
+    axes[2].set_ylabel(r"$W_I / G_{Ic} + W_{II} / G_{IIc}$ at failure")
+    axes[2].legend()
     letter(axes)
     return figure
 

@@ -7,21 +7,27 @@ from __future__ import annotations
 
 import importlib
 import math
+import shlex
 import time
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ruptfx import RuptfxError, Table, __version__
-from ruptfx.directories import is_finished, prepare, reserved, write_json
+import numpy as np
+
+from ruptfx import RuptfxError, Table, __version__, run_files
+from ruptfx.directories import is_finished, prepare, refuse_links, replace, reserved
 from ruptfx.plugins import CaseFile, active, named
-from ruptfx.schema import Alternative, find
+from ruptfx.schema import Alternative, Part, find, kinds
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+FAR = 1e5  # times the default
+FAR_AT_ALL = 1e12  # of what has none, in SI units
 Progress = Callable[[float, str], None]
 Summary = Table
 
@@ -82,7 +88,7 @@ def simulate(
     resume : bool
         Leave a finished run of this model as it is; begin one that was stopped again.
     overwrite : bool
-        Replace the run that `out` holds, of whatever case.
+        Replace the run that `out` holds, of whatever case, once this one is complete; other files stay.
 
     Raises
     ------
@@ -90,27 +96,92 @@ def simulate(
         The directory already holds something else, or another process writes there.
     """
     out = Path(out)
+    if resume:
+        refuse_links(out)
     if resume and is_finished(out, model):
         return read_result(out)
     with reserved(out):
-        prepare(out, again=model if resume else None, overwrite=overwrite)
-        return _run(model, out, progress)
+        place = prepare(out, again=model if resume else None, overwrite=overwrite)
+        dataset = _run(model, place, progress)
+        replace(out)
+    return dataset
 
 
 def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
     """Everything in a directory that is ready."""
-    (out / "figures").mkdir()
+    (out / "figures").mkdir(exist_ok=True)
     model.save(out)
-    start = time.perf_counter()
-    dataset = model.run(progress)
-    elapsed = time.perf_counter() - start
-    dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
-    progress(1.0, "drawing figures")
-    _draw(type(model), dataset, out, ("png",))
-    summary = model.summarise(dataset)
+    run_files.begin(out, ["result.nc", run_files.SUMMARY])
+    with _solvable(model):
+        start = time.perf_counter()
+        dataset = model.run(progress)
+        elapsed = time.perf_counter() - start
+        _require_finite(dataset)
+        dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
+        progress(1.0, "drawing figures")
+        run_files.add(out, _draw(type(model), dataset, out, ("png",)))
+        summary = model.summarise(dataset)
     summary |= {"kind": model.kind(), "case_hash": model.hash, "ruptfx": __version__, "run_time": elapsed}
-    write_json(out / "summary.json", _plain(summary))
+    run_files.complete(out, _plain(summary))
     return dataset
+
+
+@contextmanager
+def _solvable(model: LumpedModel) -> Iterator[None]:
+    """Make errors of numbers, as integrators and linear algebra raise them, one that names extreme parameters.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except RuptfxError as error:
+        far = list(extreme(model))
+        if type(error) is not RuptfxError or not far:
+            raise
+        raise RuptfxError(f"{error}; far from the usual: {', '.join(far)}") from None
+    except (ArithmeticError, ValueError, IndexError, MemoryError) as error:
+        far = list(extreme(model))
+        remedy = f"far from the usual: {', '.join(far)}" if far else "bring its parameters nearer to their defaults"
+        raise RuptfxError(f"{model.kind()}: it cannot be computed with these numbers ({error}); {remedy}") from error
+
+
+def _require_finite(dataset: xarray.Dataset) -> None:
+    for name, values in dataset.variables.items():
+        if values.dtype.kind == "f" and np.isinf(values.values).any():
+            raise ArithmeticError(f"{name} is infinite")
+
+
+def extreme(part: Part, usual: Part | None = None, key: str = "") -> Iterator[str]:
+    """Numbers of a part that are far from their defaults, as `key = value (usual default)`.
+
+    Parameters
+    ----------
+    part : Part
+    usual : Part, optional
+        The default of the part itself.
+    key : str
+        That of the part, with a dot behind it.
+    """
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        default = getattr(usual, name) if type(usual) is type(part) else field.get_default(call_default_factory=True)
+        if isinstance(value, Part):
+            yield from extreme(value, default if isinstance(default, Part) else None, f"{key}{name}.")
+            continue
+        numbers, known = (
+            [float(item) for item in (each if isinstance(each, list) else [each])
+             if isinstance(item, int | float) and not isinstance(item, bool)]
+            for each in (value, default)
+        )  # fmt: skip
+        sizes = [abs(number) for number in known if number]
+        low, high = (min(sizes) / FAR, max(sizes) * FAR) if sizes else (1 / FAR_AT_ALL, FAR_AT_ALL)
+        for number, item in enumerate(numbers):
+            if item and not low <= abs(item) <= high:
+                where = f"{key}{name}.{number}" if isinstance(value, list) else f"{key}{name}"
+                yield f"{where} = {item:g}" + (f" (usual {known[min(number, len(known) - 1)]:g})" if known else "")
 
 
 def read_result(run: str | Path) -> xarray.Dataset:
@@ -126,17 +197,26 @@ def read_result(run: str | Path) -> xarray.Dataset:
     path = Path(run) / "result.nc"
     if not path.is_file():
         raise RuptfxError(f"{run}: no result.nc in it; give a directory that 'ruptfx run' of a lumped model wrote")
+    run_files.check(Path(run), path.name)
     # Durations stay numbers of seconds.
     return xarray.load_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
 
 
-def redraw(run: str | Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+def redraw(run: str | Path, formats: Sequence[str] = ("png",), trust: bool = False) -> list[Path]:
     """Draw the figures of a finished run again and return their paths.
+
+    Parameters
+    ----------
+    run : path
+    formats : sequence of str
+        File types.
+    trust : bool
+        Run the plug-ins of the run where one of them defines the model.
 
     Raises
     ------
     RuptfxError
-        The directory is no run of a lumped model.
+        The directory is no run of a lumped model, or a plug-in defines it and is not trusted.
     """
     dataset = read_result(run)
     try:
@@ -144,7 +224,13 @@ def redraw(run: str | Path, formats: Sequence[str] = ("png",)) -> list[Path]:
         kind = table["kind"]
     except (OSError, ValueError, KeyError) as error:
         raise RuptfxError(f"{run}: case.toml is missing or damaged ({error}); run the case again") from None
-    with active(named(table, Path(run))):
+    known = kind in kinds("ruptfx.lumped")
+    if table.get("plugins") and not (known or trust):
+        raise RuptfxError(
+            f"{run}: a plug-in ({', '.join(map(str, table['plugins']))}) defines the model '{kind}' and draws its "
+            f"figures; if you trust it: ruptfx plot {shlex.quote(str(run))} --trust"
+        )
+    with active([] if known else named(table, Path(run))):
         cls = find("ruptfx.lumped", kind)
     assert issubclass(cls, LumpedModel)
     return _draw(cls, dataset, Path(run), formats)

@@ -8,7 +8,7 @@ import itertools
 import json
 import math
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 Coordinates = Table
 MOST_POINTS = 1_000_000
+BOOKKEEPING = ("origin", "status", "fine_mesh", "seconds", "error", "point")
+"""Columns of the table besides axes and quantities."""
+OF_SETS = ("set", "generation", "score")
+"""Columns of the scores of a search besides its axes."""
 
 
 class Axis(Part):
@@ -71,6 +75,10 @@ class Axis(Part):
             raise ValueError(f"key names {len(self.key)} keys: values must be lists of that length")
         if self.labels is not None and len(self.labels) != len(self.values or []):
             raise ValueError("labels: one for every value is needed")
+        shown = self.labels or []
+        same = next((label for i, label in enumerate(shown) if label in shown[:i]), None)
+        if same is not None:
+            raise ValueError(f"labels: {same!r} is there twice; tables could not tell the two values apart")
         return self
 
     @property
@@ -223,6 +231,11 @@ class Study(Part):
         twice = next((c for c in columns if columns.count(c) > 1), None)
         if twice:
             raise ValueError(f"two axes are called '{twice}'; give them different names")
+        reserved = [*BOOKKEEPING, *self.quantities, *(OF_SETS if self.search is not None else ())]
+        taken = next((c for c in columns if c in reserved), None)
+        if taken:
+            raise ValueError(f"axes: the table has a column '{taken}' of its own; give the axis another name")
+        self._require_single_writers()
         if self.sampling != "grid" and (self.samples is None or not self.sampled):
             raise ValueError(f"a {self.sampling} needs samples and at least one axis with a range")
         if (self.sampling == "cma_es") != (self.search is not None):
@@ -234,6 +247,58 @@ class Study(Part):
         if count > MOST_POINTS:
             raise ValueError(f"{count} points, the most are {MOST_POINTS}: take fewer values, points or samples")
         return self
+
+    def _require_single_writers(self) -> None:
+        """Refuse a study that writes the same value of the case twice: the last would win, and the table be wrong."""
+        try:
+            table = self.base()
+        except CaseError:  # `points` raises it
+            table = {}
+        keys = [
+            (f"axes.{number}", key, _path(key, table)) for number, axis in enumerate(self.axes) for key in axis.keys
+        ]
+        for (where, key, path), (later, other, other_path) in itertools.combinations(keys, 2):
+            if _begins(path, other_path) or _begins(other_path, path):
+                raise ValueError(
+                    f"{later}.key = '{other}': {where}.key = '{key}' writes the same value; remove one of them, or "
+                    "make one axis of both (a list as key, lists as values)"
+                )
+        # A list in [set] may have an element that an axis varies: without the list there is no element to write.
+        written = [("set", key) for key in _flat(self.set, whole=False)]
+        written += [("refine.fine", key) for key in _flat(self.refine.fine)]
+        for (where, key, path), (table_name, other) in itertools.product(keys, written):
+            other_path = _path(other, table)
+            if _begins(other_path, path) or (table_name == "refine.fine" and _begins(path, other_path)):
+                raise ValueError(
+                    f"{table_name}.{other}: {where}.key = '{key}' writes the same value; remove it from {table_name}"
+                )
+
+    def require_quantities(self, case: Case | LumpedModel, found: Collection[str] = ()) -> None:
+        """Refuse names of quantities that no run of this case has.
+
+        Parameters
+        ----------
+        case : Case or lumped model
+            That of a point. The scalars of a case with bodies are known beforehand, those of a lumped model are not.
+        found : collection of str
+            Names of the scalars that finished runs have.
+
+        Raises
+        ------
+        CaseError
+            Names each wrong key and the nearest scalar.
+        """
+        from ruptfx.study.harvest import scalars
+
+        known = {*found, *(scalars() if isinstance(case, Case) else ())}
+        names = [(f"quantities.{number}", name) for number, name in enumerate(self.quantities)]
+        goals = self.search.goals if self.search is not None else []
+        names += [(f"search.goals.{number}.quantity", goal.quantity) for number, goal in enumerate(goals)]
+        names += [("refine.by", self.refine.by)] if "by" in self.refine.model_fields_set else []
+        wrong = [f"{key} = '{name}': no run has it, {nearest(name, list(known))}" for key, name in names
+                 if name not in known]  # fmt: skip
+        if known and wrong:
+            raise CaseError("\n".join(wrong))
 
     def _check_search(self, search: Search) -> None:
         sampled = {axis.column: axis for axis in self.sampled}
@@ -319,10 +384,12 @@ class Study(Part):
         Raises
         ------
         CaseError
-            The case file cannot be used, an axis names no key, or a value is refused.
+            The case file cannot be used, an axis names no key, a value is refused, or no run has a quantity.
         """
         table = self.base()
-        return [self.point(values, table=table) for values in self.combinations()]
+        points = [self.point(values, table=table) for values in self.combinations()]
+        self.require_quantities(points[0].case)
+        return points
 
     def point(
         self,
@@ -370,13 +437,14 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
     changes: Table = {}
     for item in overrides:
         override(changes, item)
+    given = table.get("set", {})
+    if changes and isinstance(given, Mapping):
+        table["set"] = {**_flat(given), **_flat(changes)}
     try:
         study = Study.model_validate(table, context={"directory": path.resolve().parent})
     except ValidationError as error:
         lines = str(CaseError.from_validation(error)).splitlines()
         raise CaseError("\n".join(f"{path}: {line}" for line in lines)) from None
-    if changes:
-        study = study.model_copy(update={"set": {**_flat(study.set), **_flat(changes)}})
     return _with_units(study)
 
 
@@ -403,6 +471,29 @@ def _unit_of_key(case: Part, key: str) -> str:
         else:
             node = getattr(node, name, None)
     return unit_of(type(node), last) if isinstance(node, Part) and last in type(node).model_fields else "1"
+
+
+def _path(key: str, table: object) -> tuple[str | int, ...]:
+    """Names and numbers along a dotted key; entries of a list counted from its beginning, however they are written."""
+    path: list[str | int] = []
+    node: Any = table
+    for name in key.split("."):
+        word: str | int = name
+        if isinstance(node, list):
+            try:
+                word = int(name) % len(node)
+                node = node[word]
+            except (ValueError, ZeroDivisionError):
+                node = None
+        else:
+            node = node.get(name) if isinstance(node, Mapping) else None
+        path.append(word)
+    return tuple(path)
+
+
+def _begins(path: tuple[str | int, ...], beginning: tuple[str | int, ...]) -> bool:
+    """Return whether a path is another one or leads on from it."""
+    return path[: len(beginning)] == beginning
 
 
 def _astray(key: str, table: object) -> str:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ruptfx import RuptfxError, Table, __version__, launch
-from ruptfx.directories import write_json
 from ruptfx.progress import Progress
+from ruptfx.run_files import write_json
 from ruptfx.study import refine, search, table, workers
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result, Store, commit, workspace
@@ -26,12 +26,16 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @dataclass
 class Outcome:
-    """What a study found: every point with its result, the boundary points on the finer mesh, and sets with scores."""
+    """The findings of a study: every point with its result, boundary points on the finer mesh, and sets with scores.
+
+    `files` are those that were written of all points.
+    """
 
     points: list[tuple[Point, Result]] = field(default_factory=list)
     sets: list[search.ScoredSet] = field(default_factory=list)
     fine: dict[str, Result] = field(default_factory=dict)
     known_before: int = 0
+    files: list[Path] = field(default_factory=list)
 
     @property
     def failed(self) -> int:
@@ -99,7 +103,7 @@ def run_study(
                 done = sum(store.result(point.hash) is not None for point in points)
                 kept = f"{done} of {len(points)} points" if study.search is None else f"{store.finished} points"
                 raise Interrupted(f"stopped; {kept} are kept, the same command continues") from None
-        _write(study, store, outcome, refined)
+        outcome.files = _write(study, store, outcome, refined)
     return outcome
 
 
@@ -112,17 +116,27 @@ def _refine(study: Study, run: Runner, outcome: Outcome) -> None:
         outcome.fine = {coarse: results[point.hash] for coarse, point in fine.items()}
 
 
-def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> None:
-    """Products, each replaced at once."""
+def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> list[Path]:
+    """Write the products, each replaced at once; return their files."""
     rows = table.rows(study, outcome.points, outcome.fine)
-    table.write_csv(store.path / "table.csv", rows)
-    table.write_dataset(store.path / "table.nc", table.dataset(study, rows))
+    files = [store.path / "table.csv", store.path / "table.nc"]
+    table.write_csv(files[0], rows)
+    table.write_dataset(files[1], table.dataset(study, rows))
     if refined:
-        write_json(store.path / "refinement.json", {"summary": refine.summary(study, outcome.points, outcome.fine)})
+        files.append(store.path / "refinement.json")
+        write_json(files[-1], {"summary": refine.summary(study, outcome.points, outcome.fine)})
     if study.search is not None:
-        search.save(study, outcome.sets, store.path)
-    elif any(axis.numeric for axis in study.axes):
-        draw(store.path)
+        files += search.save(study, outcome.sets, store.path)
+    elif _has_map(store.path):
+        files += draw(store.path)
+    return files
+
+
+def _has_map(directory: Path) -> bool:
+    """Return whether a table has an axis with numbers and something to show over it."""
+    from ruptfx.study import mode_map
+
+    return mode_map.suits(mode_map.read_map(directory))
 
 
 def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
@@ -162,6 +176,8 @@ class Runner:
             results[key] = result = self._result(future, key)
             future.release()
             self.count.finished(result)
+        found = {name for result in results.values() if result for name in result.get("values", {})}
+        study.require_quantities(points[0].case, found)
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
 
     def _table(self, point: Point) -> Table:

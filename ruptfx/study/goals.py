@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from ruptfx import Table
-from ruptfx.schema import Part
+from ruptfx.schema import CaseError, Part
 from ruptfx.units import Fraction
 
 Positive = Annotated[float, Field(gt=0)]
@@ -48,8 +48,16 @@ class Goal(Part):
         return all(coordinates.get(name) == value for name, value in self.where.items())
 
     def degree(self, values: Mapping[str, Any]) -> float:
-        """How far a run with these quantities reaches it."""
+        """Return the part of the goal that a run with these quantities reaches.
+
+        Raises
+        ------
+        CaseError
+            The quantity is text.
+        """
         value = values.get(self.quantity)
+        if isinstance(value, str):
+            raise CaseError(f"search.goals: quantity = '{self.quantity}' is the text '{value}'; give one with numbers")
         if not isinstance(value, int | float):
             return 0.0
         if self.target is not None and self.scale is not None:

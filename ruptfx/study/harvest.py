@@ -23,6 +23,15 @@ PICTURES = {
 """Figures of the page and their captions."""
 
 
+def scalars() -> list[str]:
+    """Names of all scalars that `harvest` may find in a run with bodies."""
+    from ruptfx.analysis.energy import PARTS
+    from ruptfx.summary_fields import DESCRIPTIONS
+
+    energies = [f"energy_{name}" for name in (*PARTS, "boundary_work")]
+    return [*DESCRIPTIONS, "rupture", *energies, *(f"{name}_share" for name in PARTS)]
+
+
 def harvest(run: Path, keep: list[str]) -> Table:
     """Scalars of a run; pictures go beside it, and the run itself is removed unless it is kept.
 
@@ -37,7 +46,7 @@ def harvest(run: Path, keep: list[str]) -> Table:
     values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
     slides = (run / "interface.h5").is_file() or list(run.glob("interface_*.h5"))
     if slides or (run / "events.h5").is_file():
-        with Files(run) as record:
+        with Files(run, trust=True) as record:  # its plug-ins have just run
             values |= {"rupture": _rupture(values)} if slides else {}
             values |= _energies(record)
             if "pictures" in keep:

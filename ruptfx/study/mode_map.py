@@ -105,6 +105,11 @@ class Map:
         return [Quantity(name, name.replace("_", " ")) for name in names[:4]]
 
     @property
+    def panels(self) -> list[Quantity | None]:
+        """Quantities of the map, one panel each: the mode, which is None, and numbers."""
+        return [*([None] if self.has_modes else []), *self.quantities]
+
+    @property
     def antiplane(self) -> bool:
         """Whether there are no waves but shear waves: tip speeds over c_l, recorded as c_s, are those over c_s."""
         pairs = [(row.get(QUANTITIES[0].name), row.get(OF_ANTIPLANE.name)) for row in self.rows]
@@ -154,10 +159,23 @@ def read_map(directory: str | Path) -> Map:
         raise RuptfxError(f"{directory}: no finished study is there ({error})") from None
 
 
+def suits(shown: Map) -> bool:
+    """Return whether there is an axis with numbers, and something to show over it."""
+    return any(axis.numeric for axis in shown.study.axes) and bool(shown.panels)
+
+
 def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the map of a study directory as figure and page; returns the files."""
+    """Draw the map of a study directory as figure and page; returns the files.
+
+    Raises
+    ------
+    RuptfxError
+        No finished study is there, or its table has nothing to show.
+    """
     directory = Path(directory)
     shown = read_map(directory)
+    if not shown.panels:
+        raise RuptfxError(f"{directory}: the table has neither modes nor numbers to draw; name numbers in quantities")
     figure = draw(shown)
     paths = [directory / f"mode_map.{kind}" for kind in formats]
     for path in paths:
@@ -174,7 +192,7 @@ def draw(shown: Map) -> Figure:
     Hollow symbols: half the sliding threshold or, where it was asked, the finer mesh gives another mode.
     """
     facets = shown.facets[:4]
-    kinds: list[Quantity | None] = [*([None] if shown.has_modes else []), *shown.quantities]
+    kinds = shown.panels
     if len(facets) == 1:  # panels side by side
         columns = min(len(kinds), 2)
         figure, grid = new_figure(-(-len(kinds) // columns), columns, 2.55 * -(-len(kinds) // columns), WIDTH)

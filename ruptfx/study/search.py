@@ -155,13 +155,15 @@ def _distance(axes: Sequence[Axis], one: ScoredSet, other: ScoredSet) -> float:
     return math.sqrt(sum(part**2 for part in parts) / len(parts))
 
 
-def save(study: Study, sets: Sequence[ScoredSet], directory: Path) -> None:
-    """``scores.csv``, ``best.toml`` and ``search.png``."""
-    write_csv(directory / "scores.csv", [_row(one) for one in sets])
-    (directory / "best.toml").write_text(_study_of_best(study, sets, directory), encoding="utf-8")
+def save(study: Study, sets: Sequence[ScoredSet], directory: Path) -> list[Path]:
+    """Write ``scores.csv``, ``best.toml`` and the figure ``search``; return the files."""
+    scores, best, *pictures = [directory / name for name in ("scores.csv", "best.toml", "search.png", "search.pdf")]
+    write_csv(scores, [_row(one) for one in sets])
+    best.write_text(_study_of_best(study, sets, directory), encoding="utf-8")
     figure = draw(study, sets)
-    for kind in ("png", "pdf"):
-        figure.savefig(directory / f"search.{kind}", dpi=200)
+    for path in pictures:
+        figure.savefig(path, dpi=200)
+    return [scores, best, *pictures]
 
 
 def _row(one: ScoredSet) -> Row:

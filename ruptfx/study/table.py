@@ -23,7 +23,8 @@ TIMINGS = ("wall_time", "node_updates_per_second", "seconds", "run_time")
 def rows(study: Study, known: Sequence[tuple[Point, Result]], fine: Mapping[str, Result]) -> list[Row]:
     """One row per point: coordinates, status, quantities, error, hash."""
     found = dict.fromkeys(name for _, result in known for name in result.get("values", {}))
-    names = study.quantities or [name for name in found if name not in ("title", "case_hash")]
+    columns = [axis.column for axis in study.axes]  # of a scalar with the name of an axis the table shows the axis
+    names = study.quantities or [name for name in found if name not in ("title", "case_hash", *columns)]
     table = []
     for point, result in known:
         values = result.get("values", {})

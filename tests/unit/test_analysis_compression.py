@@ -12,7 +12,7 @@ import tomli_w
 import xarray
 
 from ruptfx.analysis import summarise
-from ruptfx.analysis.compression import emission_of, fragments, loading
+from ruptfx.analysis.compression import Loading, _slowest, emission_of, fragments, loading
 from ruptfx.record import Record
 
 MODULUS, HEIGHT, WIDTH = 50e9, 0.1, 0.05
@@ -61,11 +61,54 @@ def test_strength_and_modulus(platens: bool, tmp_path: Path) -> None:
         assert found.modulus == pytest.approx(MODULUS, rel=1e-6)
 
 
+def test_the_modulus_is_that_between_20_and_50_percent_of_the_peak() -> None:
+    """A curve of three slopes: 10 GPa until 19 MPa, 50 GPa until 51 MPa, 20 GPa until the peak of 100 MPa."""
+    stress = np.linspace(0, 100e6, 401)
+    strain = np.interp(stress, [0, 19e6, 51e6, 100e6], np.cumsum([0, 19e6 / 10e9, 32e6 / 50e9, 49e6 / 20e9]))
+    assert Loading(np.arange(401.0), strain, stress, 400).modulus == pytest.approx(50e9, rel=1e-9)
+
+
+def test_the_slowest_shear_wave(tmp_path: Path) -> None:
+    """sqrt(E / (2 (1 + nu) rho)) = sqrt(50e9 / (2.5 x 2600)) = 2773.5 m/s."""
+    with Record(write(tmp_path / "run")) as record:
+        assert _slowest(record) == pytest.approx(2773.5009811261457, rel=1e-12)
+
+
+@pytest.mark.parametrize("later, clusters", [(0.99, 1), (1.01, 2)])
+def test_the_default_link_of_clusters(later: float, clusters: int, tmp_path: Path) -> None:
+    """Two events at one place are one if the second comes before a wave at half the slowest speed has passed three
+    facets: 3 x sqrt(0.05^2 + 0.1^2) m / (0.5 x 2773.5 m/s) = 241.87 us."""
+    time = np.array([1e-4, 1e-4 + later * 241.87e-6])
+    seen = {"time": time, "time_of_failure": time, "energy": np.array([1e-6, 1e-6]), "x": np.zeros(2),
+            "y": np.zeros(2), "mode": np.array(["tensile", "shear"], dtype=object)}  # fmt: skip
+    with Record(write(tmp_path / "run", **seen)) as record:
+        assert len(emission_of(record).linked) == clusters
+
+
+def test_the_tensile_share_depends_on_where_before_ends(tmp_path: Path) -> None:
+    """Until 95, 98 and 100 % of the time of the peak 1 of 2, 2 of 4 and 2 of 5 events are tensile.
+
+    The stress bends at 0.667 ms, and the maximum of its smoothed curve is the sample at 0.68 ms.
+    """
+    peak = 0.68e-3
+    time = peak * np.array([0.5, 0.94, 0.96, 0.97, 0.99, 1.01])
+    modes = np.array(["tensile", "shear", "tensile", "shear", "mixed", "tensile"], dtype=object)
+    seen = {"time": time, "time_of_failure": time, "energy": np.full(6, 1e-6), "mode": modes,
+            "x": 1e-2 * np.arange(6), "y": np.zeros(6)}  # fmt: skip
+    with Record(write(tmp_path / "run", **seen)) as record:
+        found, values = emission_of(record, failure_time=peak), summarise(record)
+        nowhere = emission_of(record, failure_time=1e-9)
+    assert found.tensile_shares == {0.95: 0.5, 0.98: 0.5, 1.0: 0.4}
+    assert values["tensile_share_until_95"] == 0.5 and values["tensile_share"] == 0.4
+    assert np.isnan(list(nowhere.tensile_shares.values())).all()
+
+
 def test_a_curve_that_only_rises_has_no_peak(tmp_path: Path) -> None:
     with Record(write(tmp_path / "run", peak=False)) as record:
         found, values = loading(record), summarise(record)
     assert found is not None and found.peak is None
     assert values["first_peak_stress"] is None and values["largest_stress"] == pytest.approx(100e6)
+    assert values["tensile_share_until_95"] is None and values["tensile_share_until_98"] is None
 
 
 def test_a_specimen_that_is_pulled_has_a_peak_as_well(tmp_path: Path) -> None:

@@ -55,6 +55,9 @@ def test_slides_like() -> None:
     assert energy_release.slides_like(left.copy(), left) == "crack"
     assert energy_release.slides_like(np.full(4, 1.0), left) == "pulse"
     assert energy_release.slides_like(np.full(4, np.nan), left) == "none"
+    # The limit is 0.4 of the time that is left.
+    assert energy_release.slides_like(0.41 * left, left) == "crack"
+    assert energy_release.slides_like(0.39 * left, left) == "pulse"
 
 
 def growing_front(count: int, half: float, fraction: float) -> energy_release.Moment:

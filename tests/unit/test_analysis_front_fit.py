@@ -75,6 +75,13 @@ def test_noise(fraction: float) -> None:
     assert abs(found.speed / MEDIUM.c_R - fraction) < 3 * found.speed_error / MEDIUM.c_R < 0.05
 
 
+def test_the_error_of_the_energy_is_twice_that_of_the_intensity_where_fronts_are_slow() -> None:
+    """Gamma = A(v) K^2 / E*: dGamma / Gamma = 2 dK / K + dA / A, and A = 1 + O(v^2) hardly changes with the speed."""
+    found = fit_front(traces(0.1, noise=0.03), MEDIUM)
+    relative = found.fracture_energy_error / found.fracture_energy, found.K_II_error / found.K_II
+    assert relative[0] == pytest.approx(2 * relative[1], rel=1e-3) and relative[1] > 1e-3
+
+
 def test_errors_know_what_the_front_does_not_explain() -> None:
     """A ripple of 6 mm, other in every trace, is not independent from sample to sample."""
     off = [

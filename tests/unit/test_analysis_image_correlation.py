@@ -36,6 +36,15 @@ def test_uniform_strain_is_found() -> None:
     assert np.isnan(strain["xx"][:15]).all() and np.isfinite(strain["xx"][15:-15, 15:-15]).all()
 
 
+@pytest.mark.parametrize("noise", [2.0, 4.0])
+def test_noise_of_a_picture_is_its_standard_deviation(noise: float) -> None:
+    """Far from black and white; rounding to whole levels adds 1 / 12. Of 19200 pixels the estimate is good to 0.5 %."""
+    grey, still = np.full(SHAPE, 128.0), np.zeros(SHAPE)
+    seen = dic.photographed(grey, still, still, noise) - grey
+    assert seen.std() == pytest.approx(np.sqrt(noise**2 + 1 / 12), rel=0.025)
+    assert abs(seen.mean()) < 0.03 * noise
+
+
 def test_noise_falls_with_the_subset() -> None:
     """Of still pictures with noise of 4 grey levels: nothing but noise, less of larger subsets and windows."""
     image, still, noise = dic.speckle(SHAPE, 4.0), np.zeros(SHAPE), []

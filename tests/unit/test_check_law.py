@@ -9,7 +9,7 @@ from test_plugins import LAW
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
-from ruptfx.check_law import check_law
+from ruptfx.check_law import check_law, cohesive
 from ruptfx.check_law.checks import CHECKS
 from ruptfx.cli import app
 
@@ -37,7 +37,7 @@ BROKEN = {
     "one step is many": ("slip_rate * dt}", "slip_rate * dt * (1 + dt)}", "advance is not exact: own_slip"),
     "declared state": ('return {"own_slip": state["own_slip"] +', 'state["own_slip"] += 1; return {"own_slip": 0 +',
                        "advance changes the array own_slip"),
-    "dissipation": ("return self.mu_s *", "return -5 * self.mu_s *", "friction gives energy at power = -"),
+    "dissipation": ("return self.mu_s *", "return -5 * self.mu_s *", "its strength is negative (-"),
     "case file": ("    def initial", "    kept: float = 1.0\n\n    def model_post_init(self, _):\n"
                   "        object.__setattr__(self, 'kept', self.kept + 1)\n\n    def initial", "reads differently"),
     "what it says of itself": ('"m"}', '""}', "the unit of state variable own_slip"),
@@ -76,3 +76,54 @@ def test_command(tmp_path: Path) -> None:
         assert message in str(caught.value)
     with pytest.raises(RuptfxError, match=r"coulomb\.mu_d = -1"):
         check_law("coulomb", ["mu_d=-1"])
+
+
+COHESIVE = '''
+import numpy as np
+
+from ruptfx.cohesion import CohesiveLaw
+
+
+class Parabola(CohesiveLaw):
+    """Softening along a parabola."""
+
+    formula, source = "left = (1 - D)^2", "none"
+    area = 1 / 3
+
+    def left(self, damage):
+        return (1.0 - damage) ** 2
+'''
+
+
+@pytest.mark.parametrize("old, new, check, message", [
+    ("", "", None, ""),
+    ("area = 1 / 3", "area = 0.5", "left strength", "area is not the integral of left"),
+    ("(1.0 - damage) ** 2", "(1.0 - damage) ** 2 + 0.1", "left strength", "left is not 1 at damage 0"),
+    ("(1.0 - damage) ** 2", "1.0 - damage * (1 + 0.5 * isinstance(damage, np.ndarray))", "traced derivatives",
+     "traced left differs"),
+    ("    area", "    def damage(self, opening, slip):\n        return opening / self.opening_at_failure\n\n    area",
+     "fracture energy", "damage at the slip of failure"),
+    ('"none"', '""', "what it says of itself", "source"),
+    ("    area", "    def damage(self, opening, slip):\n"
+     "        ratio = opening / self.opening_at_failure + slip / self.slip_at_failure\n"
+     "        return np.minimum(ratio, 2 - ratio)\n\n    area", "damage", "damage is not between 0 and 1"),
+])  # fmt: skip
+def test_a_cohesive_law(old: str, new: str, check: str | None, message: str, tmp_path: Path) -> None:
+    """A sound one passes all; what is broken is named."""
+    path = tmp_path / "parabola.py"
+    path.write_text(COHESIVE.replace(old, new))
+    (report,) = check_law(str(path))
+    found = {row.check: (row.verdict, row.note) for row in report.rows}
+    assert found.keys() == {"what it says of itself", *cohesive.CHECKS}
+    if check is None:
+        assert report.sound and report.name == "cohesive law", report.rows
+    else:
+        assert found[check][0] in ("failed", "missing") and message in found[check][1]
+
+
+def test_command_for_a_cohesive_law(tmp_path: Path) -> None:
+    (tmp_path / "parabola.py").write_text(COHESIVE)
+    arguments = ["check-law", str(tmp_path / "parabola.py"), "--set", "G_Ic=5", "--out", str(tmp_path)]
+    result = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
+    assert result.exit_code == 0 and "'G_Ic': 5.0" in result.output
+    assert (tmp_path / "parabola.png").stat().st_size > 10_000

@@ -27,6 +27,14 @@ def test_relaxation_at_constant_separation(force: float) -> None:
     assert ASPERITY.relaxed(np.array(force), time) == pytest.approx(exact, rel=1e-6)
 
 
+def test_the_shear_strength_is_that_at_the_first_speed() -> None:
+    """Friction is strength times real area over load there, 120 MPa pi R h / W; an e-fold of the slip rate adds 2 %."""
+    model = AsperityPopulation(speeds=[3e-6, 1e-5], normal_force=15.0)
+    expected = 120e6 * np.pi * 10e-6 * 2e-3 / 15.0
+    found = model.coefficient(2e-3, 3e-6 * np.exp([0.0, 1.0, 2.0]))
+    np.testing.assert_allclose(found, expected * np.array([1.0, 1.02, 1.04]), rtol=1e-12)
+
+
 def test_forces_carry_the_load_and_no_asperity_pulls() -> None:
     population = Population(ASPERITY, 500, 1.2, seed=3)
     for _ in range(50):

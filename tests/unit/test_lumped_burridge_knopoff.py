@@ -26,6 +26,9 @@ def test_period_of_one_block() -> None:
     data = model.run()
     np.testing.assert_allclose(np.diff(data.time), 6000.0, rtol=1e-2)
     np.testing.assert_allclose(data.duration, np.pi * np.sqrt(1.0 / 1e4), rtol=1e-2)
+    # A slip of 2 drop strength / stiffness = 6 mm takes (1 - drop) strength times the slip from the spring.
+    np.testing.assert_allclose(data.slip[:, 0], 6e-3, rtol=1e-2)
+    np.testing.assert_allclose(data.released, 70.0 * 6e-3, rtol=1e-2)
 
 
 def test_weakening_against_an_integrator() -> None:

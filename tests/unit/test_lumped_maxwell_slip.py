@@ -9,7 +9,7 @@ import pytest
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped.maxwell_slip import MaxwellSlip, slide, transition
+from ruptfx.lumped.maxwell_slip import MaxwellSlip, large_number_limit, late_amplitude_law, slide, transition
 from ruptfx.lumped.maxwell_slip.roughness import ContactLayer, Surface, read_profile, roughness_of
 from ruptfx.schema import CaseError
 
@@ -46,6 +46,15 @@ def test_same_seed_same_result_and_other_seed_not() -> None:
     small = {"alphas": [10.0], "blocks": 20, "realisations": 3}
     first, again, other = (MaxwellSlip(**small, seed=s).run() for s in (1, 1, 2))
     assert first.identical(again) and not first.equals(other)
+
+
+def test_late_amplitude_of_scattered_phases() -> None:
+    """mu_s = 0.6, drop = 0.4: s = 0.3 periods at alpha = 12, so 2 / pi exp(-0.18 pi^2) = 0.1077. Blocks followed one by
+    one agree the better the more the Beta distribution is a Gaussian one, before higher harmonics are left."""
+    assert late_amplitude_law(12.0, 0.6, 0.4) == pytest.approx(0.10773, rel=1e-4)
+    for alpha, tolerance in ((20.0, 0.03), (40.0, 0.015)):
+        followed = large_number_limit(alpha, 0.6, 0.4)[1]
+        assert late_amplitude_law(alpha, 0.6, 0.4) == pytest.approx(followed, rel=tolerance)
 
 
 def test_transition_is_interpolated_in_the_logarithm() -> None:

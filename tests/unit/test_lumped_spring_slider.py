@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped import read_result, redraw, simulate
+from ruptfx.lumped import extreme, read_result, redraw, simulate
 from ruptfx.lumped.spring_slider import PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
@@ -36,6 +38,15 @@ def test_steady_sliding_is_an_equilibrium(kind: str, mass: float, interface_leng
     # The acceleration is a difference of forces of 6 N divided by a small mass: rounding is seen through it.
     assert np.abs(rates).max() < 1e-7
     assert slider.force(y, W) == pytest.approx(float(slider.law.steady_strength(3e-6, W)))
+
+
+def test_a_run_knows_where_it_would_be_unstable() -> None:
+    """Rigid interface without mass: K_c = W (b - a) / D_c and omega = (V / D_c) sqrt((b - a) / a) (Ruina 1983)."""
+    law, experiment = law_of(LAWS[0]), {"kind": "velocity_steps", "distance": 1e-6, "samples": 20}
+    found = SpringSlider(friction=law, normal_force=W, stiffness=1e6, experiment=experiment).run().attrs
+    assert found["K_c"] == pytest.approx(W * 0.013 / 0.42e-6, rel=1e-6)
+    assert found["K_over_K_c"] == pytest.approx(1e6 * 0.42e-6 / (W * 0.013), rel=1e-6)
+    assert found["onset_frequency"] == pytest.approx(1e-6 / 0.42e-6 / (2 * np.pi), rel=1e-4)  # V_0, b = 2 a
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -137,7 +148,7 @@ def test_a_run_leaves_a_complete_directory(tmp_path: Path) -> None:
     model = SpringSlider(experiment=VelocitySteps(distance=5e-6, samples=100))
     data = simulate(model, tmp_path / "run")
     names = sorted(str(p.relative_to(tmp_path / "run")) for p in (tmp_path / "run").rglob("*") if p.is_file())
-    assert names == ["case.toml", "figures/velocity_steps.png", "result.nc", "summary.json"]
+    assert names == ["case.toml", "figures/velocity_steps.png", "files.json", "result.nc", "summary.json"]
     assert read_result(tmp_path / "run").equals(data)
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["case_hash"] == model.hash
     assert [p.name for p in redraw(tmp_path / "run", ("svg",))] == ["velocity_steps.svg"]
@@ -162,3 +173,28 @@ def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path)
     with pytest.raises(RuptfxError, match="exists already"):
         simulate(model, tmp_path / "other", resume=True)
     assert (tmp_path / "other" / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "changes, key",
+    [
+        ({"mass": 5e-324}, "mass = 4.94066e-324"),
+        ({"friction": {"kind": LAWS[0], "a": 0.013, "b": 1e18, "D_c": 4.2e-7, "f_0": 0.36, "V_0": 1e-6}},
+         "friction.b = 1e+18 (usual 0.026)"),
+        ({"experiment": {"kind": "velocity_steps", "speeds": [1e-6, 1e7, 1e-6]}}, "experiment.speeds.1 = 1e+07"),
+        ({"experiment": {"kind": "velocity_steps", "speeds": [1e-6, 1e300]}}, "experiment.speeds.1 = 1e+300"),
+    ],
+)  # fmt: skip
+def test_numbers_that_cannot_be_computed_are_named(changes: dict[str, Any], key: str, tmp_path: Path) -> None:
+    """Integrators and eigenvalues refuse what overflows with a ValueError; the run names the number that is far off."""
+    model = parse_case({"kind": "spring_slider", "interface_length": 4e-7, **changes})
+    assert isinstance(model, SpringSlider)
+    with pytest.raises(RuptfxError, match=re.escape(key)) as caught:
+        simulate(model, tmp_path / "run")
+    assert not (tmp_path / "run" / "summary.json").exists() and "far from the usual" in str(caught.value)
+
+
+def test_usual_numbers_are_not_called_extreme() -> None:
+    assert list(extreme(SpringSlider())) == []
+    named = list(extreme(SpringSlider(stiffness=1e20, experiment=VelocitySteps(speeds=[1e-6, 1e3]))))
+    assert named == ["stiffness = 1e+20 (usual 1e+06)", "experiment.speeds.1 = 1000 (usual 1e-05)"]

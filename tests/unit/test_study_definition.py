@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,14 @@ import pytest
 from ruptfx.schema import CaseError
 from ruptfx.study import Axis, read_study
 from ruptfx.study.goals import Search
-from ruptfx.study.refine import bisections
+from ruptfx.study.refine import bisections, boundaries, summary
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 SIGMA = 'key = "faults.main.initial_stress.normal"'
 SEARCH = (
     f'sampling = "cma_es"\nsamples = 9\n[[axes]]\n{SIGMA}\nvalues = [1e6, 2e6]\n'
     '[[axes]]\nkey = "faults.main.friction.L_p"\nrange = [1e-6, 1e-4]\nspacing = "log"\n'
-    '[[search.goals]]\nquantity = "product"\nat_least = 1.0\n'
+    '[[search.goals]]\nquantity = "max_slip"\nat_least = 1.0\n'
 )
 
 
@@ -115,6 +116,75 @@ def test_bad_studies_are_refused_with_the_key(tmp_path, text, message):
         study(tmp_path, text).points()
 
 
+VELOCITY = '[[axes]]\nkey = "boundaries.0.velocity"\nvalues = [1.0, 2.0]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (f'{VELOCITY}[[axes]]\nkey = "boundaries.0.velocity"\nname = "W"\nvalues = [1.0, 2.0]', "axes.1.key"),
+        # impact.toml has one boundary: its last entry is its first.
+        (f'{VELOCITY}[[axes]]\nkey = "boundaries.-1.velocity"\nname = "W"\nvalues = [1.0, 2.0]', "axes.1.key"),
+        ('[[axes]]\nname = "both"\nkey = ["duration", "duration"]\nvalues = [[1e-6, 2e-6]]', "axes.0.key"),
+        ('[[axes]]\nkey = "mesh"\nvalues = [{ element_size = 2e-3 }]\n'
+         '[[axes]]\nkey = "mesh.element_size"\nvalues = [4e-3]', "axes.1.key"),
+        (f"[set]\nboundaries.0.velocity = 7.0\n{VELOCITY}", "set.boundaries.0.velocity"),
+        ('[set.faults.main.friction]\nkind = "coulomb"\nmu_d = 0.3\n'
+         '[[axes]]\nkey = "faults.main.friction"\nvalues = [{ kind = "coulomb", mu_d = 0.4 }]',
+         "set.faults.main.friction.kind"),
+        (f"{VELOCITY}[refine]\nfine = {{ boundaries.0.velocity = 7.0 }}", "refine.fine.boundaries.0.velocity"),
+    ],
+)  # fmt: skip
+def test_two_writers_of_one_value_are_refused(tmp_path, text, key):
+    with pytest.raises(CaseError, match=re.escape(key)):
+        study(tmp_path, text)
+
+
+def test_an_override_of_what_an_axis_varies_is_refused(tmp_path):
+    with pytest.raises(CaseError, match=r"set\.boundaries\.0\.velocity: axes\.0\.key"):
+        study(tmp_path, VELOCITY, ["boundaries.0.velocity=7.0"])
+
+
+def test_an_axis_completes_a_table_of_set(tmp_path):
+    text = '[set.faults.main.friction]\nkind = "coulomb"\n[set.boundaries.0]\ny_range = [0.0, 38e-3]\n'
+    text += '[[axes]]\nkey = "faults.main.friction.mu_d"\nvalues = [0.3, 0.4]\n'
+    text += '[[axes]]\nname = "hit"\nkey = "boundaries.0.y_range.1"\nvalues = [0.01, 0.02]'
+    cases = [point.case for point in study(tmp_path, text).points()]
+    found = [(case.faults["main"].friction.mu_d, case.boundaries[0].y_range[1]) for case in cases]
+    assert found == [(0.3, 0.01), (0.3, 0.02), (0.4, 0.01), (0.4, 0.02)]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "meant"),
+    [
+        (f'quantities = ["max_slip", "tip_sped"]\n{VELOCITY}', "quantities.1", "tip_speed"),
+        (f'{VELOCITY}[refine]\nby = "speed_regim"', "refine.by", "speed_regime"),
+        (SEARCH.replace("max_slip", "max_slop"), "search.goals.0.quantity", "max_slip"),
+    ],
+)
+def test_a_misspelt_quantity_is_refused_before_a_run(tmp_path, text, key, meant):
+    with pytest.raises(CaseError, match=rf"{re.escape(key)} = .*did you mean '{meant}'"):
+        study(tmp_path, text).points()
+
+
+def test_quantities_of_the_summary_and_of_the_budget_are_known(tmp_path):
+    # From the summary of a run with a fault, of one with fracture, and from what a study adds.
+    names = ["mode", "tip_speed", "b_value", "rupture", "energy_fracture", "kinetic_share", "energy_boundary_work"]
+    assert len(study(tmp_path, f"quantities = {names}\n{VELOCITY}").points()) == 2
+
+
+@pytest.mark.parametrize("name", ["seconds", "status", "point", "max_slip"])
+def test_an_axis_has_no_name_of_another_column(tmp_path, name):
+    text = f'quantities = ["max_slip"]\n[[axes]]\nname = "{name}"\nkey = "boundaries.0.velocity"\nvalues = [1.0]'
+    with pytest.raises(CaseError, match=f"column '{name}'"):
+        study(tmp_path, text)
+
+
+def test_two_values_with_one_label_are_refused(tmp_path):
+    with pytest.raises(CaseError, match=r"axes\.0.*'a' is there twice"):
+        study(tmp_path, f'{VELOCITY}labels = ["a", "a"]')
+
+
 def test_missing_files(tmp_path):
     with pytest.raises(CaseError, match="cannot be read"):
         read_study(tmp_path / "none.toml")
@@ -133,6 +203,16 @@ def test_refinement_asks_half_way_in_the_spacing_of_the_axis(tmp_path, spacing, 
     (point,) = bisections(asked, list(zip(asked.points(), modes, strict=True)))
     assert point.coordinates == {"normal": middle}
     assert point.case.faults["main"].initial_stress.normal == middle
+
+
+def test_boundaries_are_located_to_the_widest_of_them(tmp_path):
+    # Of an axis from 1 to 5 MPa one boundary is between 1 and 2 MPa, a quarter of it, one between 2 and 5 MPa.
+    asked = study(tmp_path, f"[[axes]]\n{SIGMA}\nvalues = [1e6, 2e6, 5e6]")
+    known = [(point, {"values": {"mode": mode}}) for point, mode in zip(asked.points(), "aba", strict=True)]
+    assert [step.width for step in boundaries(asked, known)] == pytest.approx([0.25, 0.75])
+    assert "2 boundaries" in summary(asked, known, {}) and "75.00%" in summary(asked, known, {})
+    fine = {point.hash: {"values": {"mode": mode}} for (point, _), mode in zip(known, "abb", strict=True)}
+    assert "2 of 3" in summary(asked, known, fine)
 
 
 def test_a_search_begins_with_its_start_under_all_values_of_the_other_axes(tmp_path):

@@ -14,9 +14,13 @@ import xarray
 
 pytest.importorskip("distributed")
 
+from typer.testing import CliRunner
+
 from ruptfx import RuptfxError, launch
+from ruptfx.cli import app
 from ruptfx.study import read_csv, read_study, run_study
 from ruptfx.study.store import Store
+from ruptfx.summary_fields import DESCRIPTIONS
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 # Pulses above a diagonal of the map, no mesh dependence but at 20 m/s; some loadings fail in their own way.
@@ -43,6 +47,7 @@ for line in sys.stdin:
 @pytest.fixture(autouse=True)
 def _stand_in(monkeypatch):
     monkeypatch.setattr(launch, "mpi_command", lambda ranks, module: [sys.executable, "-c", STAND_IN])
+    monkeypatch.setitem(DESCRIPTIONS, "product", "Of the stand-in alone.")
 
 
 def study(tmp_path, speeds, sigmas=(1e6, 10e6), extra="", top=""):
@@ -86,6 +91,59 @@ def test_a_study_without_numbers_has_a_table_and_no_map(tmp_path):
     run_study(read_study(path), tmp_path / "out", show=False)
     assert [row["velocity"] for row in read_csv(tmp_path / "out" / "table.csv")] == ["a", "b"]
     assert not (tmp_path / "out" / "mode_map.html").exists()
+
+
+def test_the_command_lists_the_files_that_it_wrote(tmp_path, monkeypatch):
+    """Of an axis of words there is no map: two tables; of an axis of numbers a map, its page and curves as well."""
+    monkeypatch.setenv("COLUMNS", "500")
+    words = '[[axes]]\nname = "order"\nkey = "order"\nvalues = [3, 4]\nlabels = ["low", "high"]\n'
+    numbers = '[[axes]]\nname = "V"\nkey = "boundaries.0.velocity"\nvalues = [1.0, 2.0]\n'
+    for name, axis, more in (("words", words, False), ("numbers", numbers, True)):
+        file, out = tmp_path / f"{name}.toml", tmp_path / name
+        file.write_text(f'case = "{IMPACT}"\n{axis}')
+        done = CliRunner().invoke(app, ["study", str(file), "--out", str(out), "--quiet"])
+        assert done.exit_code == 0, done.output
+        listed = done.output.split("(")[-1].split(")")[0].split(", ")
+        assert listed[:2] == ["table.csv", "table.nc"] and ("mode_map.html" in listed) == more
+        assert [name for name in listed if not (out / name).is_file()] == []
+
+
+def test_a_study_of_text_alone_has_a_table_and_no_map(tmp_path):
+    run(tmp_path, [2.0], top='quantities = ["ended_by"]')
+    assert [row["V_imp"] for row in read_csv(tmp_path / "out" / "table.csv")] == [2.0, 2.0]
+    assert not (tmp_path / "out" / "mode_map.html").exists()
+
+
+def test_a_scalar_with_the_name_of_an_axis_does_not_replace_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        launch, "mpi_command", lambda *_: [sys.executable, "-c", STAND_IN.replace('"nothing": None', '"V_imp": 99.0')]
+    )
+    run(tmp_path, [2.0, 8.0], [1e6])
+    assert [row["V_imp"] for row in read_csv(tmp_path / "out" / "table.csv")] == [2.0, 8.0]
+
+
+def test_a_goal_of_text_is_refused(tmp_path):
+    pytest.importorskip("cma")
+    search = 'sampling = "cma_es"\nsamples = 9\n[[search.goals]]\nquantity = "mode"\nat_least = 1.0\n'
+    path = tmp_path / "study.toml"
+    path.write_text(f'case = "{IMPACT}"\n{search}[[axes]]\nkey = "boundaries.0.velocity"\nrange = [1.0, 2.0]')
+    with pytest.raises(RuptfxError, match="'mode' is the text 'crack'"):
+        run_study(read_study(path), tmp_path / "out", show=False)
+
+
+def test_a_misspelt_quantity_of_a_lumped_model_is_named_after_its_first_points(tmp_path, monkeypatch):
+    script = STAND_IN.split("for line")[0] + (
+        'for line in sys.stdin:\n    print(json.dumps({"status": "done", "values": {"K_c": 1.0}}), flush=True)\n'
+    )
+    monkeypatch.setattr(launch, "mpi_command", lambda *_: [sys.executable, "-c", script])
+    path = tmp_path / "study.toml"
+    slider = IMPACT.with_name("spring_slider.toml")
+    path.write_text(f'case = "{slider}"\nquantities = ["K_k"]\n[[axes]]\nkey = "stiffness"\nvalues = [1e6, 2e6]')
+    with pytest.raises(RuptfxError, match=r"quantities\.0 = 'K_k'.*did you mean 'K_c'"):
+        run_study(read_study(path), tmp_path / "out", show=False)
+    assert len(finished(tmp_path / "out")) == 2  # kept for the same command with the right name
+    path.write_text(path.read_text().replace("K_k", "K_c"))
+    assert run_study(read_study(path), tmp_path / "out", show=False).known_before == 2
 
 
 def test_only_new_points_run(tmp_path):

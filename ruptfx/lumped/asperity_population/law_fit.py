@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import least_squares
 
+from ruptfx import RuptfxError
 from ruptfx.friction._rate_and_state import RateAndState
 
 
@@ -57,4 +58,6 @@ class Trace:
 
         begin = [*np.log([float(start.a), float(start.b), float(start.D_c)]), float(start.f_0)]
         found = least_squares(misfit, begin, x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4)
+        if not found.success:
+            raise RuptfxError(f"the fit of a law to the population failed: {found.message}; start closer to it")
         return law(found.x), float(np.linalg.norm(found.fun))

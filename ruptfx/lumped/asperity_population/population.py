@@ -149,6 +149,12 @@ class Population:
             self.separation += step
             if abs(step) <= 1e-14 * self.asperity.height_scale:
                 break
+        carried = k * np.maximum(top - self.separation, 0.0).sum()
+        if not abs(carried - self.load) <= 1e-9 * self.load:
+            raise RuptfxError(
+                f"no separation of the surfaces carries the load of {self.load:g} N: {carried:g} N at "
+                f"{self.separation:g} m; check normal_force and the asperities"
+            )
         if self.separation < 0:
             raise RuptfxError(
                 f"{len(top)} asperities are too few for a load of {self.load:g} N: all of them touch; give more "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +12,10 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
-from ruptfx.number_files import is_number, number, require_increasing
+from ruptfx.number_files import factors, is_number, number, require_increasing, text_of
 from ruptfx.schema import Part
-from ruptfx.units import Fraction, Length, Modulus, Positive
+from ruptfx.units import Fraction as Share
+from ruptfx.units import Length, Modulus, Positive
 
 Pressure = Modulus
 _GAUSSIAN_TO_RA = np.sqrt(2 / np.pi)  # R_a / R_q of Gaussian heights
@@ -28,9 +31,9 @@ class ContactLayer(Part):
     """Of the sheared layer."""
     pressure: Pressure = 2.67e6
     """Nominal pressure p [Pa]; the contacts carry p / f."""
-    contact_fraction_min: Fraction = 0.011
+    contact_fraction_min: Share = 0.011
     """Smallest real-contact fraction."""
-    contact_fraction_max: Fraction = 0.015
+    contact_fraction_max: Share = 0.015
     """Largest real-contact fraction."""
     alpha_c: Positive | None = None
     """Shape parameter at the transition, instead of the one that the run finds."""
@@ -87,8 +90,8 @@ class Surface(Part):
     """RMS height [m]; R_a = R_q sqrt(2 / pi), Gaussian heights."""
     profile: str | None = None
     """Text or CSV file: heights, or positions and heights."""
-    profile_unit: Length = 1.0
-    """Metres per unit of the file; 1e-6 for micrometres."""
+    profile_unit: Length | None = None
+    """Metres per unit of the file, 1e-6 for micrometres; by default that of its header, as `x (um), z (um)`, or 1."""
     cutoff: Length | None = None
     """Waviness cutoff [m] of the Gaussian filter ISO 16610-21; needs positions."""
     pressure: Pressure | None = None
@@ -130,30 +133,42 @@ class Surface(Part):
         return roughness_of(height, position, self.cutoff)
 
 
-def read_profile(path: str | Path, unit: float = 1.0) -> tuple[np.ndarray | None, np.ndarray]:
-    """Positions (None if the file has heights only) and heights [m] of a text or CSV file, header lines skipped.
+def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarray | None, np.ndarray]:
+    """Positions (None if the file has heights only) and heights [m] of a text or CSV file.
+
+    Parameters
+    ----------
+    path : str or Path
+    unit : float, optional
+        Metres per unit of the file; default is the unit that its header gives, else 1.
 
     Raises
     ------
     RuptfxError
-        Not a table of one or two columns of at least 8 numbers, or positions that do not increase.
+        Not a table of one or two columns of at least 8 numbers, positions that do not increase, or a header whose unit
+        is no length or not the one given.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig").replace(";", ",").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise RuptfxError(f"{path}: cannot be read: {error}") from None
+        text = text_of(Path(path)).splitlines()
+    except ValueError as error:
+        raise RuptfxError(str(error)) from None
     rows: list[list[float]] = []
     lines: list[int] = []
+    above: list[tuple[int, str]] = []
+    scales: list[Fraction] = []
     try:
         for line, content in enumerate(text, 1):
-            words = content.replace(",", " ").split()
+            words = content.replace(";", " ").replace(",", " ").split()
             if not words or words[0].startswith("#") or not (rows or is_number(words[0])):
+                above.append((line, content))
                 continue  # nothing, a comment, or a header
             if len(words) > 2 or (rows and len(words) != len(rows[0])):
                 raise ValueError(f"line {line} of {path}: every row needs the same one or two columns")
-            rows.append([number(word, path, line) for word in words])
+            if not rows:
+                scales = _scales(above, len(words), unit, path)
+            rows.append([number(word, path, line, scale) for word, scale in zip(words, scales, strict=True)])
             lines.append(line)
-        table = unit * np.array(rows)
+        table = np.array(rows)
         if len(rows) < 8:
             raise ValueError(f"{path}: a profile is at least 8 rows of heights, or of positions and heights")
         if table.shape[1] == 1:
@@ -162,6 +177,19 @@ def read_profile(path: str | Path, unit: float = 1.0) -> tuple[np.ndarray | None
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     return table[:, 0], table[:, 1]
+
+
+def _scales(above: Sequence[tuple[int, str]], columns: int, unit: float | None, path: str | Path) -> list[Fraction]:
+    """Metres per unit of each column, from the header or as given."""
+    found = factors(above, ["m"] * columns, columns, path)
+    if unit is None:
+        return [scale or Fraction(1) for scale in found]
+    wrong = next((scale for scale in found if scale not in (None, Fraction(str(unit)))), None)
+    if wrong is not None:
+        raise ValueError(
+            f"{path}: its header gives a unit of {float(wrong):g} m, and profile_unit = {unit:g} m; remove profile_unit"
+        )
+    return [Fraction(str(unit))] * columns
 
 
 def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff: float | None = None) -> float:

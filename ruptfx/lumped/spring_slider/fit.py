@@ -17,9 +17,9 @@ from ruptfx import RuptfxError
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment
 from ruptfx.lumped.spring_slider.slider import Slider, integrate
-from ruptfx.number_files import number, require_increasing
+from ruptfx.number_files import named_columns, number, require_increasing
 
-_COLUMNS = ("time", "drive_speed", "friction")
+_COLUMNS = {"time": "s", "drive_speed": "m/s", "friction": "1"}
 _FITTED = ("a", "b", "D_c", "f_0")
 
 
@@ -33,7 +33,8 @@ class Fit(Experiment):
     name = "fit"
     kind: Literal["fit"] = "fit"
     trace: str
-    """CSV file with the columns time [s], drive_speed [m/s] and friction, and a header that names them."""
+    """CSV file with the columns time [s], drive_speed [m/s] and friction, and a header that names them; it may give
+    other units, as `time (ms)`."""
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
     """Level of the intervals."""
 
@@ -121,17 +122,18 @@ def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             numbered = [(n, line) for n, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         raise RuptfxError(f"{path}: cannot be read: {error}") from None
-    rows, lines = list(csv.DictReader(line for _, line in numbered)), [n for n, _ in numbered[1:]]
-    known = [name.strip() for name in rows[0] if name] if rows else []
-    missing = [name for name in _COLUMNS if name not in known]
-    if missing:
-        raise RuptfxError(f"{path}: column {', '.join(missing)} is missing; the first line must name the columns")
+    rows = list(csv.reader(line for _, line in numbered))
     try:
-        clean = [{key.strip(): value for key, value in row.items() if key} for row in rows]
-        table = np.array(
-            [[number(row[name], path, line) for name in _COLUMNS] for row, line in zip(clean, lines, strict=True)]
-        )
-        require_increasing(table[:, 0], lines, path)
+        columns = named_columns(rows[0] if rows else [], _COLUMNS, path, numbered[0][0] if numbered else 0)
+        if missing := [name for name in _COLUMNS if name not in columns]:
+            raise ValueError(f"{path}: column {', '.join(missing)} is missing; the first line must name the columns")
+        chosen = [columns[name] for name in _COLUMNS]
+        table = np.array([
+            [number(row[place] if place < len(row) else None, path, line, scale) for place, scale in chosen]
+            for row, (line, _) in zip(rows[1:], numbered[1:], strict=True)
+        ])  # fmt: skip
+        if len(table):
+            require_increasing(table[:, 0], [line for line, _ in numbered[1:]], path)
     except ValueError as error:
         raise RuptfxError(str(error)) from None
     if len(table) < 20:

@@ -161,7 +161,7 @@ def integrate(
                 f"the slider runs away: {RUNAWAY:g} m/s at t = {at:.6g} s without inertia to hold it back; "
                 "give it a mass, or a spring stiffer than K_c"
             )
-        if solution.success and solution.y.shape[1] == len(times) and np.isfinite(solution.y).all():
+        if solution.success and np.shape(solution.y)[1:] == times.shape and np.isfinite(solution.y).all():
             break
     else:
         reached = first + (solution.t[-1] if len(solution.t) else 0.0)
