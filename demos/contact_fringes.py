@@ -16,11 +16,13 @@ from ruptfx import read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import letter, new_figure, save, style
+from ruptfx.script import begin
 
+begin("runs/contact_fringes_smooth", "runs/contact_fringes")
 path = Path(__file__).with_name("contact_fringes.toml")
 records = {
-    "smooth": simulate(read_case(path, ["mesh.upper.profile=0.0"]), out="runs/contact_fringes_smooth"),
-    "rough": simulate(read_case(path), out="runs/contact_fringes"),
+    "smooth": simulate(read_case(path, ["mesh.upper.profile=0.0"]), out="runs/contact_fringes_smooth", overwrite=True),
+    "rough": simulate(read_case(path), out="runs/contact_fringes", overwrite=True),
 }
 
 # %% [markdown]

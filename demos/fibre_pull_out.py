@@ -18,11 +18,13 @@ from matplotlib.colors import LogNorm
 from ruptfx import read_case, simulate
 from ruptfx.analysis.fibre import ShearLag
 from ruptfx.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure, styled
+from ruptfx.script import begin
 
 CASE = Path(__file__).with_name("fibre_pull_out.toml")
 SHORT, LONG = 15e-3, 30e-3  # m
 SWEPT = (SHORT, 18e-3, 21e-3, 24e-3, 27e-3, LONG)
 out = Path(mkdtemp(prefix="fibre_pull_out_"))
+begin(out)
 
 # %% [markdown]
 # Shear lag, a bar in a matrix that leaves out radial stresses, says above which length steady sliding is unstable.

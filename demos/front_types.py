@@ -17,12 +17,14 @@ import numpy as np
 from ruptfx import read_case, simulate
 from ruptfx.analysis.front import local_speed
 from ruptfx.figure_style import GUIDE, letter, new_figure, remark, styled
+from ruptfx.script import begin
 
 CASE = Path(__file__).with_name("front_types.toml")
 EVEN = (1.6e6, 1.65e6, 1.7e6, 1.75e6, 1.8e6, 1.9e6, 2.0e6, 2.15e6)  # shear stress under 5 MPa [Pa]
 UNEVEN = {"falls": (1.8e6, [5.6e6, 4.4e6]), "rises": (1.8e6, [4.4e6, 5.6e6])}
 BEGIN, END, WIDTH = 40e-3, 180e-3, 30e-3  # m: where the front is timed, and over which length
 out = Path(mkdtemp(prefix="front_types_"))
+begin(out)
 
 
 def timed(name, shear, normal, size=2e-3):

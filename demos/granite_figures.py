@@ -24,6 +24,7 @@ from ruptfx.analysis.compression import MODES, emission_of, loading
 from ruptfx.analysis.emission import rose
 from ruptfx.figure_style import letter, styled
 from ruptfx.plots.cracks import COLOURS
+from ruptfx.script import begin
 from ruptfx.study import read_csv
 
 HERE, STUDY = Path(__file__).parent, Path("studies/granite")
@@ -32,6 +33,7 @@ PAIRS = [f"{a}-{b}" for a, b in ("bb", "bf", "bq", "ff", "fq", "qq")]  # in the 
 MINERALS = {"b": "biotite", "f": "feldspar", "q": "quartz"}
 WINDOWS = (0.0, 0.5845e-3, 1.5e-3, 2.5e-3)  # displacement of both platens [m]
 SPEED = 0.25  # m/s, of both platens
+begin(OUT)
 OUT.mkdir(parents=True, exist_ok=True)
 
 
@@ -178,7 +180,8 @@ far = {
 if (path / "summary.json").exists():
     late = Record(path)
 else:
-    late = simulate(read_case(HERE / "granite.toml", [f"{key}={value}" for key, value in far.items()]), path)
+    case = read_case(HERE / "granite.toml", [f"{key}={value}" for key, value in far.items()])
+    late = simulate(case, path, overwrite=True)
 
 
 @styled

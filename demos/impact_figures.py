@@ -22,10 +22,12 @@ from ruptfx import Record, read_case, simulate
 from ruptfx.analysis.photoelasticity import fringe_order, intensity
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import GUIDE, TIME_MAP, letter, styled
+from ruptfx.script import begin
 from ruptfx.study import mode_map
 
 HERE, OUT = Path(__file__).parent, Path("studies/figures")
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
+begin(OUT)
 OUT.mkdir(parents=True, exist_ok=True)
 
 
@@ -34,7 +36,7 @@ def run(name, sigma, speed, *changes):
     path = OUT / "runs" / name
     loading = [f"faults.main.initial_stress.normal={sigma}", f"boundaries.0.velocity={speed}", "output.figures=false"]
     case = read_case(HERE / "impact.toml", [*loading, *changes])
-    return Record(path) if (path / "summary.json").exists() else simulate(case, path)
+    return Record(path) if (path / "summary.json").exists() else simulate(case, path, overwrite=True)
 
 
 # %% [markdown]

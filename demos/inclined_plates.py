@@ -18,11 +18,13 @@ import numpy as np
 
 from ruptfx import read_case, simulate
 from ruptfx.figure_style import RATE_MAP, letter, new_figure, remark, styled
+from ruptfx.script import begin
 
 CASE = Path(__file__).with_name("inclined_plates.toml")
 ANGLES, PRESSURES = (20, 25, 30), (6e6, 10e6, 15e6)  # degrees, Pa
 AWAY = 20e-3  # m, of the velocimeters from the middle
 out = Path(mkdtemp(prefix="inclined_plates_"))
+begin(out)
 
 
 def run(angle, pressure=10e6, size=2.5e-3):

@@ -12,6 +12,7 @@
 from pathlib import Path
 
 from ruptfx import read_case, simulate
+from ruptfx.script import begin
 
 LOADINGS = {"I": (6e6, 2.0), "II": (30e6, 2.0), "III": (10e6, 20.0), "IV": (0.9e6, 10.0)}
 PUBLISHED = {"I": "crack", "II": "pulse", "III": "train of pulses", "IV": "pulses into a crack"}
@@ -20,6 +21,7 @@ SETS = {
     "P2": {"mu_d": 0.1, "V_1": 0.5, "L_0": 2e-6, "theta_0_initial": 2e-6 / 0.05, "L_p": 100e-6},
 }
 OUT = Path("runs/lecture")
+begin(OUT)
 
 
 def overrides(loading, constants):
@@ -47,7 +49,7 @@ for set_name, constants in SETS.items():
         title = f'title="Case {case_name}, set {set_name}: {loading[0] / 1e6:g} MPa, {loading[1]:g} m/s"'
         case = read_case(Path(__file__).with_name("impact.toml"), [title, *overrides(loading, constants)])
         done = (path / "summary.json").exists()
-        records[set_name, case_name] = Record(path) if done else simulate(case, path)
+        records[set_name, case_name] = Record(path) if done else simulate(case, path, overwrite=True)
 
 # %% [markdown]
 # The table: mode of the slip rate at two thresholds, speed of the leading tip, peak slip rate, closure of the energy.

@@ -21,8 +21,10 @@ import numpy as np
 from ruptfx import read_case
 from ruptfx.lumped import simulate
 from ruptfx.lumped.maxwell_slip import MaxwellSlip
+from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="maxwell_slip_"))
+begin(out)
 model = read_case(Path(__file__).with_name("maxwell_slip.toml"))
 data = simulate(model, out / "sweep")
 

@@ -15,9 +15,12 @@ from ruptfx import read_case, simulate
 from ruptfx.analysis.contact_light import contact_light
 from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
 from ruptfx.figure_style import letter, new_figure, styled
+from ruptfx.script import begin
 
+begin("runs/optical_methods")
 changes = ["duration=20e-6", "mesh.element_size=2e-3", "output.bulk_interval=0.25e-6", "output.figures=false"]
-record = simulate(read_case(Path(__file__).with_name("impact.toml"), changes), out="runs/optical_methods")
+case = read_case(Path(__file__).with_name("impact.toml"), changes)
+record = simulate(case, out="runs/optical_methods", overwrite=True)
 PIXEL, SHOWN = 0.4e-3, 15e-6  # m, s
 
 # %% [markdown]

@@ -13,8 +13,10 @@ import numpy as np
 from ruptfx import read_case, simulate
 from ruptfx.analysis.image_correlation import errors, experiment
 from ruptfx.figure_style import letter, new_figure, save, style
+from ruptfx.script import begin
 
-record = simulate(read_case(Path(__file__).with_name("pressed_block.toml")), out="runs/pressed_block")
+begin("runs/pressed_block")
+record = simulate(read_case(Path(__file__).with_name("pressed_block.toml")), out="runs/pressed_block", overwrite=True)
 slipped = float(np.abs(record.interface.slip).max())
 base = record.instruments["base"]
 print(f"largest slip {slipped:.3g} m; the base carries {float(base.force_y[-1]) / 1e3:.4g} kN/m")

@@ -22,11 +22,13 @@ from ruptfx import read_case, simulate
 from ruptfx.analysis.slip_events import slip_events, speed_against_ratio
 from ruptfx.bench.front_types import FALLS, RISES, SPREAD, WINDOW, chain, linear
 from ruptfx.figure_style import GUIDE, letter, new_figure, remark, styled
+from ruptfx.script import begin
 
 HERE = Path(__file__).parent
 LOADS = {"even": [], "falls": [linear(FALLS)], "rises": [linear(RISES)]}
 COLOURS = {"even": "black", "falls": "#b5382a", "rises": "#2a6099", "pushed": "#3a8a3a"}
 out = Path(mkdtemp(prefix="pushed_block_"))
+begin(out)
 
 
 def loaded(name, demo, *changes):

@@ -20,6 +20,7 @@ from ruptfx import simulate
 from ruptfx.analysis.asperities import asperities
 from ruptfx.case import parse_case, read_toml
 from ruptfx.figure_style import new_figure, save, style
+from ruptfx.script import begin
 
 table, name = read_toml(Path(__file__).with_name("rough_rupture.toml")), "rough_rupture"
 if sys.argv[1:] == ["small"]:
@@ -39,8 +40,9 @@ if sys.argv[1:] == ["small"]:
     table["faults"]["main"]["nucleation"][0] |= {"half_width": 6.25e-6, "time": 9e-6}
     table["output"] |= {"interface_interval": 0.04e-6, "bulk_interval": 0.25e-6, "bulk_fields": ["velocity"],
                         "rupture_after": 9e-6}  # fmt: skip
+begin(f"runs/{name}")
 case = parse_case(table)
-record = simulate(case, out=f"runs/{name}")
+record = simulate(case, out=f"runs/{name}", overwrite=True)
 
 # %% [markdown]
 # First slip of every point after the nucleation, and the contacts: neighbouring points that are closed then.

@@ -10,12 +10,14 @@
 from pathlib import Path
 
 from ruptfx import plots, read_case, simulate
+from ruptfx.script import begin
 
+begin("runs/shear_impact")
 case = read_case(
     Path(__file__).with_name("impact.toml"),
     overrides=["duration=40e-6", "faults.main.initial_stress.normal=6e6", "boundaries.0.velocity=2.0"],
 )
-record = simulate(case, out="runs/shear_impact")
+record = simulate(case, out="runs/shear_impact", overwrite=True)
 
 # %% [markdown]
 # The run directory `runs/shear_impact` now holds the data and the standard figures. The record opens them as labelled

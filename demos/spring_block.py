@@ -16,8 +16,10 @@ from tempfile import mkdtemp
 
 from ruptfx import read_case
 from ruptfx.lumped import simulate
+from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="spring_block_"))
+begin(out)
 case = Path(__file__).with_name("spring_block.toml")
 soft = simulate(read_case(case), out / "soft")
 stiff = simulate(read_case(case, ["interface_ratio=50"]), out / "stiff")

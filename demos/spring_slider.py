@@ -17,8 +17,10 @@ import numpy as np
 
 from ruptfx.case import parse_case
 from ruptfx.lumped import simulate
+from ruptfx.script import begin
 
 out = Path(mkdtemp(prefix="spring_slider_"))
+begin(out)
 pmma = {"kind": "rate_and_state_ageing", "a": 0.013, "b": 0.026, "D_c": 0.42e-6, "f_0": 0.36, "V_0": 1e-6}
 base = {"kind": "spring_slider", "normal_force": 16.0, "stiffness": 1e6, "friction": pmma}
 

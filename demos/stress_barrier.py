@@ -12,6 +12,9 @@
 from ruptfx import simulate
 from ruptfx.bench.stress_barrier import Front, medium, one_tip, predicted, two_tips
 from ruptfx.figure_style import letter, new_figure, style
+from ruptfx.script import begin
+
+begin("runs/stress_barrier_one_tip", "runs/stress_barrier")
 
 # %% [markdown]
 # The cases are those of `ruptfx bench stress_barrier`: `demos/stress_barrier.toml`, and its right half, mirrored.
@@ -24,7 +27,7 @@ for shape, case, folder in (
     ("one tip", one_tip(), "runs/stress_barrier_one_tip"),
     ("bilateral", two_tips(), "runs/stress_barrier"),
 ):
-    with simulate(case, out=folder) as record:
+    with simulate(case, out=folder, overwrite=True) as record:
         data, theory = record.interface, predicted(case, shape)
         front = Front.of(case, data.position.values, data.rupture_time.values)
         figures = record.path / "figures"

@@ -1,18 +1,16 @@
-"""Draws the pictures of the site that no demo leaves: `python docs/make_pictures.py` (three minutes of processor time).
+"""Draw the pictures of the site: `make pictures`, or `python docs/make_pictures.py [NAME ...] [--runs DIRECTORY]`.
 
-`tpv205.png`, `time_order.png`, `self_similar.png`, `smooth_rupture.png` and `bp1.png` are the figures of
-`ruptfx bench NAME --fine`, `sliding_test.png` is that of `smooth_sliding`;
-`antiplane.png`, `bimaterial.png` and `rate_state.png` are `space_time.png` of these demos, `gmsh_mesh.png` is of
-`ruptfx mesh`,
-`rough_rupture.png`, `contact_fringes.png` and `pushed_block.png` are what these scripts save, `sliding_start.png` and
-`slow_sliding.png` are `forces.png` of these demos, `measured_surface.png` is `surfaces.png`, `stress_barrier.png`
-`front.png` of that one, `spring_block.png` is `onset_of_sliding.png`, `rough_sliding.png` is `surfaces.png`,
-`brazilian.png` `cracks.png`,
-`ball.png` `wavefield.png`.
+Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; others are
+drawn here. Nothing is quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures: tests
+compare captions with them. Pictures of `NOT_RENEWED` stay as they are, with the commands that make them.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import shutil
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -21,13 +19,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from PIL import Image
 
-from ruptfx import plots, read_case, simulate
+from ruptfx import Record, plots, read_case, simulate
 from ruptfx.analysis.along_interface import body_stress
 from ruptfx.analysis.asperities import first_slip
 from ruptfx.analysis.modes import classify
 from ruptfx.case import parse_case, read_toml
-from ruptfx.figure_style import RATE_MAP, letter, new_figure, styled
+from ruptfx.figure_style import RATE_MAP, letter, new_figure, save, styled
 
 PICTURES = Path(__file__).with_name("pictures")
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -214,11 +213,83 @@ DRAWINGS = {
     "smooth_stress": smooth_stress, "smooth_waves": smooth_waves,
     "chamfered_block": chamfered_block,
 }  # fmt: skip
+FIGURES = {
+    "antiplane": "space_time", "bimaterial": "space_time", "rate_state": "space_time", "kalthoff": "cracks",
+    "branching": "cracks", "brazilian": "cracks", "ball": "wavefield", "granite": "emission",
+    "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
+    "rough_sliding": "surfaces", "stress_barrier": "front",
+}  # fmt: skip
+"""Figure of the demo of the same name that a picture shows."""
+LUMPED = {
+    "spring_slider": "velocity_steps", "burridge_knopoff": "events", "maxwell_slip": "friction_histories",
+    "asperity_population": "population",
+}  # fmt: skip
+"""The same of lumped models, which leave their figures in their run directories."""
+ELSEWHERE = {"seismic_cycles": ("cycles", DEMOS / "pictures")}
+"""Pictures that are kept beside the demos."""
+NOT_RENEWED = {
+    "tpv205, time_order, self_similar, smooth_rupture, bp1": "ruptfx bench NAME --fine",
+    "sliding_test, smooth_sliding, fibre_bench": "ruptfx bench smooth_sliding, fibre",
+    "granite_confinement": "ruptfx study demos/granite_confinement.toml",
+    "granite_maps, granite_roses, granite_boundaries, granite_windows": "python demos/granite_figures.py",
+    "mode_map, mode_map_best, modes, four_modes, slip_weakening": "ruptfx study demos/NAME.toml",
+    "rough_rupture, contact_fringes, pushed_block, pressed_block, fibre_pull_out, inclined_plates, front_types":
+        "python demos/NAME.py",
+    "spring_block": "ruptfx run demos/spring_block.toml",
+    "gmsh_mesh": "ruptfx mesh demos/gmsh.toml",
+}  # fmt: skip
+NUMBERS = PICTURES / "numbers.json"
+LEFT_OUT = {"wall_time", "node_updates_per_second", "ranks", "host_cores", "versions", "title"}  # of a summary
+
+
+def compress(path: Path) -> None:
+    """Write a picture in all its colours, without the channel of transparency, and as small as PNG can be."""
+    with Image.open(path) as picture:
+        opaque = picture.convert("RGB")
+    opaque.save(path, optimize=True)
+
+
+def of_run(name: str, runs: Path) -> None:
+    """Draw the picture of a demo from its run, and keep the numbers of the run."""
+    if not (runs / name / "summary.json").is_file():
+        simulate(read_case(DEMOS / f"{name}.toml", overrides=["output.figures=false"]), out=runs / name).close()
+    figure, folder = ELSEWHERE.get(name, (FIGURES.get(name, ""), PICTURES))
+    with Record(runs / name) as record:
+        save(plots.FIGURES[figure](record), folder / f"{name}.png", "png")
+        compress(folder / f"{name}.png")
+        known = json.loads(NUMBERS.read_text(encoding="utf-8")) if NUMBERS.is_file() else {}
+        known[name] = {key: value for key, value in (record.summary or {}).items() if key not in LEFT_OUT}
+    NUMBERS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def of_lumped_model(name: str, runs: Path) -> None:
+    """Copy the picture of a lumped model from its run."""
+    if not (runs / name).is_dir():
+        command = ["run", str(DEMOS / f"{name}.toml"), "--out", str(runs / name), "--quiet"]
+        subprocess.run([sys.executable, "-m", "ruptfx", *command], check=True)
+    (found,) = (runs / name).rglob(f"{LUMPED[name]}.png")
+    shutil.copy(found, PICTURES / f"{name}.png")
+    compress(PICTURES / f"{name}.png")
+
+
+def main() -> None:
+    """Draw all pictures, or those that are named."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", help="pictures; default: all")
+    parser.add_argument("--runs", type=Path, help="directory of runs by the names of their demos; kept, and used again")
+    given = parser.parse_args()
+    PICTURES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name in given.names or [*DRAWINGS, *FIGURES, *LUMPED, *ELSEWHERE, "impact"]:
+            if name == "impact":
+                impact()
+            elif name in DRAWINGS:
+                DRAWINGS[name]().savefig(PICTURES / f"{name}.png", dpi=160)
+            elif name in LUMPED:
+                of_lumped_model(name, given.runs or Path(folder))
+            else:
+                of_run(name, given.runs or Path(folder))
+
 
 if __name__ == "__main__":
-    PICTURES.mkdir(exist_ok=True)
-    for name in sys.argv[1:] or [*DRAWINGS, "impact"]:
-        if name == "impact":
-            impact()
-        else:
-            DRAWINGS[name]().savefig(PICTURES / f"{name}.png", dpi=160)
+    main()

@@ -29,6 +29,7 @@ STYLE: Any = {
     "lines.linewidth": 1.0, "lines.markersize": 4, "legend.frameon": False, "savefig.dpi": 200, "figure.dpi": 100,
     "pdf.fonttype": 42, "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
 }
+OUTLYING = 3.0  # times the range of 98 % of the values: extremes beyond are not shown whole
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
 REMARK_SIZE, REMARK_LETTER = 6.5, 0.045  # points, and inch that a letter takes on average
@@ -40,7 +41,7 @@ WAVE_MAP = "inferno"
 
 _PREFIXES = {
     "m": [(1e-12, "pm"), (1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m"), (1e3, "km")],
-    "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s")],
+    "s": [(1e-6, "µs"), (1e-3, "ms"), (1.0, "s"), (31557600.0, "yr")],
     "Pa": [(1.0, "Pa"), (1e3, "kPa"), (1e6, "MPa"), (1e9, "GPa")],
     "m/s": [(1e-9, "nm/s"), (1e-6, "µm/s"), (1e-3, "mm/s"), (1.0, "m/s")],
     "N": [(1.0, "N"), (1e3, "kN"), (1e6, "MN")],
@@ -104,8 +105,9 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
     choices = _PREFIXES[unit]
     if largest == 0:
         return next(((size, name) for size, name in choices if size == 1.0), choices[0])
-    least = 0.05 if unit == "m/s" else 0.9  # slip rates read best in m/s
-    fitting = [(size, name) for size, name in choices if largest >= least * size]
+    # Slip rates read best in m/s, and times in seconds until 1e8 s.
+    least = {"m/s": 0.05, "yr": 1e8 / 31557600}
+    fitting = [(size, name) for size, name in choices if largest >= least.get(unit, least.get(name, 0.9)) * size]
     return fitting[-1] if fitting else choices[0]
 
 
@@ -138,6 +140,19 @@ def letter(axes: Iterable[Axes]) -> None:
     """Panel letters (a), (b), ... above the upper left corner."""
     for index, ax in enumerate(axes):
         ax.set_title(f"({chr(ord('a') + index)})", loc="left", fontweight="bold")
+
+
+def limit(ax: Axes, values: Array, size: float = 1.0) -> bool:
+    """Keep single values from flattening a curve: set the y limits of an axis by quantiles where extremes lie far out.
+
+    Returns whether values lie beyond the limits, which the figure should say.
+    """
+    low, high = np.nanquantile(values, [0.01, 0.99])
+    room = high - low
+    if not np.nanmax(values) - np.nanmin(values) > OUTLYING * room > 0:
+        return False
+    ax.set_ylim(max(np.nanmin(values), low - room / 2) / size, min(np.nanmax(values), high + room / 2) / size)
+    return True
 
 
 def note(ax: Axes, text: str) -> None:

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ruptfx import RuptfxError
+from ruptfx import RuptfxError, run_files
 
 if TYPE_CHECKING:
     from ruptfx.record import Files
@@ -83,31 +83,33 @@ def draw(out: Path) -> None:
     ------
     RuptfxError
     """
-    if not _drawn_by_others(out):
+    drawn = _drawn_by_others(out)
+    if drawn is None:
         from ruptfx import plots
         from ruptfx.record import Files
 
-        with Files(out) as record:
-            plots.save_all(record)
+        with Files(out, trust=True, checks=False) as record:  # the run of this command
+            drawn = plots.save_all(record)
+    run_files.add(out, drawn)
 
 
-def _drawn_by_others(out: Path) -> bool:
-    """Whether the process that waits has done it; not where there is none, or where it broke down."""
+def _drawn_by_others(out: Path) -> list[Path] | None:
+    """Return what the process that waits has drawn; None where there is none, or where it broke down."""
     global _waiting
     process, _waiting = _waiting, None
     if process is None:
-        return False
+        return None
     try:
         answer, _ = process.communicate(json.dumps(["draw", str(out.absolute())]) + "\n")
     except BaseException:
         process.kill()
         raise
     if not answer:
-        return False
-    error = json.loads(answer)
+        return None
+    drawn, error = json.loads(answer)
     if error is not None:
         raise RuptfxError(error)
-    return True
+    return [out / name for name in drawn]
 
 
 # -- the process ---------------------------------------------------------------------------------------------------
@@ -126,7 +128,7 @@ def main() -> None:
     for line in sys.stdin:
         what, path = json.loads(line)
         if what == "draw":
-            json.dump(_error_of(Path(path)), answers)
+            json.dump(_answer(Path(path)), answers)
             answers.flush()
             break
         with suppress(RuptfxError, OSError), Files(path) as record:
@@ -134,32 +136,32 @@ def main() -> None:
     os._exit(0)  # somebody waits, and taking all imports apart takes long
 
 
-def _error_of(out: Path) -> str | None:
-    """Draw a run; what went wrong."""
+def _answer(out: Path) -> tuple[list[str], str | None]:
+    """Draw a run; names of the files in its directory, and what went wrong."""
     from ruptfx import plots
 
     try:
-        _together(out, sorted(plots.FIGURES, key=lambda name: name not in LONG))
+        drawn = _together(out, sorted(plots.FIGURES, key=lambda name: name not in LONG))
     except RuptfxError as error:
-        return str(error)
-    return None
+        return [], str(error)
+    return [path.relative_to(out).as_posix() for path in drawn], None
 
 
-def _together(out: Path, names: list[str]) -> None:
-    """Those of these figures that suit a run, one after the other in as many processes as there are cores."""
+def _together(out: Path, names: list[str]) -> list[Path]:
+    """Draw those of these figures that suit a run, in as many processes as there are cores."""
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     # Forked, they have everything imported; nothing here has threads or open files of HDF5.
     with ProcessPoolExecutor(min(cores(), MOST), mp_context=get_context("fork")) as pool:
-        for drawn in [pool.submit(_draw_one, out, name) for name in names]:
-            drawn.result()
+        submitted = [pool.submit(_draw_one, out, name) for name in names]
+        return [path for drawn in submitted for path in drawn.result()]
 
 
-def _draw_one(out: Path, name: str) -> None:
+def _draw_one(out: Path, name: str) -> list[Path]:
     from ruptfx import plots
 
-    plots.save_all(_record(out), only=[name])
+    return plots.save_all(_record(out), only=[name])
 
 
 @cache
@@ -167,7 +169,7 @@ def _record(out: Path) -> Files:
     """Of a process that draws several of its figures."""
     from ruptfx.record import Files
 
-    return Files(out)
+    return Files(out, trust=True, checks=False)  # the run of the command that waits
 
 
 if __name__ == "__main__":

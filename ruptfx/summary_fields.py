@@ -49,9 +49,11 @@ DESCRIPTIONS = {
     "events_before_peak": "Those that failed before the first peak and radiate a magnitude of -10 at least; of the "
     "whole run where there is no peak, here and below.",
     "aseismic_share": "Part of the facets that failed before the peak which radiate less, or nothing.",
-    "tensile_share": "Part of `events_before_peak` that opened.",
+    "tensile_share": "Part of `events_before_peak` that opened: until the first peak, the window of Zhao (2013).",
     "shear_share": "Part of them that slipped.",
     "mixed_share": "Part of them that did both.",
+    "tensile_share_until_95": "Tensile part of the events until 95 % of the time of the first peak.",
+    "tensile_share_until_98": "Tensile part of the events until 98 % of that time.",
     "largest_magnitude": "Of all events.",
     "b_value": "Of clusters of events over the whole run: closer than three facets, within the time that half the "
     "slowest shear wave speed needs for that.",
@@ -63,7 +65,7 @@ DESCRIPTIONS = {
     "fractal_dimension_error": "Its standard error.",
     "omori_exponent": "Of the rate of events before the peak.",
     "omori_exponent_error": "Its standard error.",
-    "failed_length": "Of all facets that failed, notches included.",
+    "failed_length": "Length of all facets that failed; notches, which were open from the start, are not counted.",
     "fragments": "Pieces at the last snapshot.",
     "energy_closure": "What the energy budget does not account for, over the work of the boundaries.",
     "wall_time": "Time the run took.",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -57,9 +59,9 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
     """How many events there are of at least a magnitude; b against the magnitude of completeness as an inset."""
     M = np.sort(catalogue.magnitude)
     ax.semilogy(M, np.arange(len(M), 0, -1), ".", color="#1a1a1a", ms=2.5)
-    ax.set(xlabel="Magnitude M", ylabel="Number of events of at least M")
+    ax.set(xlabel="Magnitude M", ylabel="Number of events ≥ M")
     if isinstance(b, RuptfxError):
-        _why(ax, b)
+        ax.set_title(f"no b: {_folded(b)}", fontsize=6, color=MUTED, loc="right")  # points fill the panel
         return
     line = np.array([b.completeness - b.bin / 2, M[-1]])
     ax.semilogy(line, b.count * 10 ** (-b.b * (line - line[0])), color=GUIDE,
@@ -76,7 +78,7 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
 
 def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:
     """Correlation integral, and its slope."""
-    ax.set(xlabel="Distance r (m)", ylabel="Fraction of pairs closer than r")
+    ax.set(xlabel="Distance r (m)", ylabel="Fraction of pairs < r")
     if D is None or isinstance(D, RuptfxError):
         _why(ax, D or "not asked for")
         return
@@ -98,8 +100,8 @@ def rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure
     if failure_time is None:
         size, unit = scale(catalogue.time, "s")
         counts, limits = np.histogram(catalogue.time, 40)
-        ax.stairs(counts / np.diff(limits), limits / size, color="#1a1a1a")
-        ax.set(xlabel=f"Time ({unit})", ylabel="Number of events per second")
+        ax.stairs(counts / np.diff(limits) * size, limits / size, color="#1a1a1a")
+        ax.set(xlabel=f"Time ({unit})", ylabel=f"Number of events per {unit}")
         return
     before = failure_time - catalogue.time
     before = before[before > 0]
@@ -121,9 +123,9 @@ def rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure
 
 
 def _why(ax: Axes, error: RuptfxError | str) -> None:
-    words, lines = str(error).split(), [""]
-    for word in words:
-        if len(lines[-1]) + len(word) > 38:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
-    note(ax, "\n".join(lines))
+    note(ax, _folded(error))
+
+
+def _folded(error: RuptfxError | str) -> str:
+    """The reason of an error in lines that fit a panel."""
+    return fill(str(error), 38)

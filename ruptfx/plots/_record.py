@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ruptfx.analysis import SLIDING, nucleation, slides_far
+from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, slides_far
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import Array
 from ruptfx.record import Data, Files
@@ -93,6 +93,28 @@ def sliding(data: Data, time: float) -> Array:
     speed = np.linalg.norm([data[name].isel(time=row).values for name in names], axis=0)
     closed = data["normal_stress"].isel(time=row).values > 0
     return np.asarray(closed & (speed > data.attrs.get("rupture_threshold", 1e-3)))
+
+
+def open_faces(data: Data, rows: Array | slice = slice(None)) -> Array:
+    """Points of an interface that do not touch at some saved times, shape (times, points) of bool.
+
+    A bond that is stretched carries tension, and is closed.
+    """
+    if slides_far(data):
+        return np.isin(data["contact"].isel(time=rows).values, (OPEN, UNCOVERED))
+    normal = data["normal_stress"].isel(time=rows).values
+    if "opening" not in data:
+        return np.zeros(normal.shape, dtype=bool)
+    return np.asarray((data["opening"].isel(time=rows).values > 0) & (normal == 0))
+
+
+def not_resolved(record: Files) -> str:
+    """Return what the summary of a run calls not resolved, as a sentence below a figure; empty where it does not."""
+    summary = record.summary or {}
+    reasons = [str(summary["not_resolved"])] if summary.get("not_resolved") else []
+    if summary.get("peak_slip_rate_resolved") is False:
+        reasons.append("the largest slip rate is that of a peak a few nodes wide")
+    return f"Not resolved: {'; '.join(reasons)}." if reasons else ""
 
 
 def end_time(record: Files) -> float:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import ValidationError
 
 from ruptfx import RuptfxError
-from ruptfx.case import Case, parse_case
+from ruptfx.case import FaultCase
+from ruptfx.plugins import active, named
 from ruptfx.record import Files
 
 
@@ -24,19 +26,20 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     Returns
     -------
     ndarray, shape (times, n), or None
-        None where the record does not tell it: its case is not there, or names places by coordinates.
+        None where the record does not tell it: its case is not there, names places by coordinates, or has a law of a
+        plug-in and is not trusted.
     """
     data = record.interface
     position = data["position"].values
     name = str(data.attrs.get("fault", ""))
     try:
-        case = parse_case(record.case, record.path)
-        if not isinstance(case, Case) or name not in case.faults:
+        fault = _fault(record, name)
+        if fault is None:
             return None
-        law = case.faults[name].friction.at(position)
-        for nucleation in case.faults[name].nucleation:
+        law = fault.friction.at(position)
+        for nucleation in fault.nucleation:
             law = nucleation.weaken(law, position)
-        bond = case.faults[name].cohesion
+        bond = fault.cohesion
         held = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
     except (RuptfxError, TypeError):  # a place that is a point on the interface is no number
         return None
@@ -49,3 +52,18 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
     with np.errstate(all="ignore"):  # a law with a direct effect has no strength at rest
         found = law.strength(np.abs(rate), np.maximum(normal, 0.0), state) + held + np.zeros_like(rate)
     return np.where(np.isfinite(found), found, np.nan)
+
+
+def _fault(record: Files, name: str) -> FaultCase | None:
+    """Return the interface as its case has it, with the code of plug-ins only where the record is trusted."""
+    table = record.case.get("faults", {}).get(name)
+    if table is None:
+        return None
+    plugins = named(record.case, record.path) if record.trust else []
+    try:
+        with active(plugins):
+            return FaultCase.model_validate(table, context={"directory": record.path})
+    except ValidationError:
+        if record.case.get("plugins") and not record.trust:
+            record.omitted.append(f"the strength of interface '{name}', in the figure snapshots")
+        return None

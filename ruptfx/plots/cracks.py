@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -15,6 +17,7 @@ from ruptfx.record import Data, Files
 
 COLOURS = {"tensile": "#c0392b", "shear": "#2a6099", "mixed": "#8e44ad"}
 """Of events, by mode."""
+CROWDED = 500  # events, from which on their points are smaller
 
 
 def suits(record: Files) -> bool:
@@ -28,14 +31,17 @@ def cracks(record: Files) -> Figure:
 
     Failed facets have the colour of their mode, damaged ones are grey. Notches are black. Lines are where nothing has
     moved yet. Points are distances of failed facets from the first one, when they failed; a front that runs from there
-    at the Rayleigh wave speed of the slowest body is dashed.
+    at the Rayleigh wave speed of the slowest body is dashed. A panel that would be empty is left out.
     """
     data, events = record.cracks, record.events
     lines = data["points"].values[data["lines"].values]
     status = data["status"].values[-1]
     (size, unit) = scale(np.ptp(lines.reshape(-1, 2), axis=0), "m")
     figure = blank_figure(WIDTH, 4.2)
-    panels = figure.subplot_mosaic([["cracks", "force"], ["cracks", "front"]], width_ratios=[1, 1.1])
+    edge = _strongest(record)
+    beside = ["force"] * (edge is not None) + ["front"] * (len(events["time"].values) > 1)
+    rows: Any = [["cracks", name] for name in beside] or [["cracks"]]
+    panels: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=[1, 1.1] if beside else [1])
     ax = panels["cracks"]
     ax.add_collection(LineCollection(list(lines / size), colors="#ececec", linewidths=0.2))
     middle = {tuple(np.round(line.mean(axis=0), 12)): mode for line, mode in zip(
@@ -49,12 +55,15 @@ def cracks(record: Files) -> Figure:
     ax.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal")
     names = [mode for mode in COLOURS if mode in modes]
     handles = [Line2D([], [], color=COLOURS[mode], lw=1.3, label=f"{mode} ({modes.count(mode)})") for mode in names]
-    if handles:
-        ax.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles))
-    else:
+    if not handles:
         note(ax, "nothing has failed")
-    _force(panels["force"], record)
-    _front(panels["front"], record)
+    if edge is not None:
+        _force(panels["force"], record, edge)
+    speed = _front(panels["front"], record) if "front" in beside else None
+    if speed is not None:
+        handles.append(Line2D([], [], ls="--", color=GUIDE, lw=0.8, label=f"$c_R$ = {speed:.4g} m/s"))
+    if handles:  # outside of all panels: no letter and no point lies under it
+        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     letter(panels.values())
     time = float(data["time"].values[-1])
     size, unit = scale(time, "s")
@@ -68,43 +77,45 @@ def _at(events: Data) -> np.ndarray:
     return np.stack([events["x"].values, events["y"].values], axis=1)[:, None]
 
 
-def _force(ax: Axes, record: Files) -> None:
-    """Force against displacement at the edge with the largest force, along the axis of that."""
+def _strongest(record: Files) -> str | None:
+    """Column of `edges.csv` with the largest force; None where no edge bore a force."""
     edges = record.edges
+    if edges.sizes["time"] < 2:
+        return None
     forces = [str(column) for column in edges if ".force_" in str(column)]
     largest = {column: float(np.abs(edges[column].values).max(initial=0.0)) for column in forces}
-    if not any(largest.values()) or edges.sizes["time"] < 2:
-        note(ax, "no force at any edge" if forces else "no edge was moved or loaded")
-        ax.set(xlabel="Displacement (m)", ylabel="Force per thickness (N/m)")
-        return
-    name = max(forces, key=largest.__getitem__)
+    return max(forces, key=largest.__getitem__) if any(largest.values()) else None
+
+
+def _force(ax: Axes, record: Files, name: str) -> None:
+    """Force against displacement at an edge, along the axis of that."""
+    edges = record.edges
     force, moved = edges[name].values, edges[name.replace(".force_", ".displacement_")].values
     (x_size, x_unit), (y_size, y_unit) = scale(np.ptp(moved), "m"), scale(force, "N/m")
     ax.plot(moved / x_size, force / y_size, color="#1a1a1a")
     ax.axhline(0, color=MUTED, lw=0.5)
     edge, _, component = name.rpartition(".force_")
     ax.set(xlabel=f"Displacement {component} of {edge} ({x_unit})")
-    ax.set(ylabel=f"Force {component} per thickness ({y_unit})")
+    ax.set(ylabel=f"Force {component} per\nthickness ({y_unit})")
 
 
-def _front(ax: Axes, record: Files) -> None:
-    """Distance of failed facets from the first one against the time since its failure."""
+def _front(ax: Axes, record: Files) -> float | None:
+    """Distance of failed facets from the first one against the time since its failure; the speed of the front drawn."""
     x, y, when, mode = (record.events[name].values for name in ("x", "y", "time_of_failure", "mode"))
-    if len(when) < 2:
-        note(ax, "no crack has spread")
-        ax.set(xlabel="Time since the first failure (µs)", ylabel="Distance from it (mm)")
-        return
     first = int(np.argmin(when))
     away, since = np.hypot(x - x[first], y - y[first]), when - when[first]
     (far, far_unit), (size, unit) = scale(away, "m"), scale(since, "s")
-    for name, colour in COLOURS.items():
-        ax.plot(since[mode == name] / size, away[mode == name] / far, ".", ms=3, color=colour)
-    ax.set(xlim=(0, 1.05 * since.max() / size), ylim=(0, 1.1 * away.max() / far))
+    # In one collection and smaller the more there are, so that no mode and no time covers the others.
+    order = np.random.default_rng(0).permutation(len(when))
+    colours = [COLOURS.get(str(mode[number]), "#1a1a1a") for number in order]
+    ax.scatter(since[order] / size, away[order] / far, 9.0 if len(when) < CROWDED else 1.5, c=colours, lw=0)
+    latest = max(float(since.max()), 1e-300)  # all at once is a front as well
+    ax.set(xlim=(-0.02 * latest / size, 1.05 * latest / size), ylim=(0, 1.1 * max(float(away.max()), 1e-300) / far))
+    ax.set(xlabel=f"Time since the first failure ({unit})", ylabel=f"Distance from it ({far_unit})")
     speed = _rayleigh(record)
     if speed is not None:
-        ax.plot([0, 2 * away.max() / speed / size], [0, 2 * away.max() / far], "--", color=GUIDE, lw=0.8, label="$c_R$")
-        ax.legend(loc="lower right")
-    ax.set(xlabel=f"Time since the first failure ({unit})", ylabel=f"Distance from it ({far_unit})")
+        ax.plot([0, 2 * away.max() / speed / size], [0, 2 * away.max() / far], "--", color=GUIDE, lw=0.8)
+    return speed
 
 
 def _rayleigh(record: Files) -> float | None:

@@ -8,8 +8,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, note, remark, scale, styled
-from ruptfx.plots._record import along, direction, guides, has_slip_rates, is_uneven, turned, whose_speeds
+from ruptfx.figure_style import GUIDE, RATE_MAP, Array, edges, letter, new_figure, remark, scale, styled
+from ruptfx.plots._record import along, direction, guides, has_slip_rates, is_uneven, not_resolved, turned, whose_speeds
 from ruptfx.record import Files
 
 SLOWEST = 1e-10  # m/s
@@ -39,7 +39,7 @@ def ruptures(record: Files) -> list[tuple[int, int]]:
 def cycles(record: Files) -> Figure:
     """Shear force, peak slip rate and slip rate along the interface in all phases, and the largest rupture.
 
-    Below, time is stretched where records are dense, so that every phase has its room.
+    In (c) time is stretched where records are dense, so that every phase has its room.
     """
     data = record.interface
     position, time = data["position"].values, data["time"].values
@@ -61,19 +61,23 @@ def cycles(record: Files) -> Figure:
     high = float(rate.max(initial=0.0))
     if high <= SLOWEST:
         for ax in axes[1]:
-            note(ax, "no sliding")
+            ax.set_visible(False)
+        remark(figure, "No sliding.")
+        letter(axes[0])
         return figure
     norm, found = LogNorm(max(SLOWEST, 1e-10 * high), high), ruptures(record)
     places, times = edges(position) / x_size, edges(time) / t_size
     mesh = axes[1, 0].pcolormesh(places, times, np.maximum(rate, norm.vmin or 0), norm=norm, cmap=RATE_MAP,
                                  rasterized=True)  # fmt: skip
     _stretch(axes[1, 0], times, [first for first, _ in found])
-    stretched = f"Time ({t_unit}), stretched where records are dense"
-    axes[1, 0].set(xlabel=along(record, x_size, x_unit), ylabel=stretched)
+    axes[1, 0].set(xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit}), stretched")
     figure.colorbar(mesh, ax=axes[1, 0], label="Magnitude of slip rate (m/s)", extend="min", pad=0.04)
-    _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
-    remark(figure, turned(record), whose_speeds(record))
-    letter(axes.ravel())
+    if found:
+        _largest(axes[1, 1], record, found, position / x_size, x_unit, x_size)
+    axes[1, 1].set_visible(bool(found))
+    dense = "Time in (c) is stretched where records are dense."
+    remark(figure, dense, turned(record), whose_speeds(record) if found else "", not_resolved(record))
+    letter(ax for ax in axes.ravel() if ax.get_visible())
     return figure
 
 
@@ -96,9 +100,6 @@ def _largest(
     ax: Axes, record: Files, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
 ) -> None:
     """The rupture with the most slip, against the time since it began, with lines at the wave speeds."""
-    if not found:
-        note(ax, "no rupture")
-        return
     data = record.interface
     slip = data["slip"].values
     first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
@@ -116,7 +117,8 @@ def _largest(
     mesh = ax.pcolormesh(edges(position), edges(time) / size, np.maximum(rate, threshold), cmap=RATE_MAP,
                          norm=LogNorm(threshold, max(rate.max(), 2 * threshold)), rasterized=True)  # fmt: skip
     ax.figure.colorbar(mesh, ax=ax, label="Magnitude of slip rate (m/s)", extend="min", pad=0.03)
-    since = f"Time since {start:.5g} s ({unit})"
+    from_size, from_unit = scale(start, "s")
+    since = f"Time since {start / from_size:.5g} {from_unit} ({unit})"
     ax.set(xlabel=along(record, x_size, x_unit), ylabel=since, ylim=(0, max(time[-1], 1e-300) / size))
     width, low = np.ptp(position), 0.04 * time[-1] / size
     halo = [withStroke(linewidth=1.5, foreground="white")]

@@ -7,24 +7,25 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from ruptfx.analysis.compression import MODES, Emission, emission_of, loading
-from ruptfx.analysis.emission import rose
+from ruptfx.analysis.compression import MODES, Emission, emission_of, events_that_count, loading
+from ruptfx.analysis.emission import FractalDimension, rose
 from ruptfx.figure_style import MUTED, WIDTH, blank_figure, letter, note, remark, scale, styled
 from ruptfx.plots._catalogue import pairs, rates, sizes
 from ruptfx.plots.cracks import COLOURS
 from ruptfx.record import Files
 
+LEAST = 50  # events: statistics of fewer say nothing
 LARGEST_MARK = 40.0  # points^2
 
 
 def suits(record: Files) -> bool:
-    """Whether bodies of the run broke."""
-    return (record.path / "events.h5").is_file() and record.events.sizes["event"] > 0
+    """Return whether enough facets of the run failed and radiated for statistics."""
+    return (record.path / "events.h5").is_file() and events_that_count(record) > LEAST
 
 
 @styled
 def emission(record: Files, found: Emission | None = None) -> Figure:
-    """Stress and events, their places, magnitudes, distances, rates and directions.
+    """Stress and events, their places, magnitudes, distances, rates and directions; no panel that would be empty.
 
     Parameters
     ----------
@@ -42,7 +43,11 @@ def emission(record: Files, found: Emission | None = None) -> Figure:
     pairs(axes["d"], found.of_events.D)
     rates(axes["t"], found.seismic, found.of_events.p, found.failure_time)
     _rose(axes["r"], found)
-    letter(axes[name] for name in "lmsdrt")
+    shown = {"s": len(found.linked) > 0, "d": isinstance(found.of_events.D, FractalDimension),
+             "t": len(found.seismic) > 0, "r": bool(found.before.any())}  # fmt: skip
+    for name, full in shown.items():
+        axes[name].set_visible(full)
+    letter(axes[name] for name in "lmsdrt" if axes[name].get_visible())
     remark(figure, *_remarks(found))
     return figure
 
@@ -53,9 +58,12 @@ def _remarks(found: Emission) -> list[str]:
         size, unit = scale(found.failure_time, "s")
         when = f"before {found.failure_time / size:.4g} {unit}"
     shares = ", ".join(f"{name} {share:.0%}" for name, share in found.shares.items() if len(found.seismic))
+    of_these = f"{len(found.seismic)} of these radiate a magnitude of -10 at least"
+    known = {part: share for part, share in found.tensile_shares.items() if np.isfinite(share)}
+    windows = ", ".join(f"{share:.0%} until {part:.0%}" for part, share in known.items())
     return [
-        f"{len(found.events)} facets failed, {found.before.sum()} {when}; {len(found.seismic)} of these radiate a "
-        f"magnitude of -10 at least: {shares}.",
+        f"{len(found.events)} facets failed, {found.before.sum()} {when}; {of_these}{f': {shares}' if shares else ''}.",
+        f"Tensile share by window: {windows} of that time." if windows else "",
         "Circles in b: events of these, grey: facets that failed until the end. Black in c: clusters of the whole run.",
     ]  # fmt: skip
 
@@ -83,13 +91,17 @@ def _load(ax: Axes, record: Files, found: Emission) -> None:
         ax.set(xlabel=f"Time ({unit})", ylabel="Number of failed facets")
         return
     size, unit = scale(pressed.stress, "Pa")
-    ax.plot(100 * pressed.strain, pressed.stress / size, color="#1a1a1a", lw=1)
+    pulled = pressed.stress.max() < -pressed.stress.min()
+    sign = -1.0 if pulled else 1.0
+    strain, stress = 100 * sign * pressed.strain, sign * pressed.stress / size
+    ax.plot(strain, stress, color="#1a1a1a", lw=1)
     if pressed.peak is not None:
-        top = 100 * pressed.strain[pressed.peak], pressed.stress[pressed.peak] / size
-        ax.plot(*top, "o", color=COLOURS["tensile"], ms=4)
-    ax.set(xlabel="Strain (%)", ylabel=f"Stress ({unit})")
+        ax.plot(strain[pressed.peak], stress[pressed.peak], "o", color=COLOURS["tensile"], ms=4)
+    way = "Tensile" if pulled else "Compressive"
+    ax.set(xlabel=f"{way} strain (%)", ylabel=f"{way} stress ({unit})")
+    ax.locator_params(axis="x", nbins=6)
     right = ax.twinx()
-    right.plot(100 * np.interp(failed, pressed.time, pressed.strain), count, color=COLOURS["shear"], lw=1)
+    right.plot(np.interp(failed, pressed.time, strain), count, color=COLOURS["shear"], lw=1)
     right.set_ylabel("Number of failed facets", color=COLOURS["shear"])
     right.tick_params(axis="y", colors=COLOURS["shear"])
 
@@ -107,12 +119,15 @@ def _map(ax: Axes, record: Files, found: Emission) -> None:
     span = max(float(np.ptp(M)), 1.0) if len(M) else 1.0
     for name in MODES:
         here = modes == name
+        if not here.any():
+            continue
         area = 1 + (LARGEST_MARK - 1) * np.clip(1 + (M[here] - M.max(initial=-np.inf)) / span, 0, 1) ** 2
         ax.scatter(found.seismic.x[here] / size, found.seismic.y[here] / size, area, facecolors="none",
                    edgecolors=COLOURS[name], linewidths=0.6, label=f"{name} ({here.sum()})")  # fmt: skip
     ax.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.04), ncols=3, fontsize=6, handletextpad=0.0, columnspacing=0.5,
-              borderpad=0.0)  # fmt: skip
+    if len(M):
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.04), ncols=3, fontsize=6, handletextpad=0.0,
+                  columnspacing=0.5, borderpad=0.0)  # fmt: skip
 
 
 def _rose(ax: Axes, found: Emission) -> None:
@@ -122,5 +137,6 @@ def _rose(ax: Axes, found: Emission) -> None:
     for turn in (0.0, 180.0):
         ax.bar(np.radians(limits[:-1] + turn), length / size, np.radians(np.diff(limits)), align="edge",
                color=COLOURS["shear"], edgecolor="white", linewidth=0.4)  # fmt: skip
+    ax.set_ylim(bottom=0.0)
     ax.set_xlabel(f"Length of failed facets by direction ({unit})", fontsize=7)
     ax.tick_params(labelsize=6, colors=MUTED)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx.analysis.energy import PARTS, closure
-from ruptfx.figure_style import MUTED, letter, new_figure, note, scale, styled
+from ruptfx.figure_style import MUTED, letter, new_figure, note, remark, scale, styled
 from ruptfx.record import Files
 
 _COLOURS = {
@@ -15,6 +15,7 @@ _COLOURS = {
     "collision_loss": "#999933", "facing": "#7f7f7f", "turning": "#117733",
 }  # safe for colour-blind readers
 _ROUNDING = 100 * np.finfo(float).eps  # per cent: less cannot be told from nothing
+SEEN = 1e-3  # of the largest energy
 _TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
 
 
@@ -25,24 +26,28 @@ def suits(record: Files) -> bool:
 
 @styled
 def energy_budget(record: Files) -> Figure:
-    """Energies against time, and the part of the boundary work that is not accounted for."""
+    """Energies against time, and the part of the boundary work that is not accounted for.
+
+    Energies that are too small to be seen beside the largest are not drawn, but named.
+    """
     energy = record.energy
     time = energy["time"].values
-    parts = {name: energy[name].values for name in PARTS if name in energy}
-    for name in set(parts) - {"kinetic", "strain"}:  # what a run does not have: cracks, springs, damping ...
-        if not parts[name].any():
-            del parts[name]
+    parts = whole_parts = {name: energy[name].values for name in PARTS if name in energy}
     work = energy["boundary_work"].values
+    largest = {name: float(np.abs(values).max(initial=0.0)) for name, values in (*parts.items(), ("", work))}
+    small = [name for name in parts if largest[name] < SEEN * max(largest.values())]
+    named = [name.replace("_", " ") for name in small if largest[name] > 0]
+    parts = {name: values for name, values in parts.items() if name not in small}
     (t_size, t_unit), (size, unit) = scale(time, "s"), scale(np.array([work, *parts.values()]), "J/m")
     whole = record.case.get("plane") in ("solid", "axisymmetric")
     label = f"Energy ({unit.removesuffix('/m')})" if whole else f"Energy per thickness ({unit})"
-    figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[1.6, 1])
+    figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[2, 1])
     axes[0].plot(time / t_size, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
     for name, values in parts.items():
         axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
     axes[0].set(xlabel=f"Time ({t_unit})", ylabel=label)
     axes[0].legend(loc="best")
-    missing = 100 * np.abs(closure(work, parts))
+    missing = 100 * np.abs(closure(work, whole_parts))
     axes[1].semilogy(time / t_size, np.maximum(missing, _ROUNDING), color="#1a1a1a")
     axes[1].axhline(100 * _TOLERANCE, color=MUTED, lw=0.8, ls="--")
     axes[1].set(xlabel=f"Time ({t_unit})", ylabel="Unaccounted (% of boundary work)")
@@ -54,5 +59,6 @@ def energy_budget(record: Files) -> Figure:
             note(ax, "fewer than two times were saved")
         else:
             ax.set_xlim(time[0] / t_size, time[-1] / t_size)
+    remark(figure, f"Below {SEEN:.1%} of the largest, and not drawn: {', '.join(named)}." if named else "")
     letter(axes)
     return figure

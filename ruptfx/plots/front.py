@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ruptfx.analysis.front import local_speed
 from ruptfx.figure_style import GUIDE, Array, letter, new_figure, note, remark, scale, styled
-from ruptfx.plots._record import along, end_time, guides, has_front, is_uneven, whose_speeds
+from ruptfx.plots._record import along, end_time, guides, has_front, is_uneven, not_resolved, whose_speeds
 from ruptfx.record import Files
 
 SLOW = 0.02  # of the slowest wave: below, wave speeds are left out
@@ -60,7 +60,7 @@ def front(record: Files) -> Figure:
     elif len(shown) == 1:
         note(axes[1], "no front: the points\nslide at once" if together.any() else "no speed: fewer than four points\n"
              "of a window slid one after another")  # fmt: skip
-    remark(figure, whose_speeds(record) if speeds else "")
+    remark(figure, whose_speeds(record) if speeds else "", not_resolved(record))
     letter(axes)
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,6 +14,7 @@ from ruptfx.record import Files
 
 MOST = 12  # panels that one page takes
 LEGEND = 0.18  # of the height of a panel, for a line of its legend
+LABEL = 20  # letters that a panel is high
 LINES = ("-", "--", ":")
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
@@ -50,7 +52,7 @@ def instruments(record: Files) -> Figure:
             # An extension along x is the strain xx: both are seen.
             style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
             ax.plot(data["time"].values / t_size, line / size, style, label=channel.replace("_", " "))
-        ax.set_ylabel(f"{_common(channels)}\n({printed})")
+        ax.set_ylabel(f"{fill(_common(channels), LABEL)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:
             columns_of_legend = min(len(channels), 3)

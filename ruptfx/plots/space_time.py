@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator
 
-from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, rupture_origin, slides_far
+from ruptfx.analysis import SLIDING, nucleation, rupture_origin, slides_far
 from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import GUIDE, RATE_MAP, edges, new_figure, note, remark, scale, styled
 from ruptfx.plots._record import (
@@ -19,6 +19,8 @@ from ruptfx.plots._record import (
     has_origin,
     is_quasi_static,
     is_uneven,
+    not_resolved,
+    open_faces,
     rate_range,
     slid,
     whose_speeds,
@@ -38,14 +40,15 @@ def suits(record: Files) -> bool:
 def space_time(record: Files) -> Figure:
     """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
 
-    White is slower than the sliding threshold (2 % of the driven speed). Where bodies slide far, white is what sticks,
-    and grey what does not touch. Colours are logarithmic where narrow pulses are ten times faster than the rest. Wave
-    speeds that cannot be told from each other are left out.
+    White is slower than the sliding threshold (2 % of the driven speed); where bodies slide far, white is what sticks.
+    Grey is what does not touch: open faces have no slip rate. Colours are logarithmic where narrow pulses are ten times
+    faster than the rest. Wave speeds that cannot be told from each other are left out.
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
     states = data["contact"].values if slides_far(data) else None
-    rate = rate if states is None else np.where(states == SLIDING, rate, 0.0)
+    away = open_faces(data)
+    rate = np.where(away if states is None else states != SLIDING, 0.0, rate)
     until, (since, _) = end_time(record), nucleation(data)
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(until, "s")
     figure, axes = new_figure(1, 1, 3.6, 4.8)
@@ -64,13 +67,14 @@ def space_time(record: Files) -> Figure:
         grid = edges(position) / x_size, edges(time) / t_size
         colours = RATE_MAP.with_extremes(under="white")
         if states is None:
-            shown, white = np.ma.masked_less(rate, low), "slower than {}, which does not count as sliding."
+            shown, white = np.ma.masked_less(rate, low), "slower than {}, which does not count as sliding"
         else:
-            away = np.ma.masked_where(~np.isin(states, (OPEN, UNCOVERED)), np.ones_like(rate))
-            ax.pcolormesh(*grid, away, cmap=ListedColormap([COLOURS["open"]]), rasterized=True)
-            shown = np.ma.masked_where(states != SLIDING, rate)
-            white = "sticks, or slides slower than {}; grey: does not touch."
-        white = f"White: {white.format(f'{low / size:.3g} {unit}')}"
+            shown, white = np.ma.masked_where(states != SLIDING, rate), "sticks, or slides slower than {}"
+        white = f"White: {white.format(f'{low / size:.3g} {unit}')}."
+        if away.any():
+            grey = ListedColormap([COLOURS["open"]])
+            ax.pcolormesh(*grid, np.ma.masked_where(~away, np.ones_like(rate)), cmap=grey, rasterized=True)
+            white += " Grey: does not touch."
         mesh = ax.pcolormesh(*grid, shown / size, norm=norm, cmap=colours, rasterized=True)
         # Less than two decades need numbers between their powers of ten.
         ticks = LogLocator(subs=(1, 2, 5)) if logarithmic and high < 100 * low else None
@@ -81,7 +85,7 @@ def space_time(record: Files) -> Figure:
     if peak <= LEVEL * data.attrs.get("V_imp", 0):
         note(ax, "no sliding")
     drawn = has_origin(record) and not is_quasi_static(record) and _rays(ax, record, x_size, t_size)
-    remark(figure, white, whose_speeds(record) if drawn else "")
+    remark(figure, white, whose_speeds(record) if drawn else "", not_resolved(record))
     return figure
 
 

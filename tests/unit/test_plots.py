@@ -17,8 +17,9 @@ from PIL import Image
 
 from ruptfx import RuptfxError, plots
 from ruptfx.analysis import summarise
+from ruptfx.analysis.compression import emission_of
 from ruptfx.analysis.raster import Raster
-from ruptfx.figure_style import edges, save, scale, style
+from ruptfx.figure_style import edges, limit, new_figure, save, scale, style
 from ruptfx.plots._panels import _displaced
 from ruptfx.plots._record import default_times
 from ruptfx.plots.cycles import ruptures
@@ -60,7 +61,8 @@ def test_slow_and_fast_phases_have_a_figure_of_their_own(tmp_path, size):
             heights = np.diff(ax.transAxes.inverted().transform(ax.transData.transform(
                 np.column_stack([np.zeros(4), edges(time)[[0, 1, 100, 101]]])))[:, 1])  # fmt: skip
             np.testing.assert_allclose(heights[[0, 2]], 1 / len(time), rtol=1e-6)
-        assert size or any("no sliding" in text.get_text() for ax in figures["cycles"].axes for text in ax.texts)
+        visible = [ax for ax in figures["cycles"].axes if ax.get_visible()]
+        assert len(visible) == (6 if size else 2)  # with two colour bars
 
 
 def test_saving_lays_out_once_and_draws_once(train, tmp_path):
@@ -307,6 +309,92 @@ def test_energy_figure_shows_every_part(train):
     assert np.nanmax(axes[1].lines[0].get_ydata()) == pytest.approx(0.02)
 
 
+def test_energies_too_small_to_see_are_named_not_drawn(train):
+    """Damping is 0.02 of the work in the file of 100 J/m; here a ten-thousandth of that is left."""
+    path = train.path / "energy.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    rows[2:] = [[*row[:5], str(1e-4 * float(row[5])), *row[6:]] for row in rows[2:]]
+    path.write_text("\n".join(",".join(row) for row in rows))
+    with Record(train.path) as record:
+        figure = plots.energy_budget(record)
+        labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+        assert "damping" not in labels and "damping" in remarks(figure)
+
+
+def crushed(tmp_path, failed):
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+    synthetic.write_cracks(path, failed)
+    return Record(path)
+
+
+@pytest.mark.parametrize("failed, drawn", [(100, False), (102, True)])
+def test_statistics_of_emission_need_more_than_50_events(tmp_path, failed, drawn):
+    """Half of the facets that failed radiate."""
+    with crushed(tmp_path, failed) as record:
+        assert plots.suits("emission", record) is drawn
+
+
+def test_panels_of_emission_have_data(tmp_path):
+    """Radii of the rose begin at zero; where no event counts there is no panel of events, and all sentences end."""
+    with crushed(tmp_path, 120) as record:
+        figure = plots.emission(record)
+        (rose,) = [ax for ax in figure.axes if ax.name == "polar"]
+        assert rose.get_ylim()[0] == 0 and rose.get_visible()
+        none = plots.emission(record, emission_of(record, smallest=10.0, failure_time=0.0))
+        assert len([ax for ax in none.axes if ax.get_visible()]) == 2
+        assert ": ." not in remarks(none) and "least." in remarks(none)
+
+
+def test_panels_of_cracks_have_data(tmp_path):
+    """No panel of forces where no edge bore one, none of distances with one event; no legend over a panel letter."""
+    with crushed(tmp_path, 120) as record:
+        assert len(plots.cracks(record).axes) == 3
+    with Record(tmp_path / "run") as record:
+        table = "time,rock.top.displacement_y,rock.top.force_y\n0.0,0.0,0.0\n1e-6,1e-6,0\n"
+        (record.path / "edges.csv").write_text(table)
+        figure = plots.cracks(record)
+        assert len(figure.axes) == 2
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        assert not any(legend.get_window_extent().overlaps(ax.get_tightbbox()) for ax in figure.axes)
+
+
+def test_figures_say_what_the_summary_calls_not_resolved(tmp_path):
+    summary = {"mode": "not resolved", "not_resolved": "chatter of 7 nodes", "peak_slip_rate_resolved": False}
+    field = np.maximum(synthetic.train(TIME, POSITION), 0)
+    for number, (known, said) in enumerate(((summary, True), ({"mode": "train", "not_resolved": None}, False))):
+        path = synthetic.write_run(tmp_path / str(number), field, TIME, POSITION, summary=known)
+        with Record(path) as record:
+            for name in ("space_time", "snapshots", "front"):
+                assert ("chatter of 7 nodes" in remarks(plots.FIGURES[name](record))) is said, name
+
+
+def test_open_faces_have_no_slip_rate(tmp_path):
+    """From 30 to 40 mm the faces are open, and slide at 2 m/s: grey there, and no curve."""
+    path = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION)
+    away = (POSITION > 0.03) & (POSITION < 0.04)
+    with h5py.File(path / "interface.h5", "a") as file:
+        file["opening"][...] = np.where(away, 1e-6, file["opening"][...])
+        file["normal_stress"][...] = np.where(away, 0.0, file["normal_stress"][...])
+    with Record(path) as record:
+        figure = plots.snapshots(record, [50e-6])
+        (rate,) = [line for line in figure.axes[0].lines if len(line.get_xdata()) == len(POSITION)]
+        np.testing.assert_array_equal(np.isnan(rate.get_ydata()), away)
+        assert [each.get_gid() for each in figure.axes[0].collections].count("open") == 1
+        mesh = plots.space_time(record).axes[0].collections
+        assert "Grey" in remarks(plots.space_time(record)) and "Grey" in remarks(figure)
+        columns = np.ma.getmaskarray(mesh[-1].get_array()).reshape(len(TIME), -1)
+        assert columns[-1][away].all() and not columns[-1][POSITION < 0.03].any()
+
+
+def test_single_values_do_not_flatten_a_curve():
+    """A hundred values from 0 to 1 and one of 50: limits are 98 % of them and half of that range on both sides."""
+    axes = new_figure(1, 1, 2.0)[1][0, 0]
+    values = np.append(np.linspace(0, 1, 1000), 50.0)
+    assert limit(axes, values) and axes.get_ylim() == pytest.approx((0, 1.48), abs=0.01)
+    assert not limit(axes, values[:-1])
+
+
 def test_save_all(train, tmp_path):
     paths = plots.save_all(train, tmp_path / "pictures", formats=("png", "pdf"))
     assert len(paths) == 2 * len(plots.all_figures(train)) and all(path.stat().st_size > 1000 for path in paths)
@@ -358,7 +446,8 @@ def test_pieces_that_move_far_are_drawn_where_they_are():
 @pytest.mark.parametrize(
     ("value", "unit", "name"),
     [(0.06, "m", "mm"), (3e-5, "m", "µm"), (15e3, "m", "km"), (60e-6, "s", "µs"), (6e6, "Pa", "MPa"),
-     (0.2, "m/s", "m/s"), (1e-6, "m/s", "µm/s"), (0.0, "m", "m"), (np.nan, "s", "s")],
+     (0.2, "m/s", "m/s"), (9.9e7, "s", "s"), (1e8, "s", "yr"),
+     (1e-6, "m/s", "µm/s"), (0.0, "m", "m"), (np.nan, "s", "s")],
 )
 def test_units_that_read_well(value, unit, name):
     assert scale(value, unit)[1] == name
