@@ -13,6 +13,7 @@ copyright = "The ruptfx developers"
 version = release = __version__
 
 extensions = [
+    "mathml",
     "myst_parser",
     "numpydoc",
     "ruptfx_reference",
@@ -22,7 +23,9 @@ extensions = [
 ]
 exclude_patterns = ["_build"]
 
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "substitution"]
+myst_substitutions = {"release": __version__}
+html_math_renderer = "mathml"
 myst_heading_anchors = 3
 myst_links_external_new_tab = True
 
@@ -40,7 +43,7 @@ html_sidebars = {"peers": []}  # a section of one page
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 5,
     "footer_start": ["copyright"],
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,34 @@ def test_every_page_opens_and_every_link_leads_to_its_place(site: Path, tmp_path
         pages = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
         seen = {Path(address.removeprefix(f"{site.as_uri()}/")) for address in names}
         assert pages <= seen  # nothing is left that no link leads to
+
+    visit(site / "index.html", tmp_path / "profile", act)
+
+
+def test_formulas_are_set_and_no_latex_is_left(site: Path) -> None:
+    """Formulas are MathML; outside of code no page shows what LaTeX begins with."""
+    code = re.compile(r"<(pre|code|script|annotation)\b.*?</\1>", re.DOTALL)
+    latex = re.compile(r"\$\$|\\(?:int|frac|sigma|Gamma|mathrm|dot|le|ge)\b")
+    pages = {path.name: code.sub("", path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
+    left = {name: found for name, text in pages.items() if (found := latex.findall(text))}
+    assert left == {}
+    set_ = {path.stem: path.read_text().count("<math") for path in (site / "explanation").glob("*.html")}
+    assert set_["weak_form"] > 10 and set_["cracks"] > 5 and set_["sliding"] > 2 and set_["notation"] > 20
+
+
+def test_the_bar_is_one_line_and_nothing_is_cut(site: Path, tmp_path: Path) -> None:
+    """At 1280 px the navigation bar is as high as one line; at 400 px no page is wider than the screen."""
+
+    async def act(tab: Tab) -> None:
+        for width, pages in ((1280, ("index", "reference/case")), (400, ("index", "explanation/weak_form"))):
+            await tab.call(
+                "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
+            )
+            for page in pages:
+                await tab.open(f"{site.as_uri()}/{page}.html")
+                height = await tab.value("document.querySelector('.bd-header').offsetHeight")
+                assert 40 < height < 90, (width, page)
+                assert await tab.value("document.documentElement.scrollWidth") <= width, (width, page)
 
     visit(site / "index.html", tmp_path / "profile", act)
 
