@@ -1,7 +1,7 @@
 # Everything runs in .venv, which `env` makes; no step needs anything but a Python 3.12 or newer and a C compiler.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help env demo test lint bench docker clean
+.PHONY: help env demo test test-portable test-slow lint bench docker clean pictures
 
 BIN := .venv/bin
 # One thread per rank; Open MPI: as many ranks as asked for, as any user.
@@ -11,7 +11,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 env: ## set up .venv with DOLFINx (again at no cost when it is up to date)
 	@.ci/setup
@@ -25,18 +25,40 @@ lint: env ## style, types, import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Two processes, each with whole files: some need a minute for what their tests share.
+# Two processes, each with whole files: some need a minute for what their tests share. A thousand models with their
+# factorisations in one process that has run other tests exhaust the communicators of MPI: that file has its own process.
+MANY_MODELS := tests/contracts/test_every_key.py
 test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore=tests/container
+	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore=tests/container --ignore=$(MANY_MODELS)
+	timeout 600 $(BIN)/python -m pytest $(MANY_MODELS)
 	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
+# Code for other vectors, and other kernels of the BLAS, round otherwise. All contracts and verification for the oldest
+# x86-64, and for AVX2 what iterates or chooses its steps. Left out: what draws pictures, and lumped models, which are not
+# compiled here.
+PORTABLE := tests/contracts tests/verification --ignore=$(MANY_MODELS) $(addprefix --ignore=tests/,contracts/test_bench_figures.py \
+    contracts/test_lumped.py contracts/test_movies.py verification/test_mode_map_page.py)
+ITERATING := $(addprefix tests/,contracts/test_friction.py contracts/test_implicit_contact.py verification/test_condensed.py \
+    verification/test_implicit_steps.py verification/test_quasi_dynamic.py verification/test_radiation_damping.py \
+    verification/test_sliding_implicit.py)
+test-portable: env ## contracts and verification with code for other processors
+	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest -n 2 --dist loadfile $(PORTABLE)
+	RUPTFX_MARCH=x86-64-v3 timeout 600 $(BIN)/python -m pytest -n 2 --dist loadfile $(ITERATING)
+
+# Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
+test-slow: env ## the tests that take minutes
+	timeout 1200 $(BIN)/python -m pytest -n 2 --dist load -m slow tests --ignore=tests/contracts/test_bench_figures.py
+
 docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	timeout 840 $(BIN)/python -m pytest -m docs tests/docs
 	@echo "Open docs/_build/html/index.html"
+
+pictures: env ## renew the pictures of the site from runs of the demos, and their numbers
+	$(BIN)/python docs/make_pictures.py
 
 bench: env ## benchmarks with acceptance numbers; fails when one is missed
 	$(BIN)/ruptfx bench all --out runs/bench

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from importlib.util import find_spec
+from pathlib import Path
 
 import matplotlib
 import pytest
@@ -38,3 +41,70 @@ def shared_tmp_path(tmp_path_factory: pytest.TempPathFactory):
     comm = fem.MPI.COMM_WORLD
     path = tmp_path_factory.mktemp("shared") if comm.rank == 0 else None
     return comm.bcast(path, root=0)
+
+
+# Reasons for which tests may skip, as regular expressions; a skip for another reason makes the run fail.
+ALLOWED_SKIPS = (
+    # of the contract: what a kind does not have or refuses, of which another test says that some kind has it
+    "not isotropic", "absorbing edges refuse oblique axes", "has no interface",
+    "what moves against a side that is not meshed has a jump",
+    "matrix_free goes round an axis with quadrilaterals only", "assembled: with large rotations there is no one",
+    "no state", "no steady_strength", "it has none", "no smooth solution",
+    # another test runs it
+    "a study, not a case", r"tests/contracts/test_lumped\.py runs lumped cases", "rank 0 reads the files",
+    "starts MPI jobs itself", "compares two runs of one rank", "inside mpiexec already",
+    # of the machine
+    "names of x86-64 processors", "a processor without AVX2",
+    "no chromium or google-chrome is installed", "only root can give files away",
+    "the set-up finds the system's DOLFINx", "this Python cannot make environments", "the set-up wants a newer Python",
+    "vectors of exp and pow come with GCC and glibc on x86-64 with AVX2", "a processor without AVX2",
+    "names of x86-64 processors",
+    "builds an image of 3.5 GB; ask for it with -m container",
+    r"could not import 'vtkmodules\.vtkIOHDF'",
+)  # fmt: skip
+# Only the environment of `make env` is sure to have all modules that tests need.
+if Path(sys.prefix) != Path(__file__).parents[1] / ".venv":
+    ALLOWED_SKIPS += ("could not import", "needs DOLFINx", "needs mpi4py")
+
+
+class Skips:
+    """Count of skipped tests by reason, printed after the run; a run fails for reasons that are not allowed."""
+
+    def __init__(self, allowed: tuple[str, ...] = ALLOWED_SKIPS) -> None:
+        self.count: Counter[str] = Counter()
+        self._allowed = re.compile("|".join(f"(?:{reason})" for reason in allowed))
+
+    def refused(self) -> list[str]:
+        """Return the reasons that are not allowed."""
+        return [reason for reason in sorted(self.count) if not self._allowed.match(reason)]
+
+    def add(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        if report.skipped and not hasattr(report, "wasxfail"):
+            # (path, line, "Skipped: reason")
+            text = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+            self.count[text.removeprefix("Skipped: ")] += 1
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.add(report)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        self.add(report)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> Iterator[None]:
+        if self.refused() and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        return (yield)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if self.count:
+            terminalreporter.section(f"{self.count.total()} skipped")
+        for reason, number in self.count.most_common():
+            terminalreporter.line(f"{number:5d}  {reason}")
+        for reason in self.refused():
+            terminalreporter.line(f"not among ALLOWED_SKIPS of tests/conftest.py: {reason}", red=True)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):  # with xdist the controller gets the reports of all
+        config.pluginmanager.register(Skips(), "ruptfx-skips")

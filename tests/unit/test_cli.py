@@ -20,7 +20,7 @@ from typer.testing import CliRunner, Result
 from ruptfx import __version__, launch, summary_fields
 from ruptfx.case import Case, FaultCase
 from ruptfx.cli import app
-from ruptfx.describe import TOPICS, about, keys_of
+from ruptfx.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.schema import kinds
 
@@ -200,9 +200,11 @@ def test_a_law_that_turns_not_a_number(tmp_path: Path, needs_fem: None, monkeypa
     """Stops at once, names point, time and state; what was written stays readable."""
     import numpy as np
 
+    from ruptfx.fault import Fault
     from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
     from ruptfx.record import Record
 
+    monkeypatch.setattr(Fault, "require_strength", lambda self: None)  # it would be refused before the run
     plain = LinearSlipWeakening.strength
     # Beyond a slip of 0.1 um the law is the logarithm of a negative number.
     monkeypatch.setattr(
@@ -367,6 +369,34 @@ def test_describe_shows_units_bounds_and_formulas() -> None:
     # What is in brackets is text, not markup.
     assert "[u_s]" in said(ruptfx("describe", "contact"))
     assert "C_n" in said(ruptfx("describe", "contact")) and "Pa/m" in said(ruptfx("describe", "contact"))
+
+
+@pytest.mark.parametrize("asked, kind, key", [
+    ("coulomb", "friction.coulomb", "mu_d"), ("boundaries.driven", "boundaries.driven", "velocity"),
+    ("leapfrog", "steppers.leapfrog", "safety"),
+])  # fmt: skip
+def test_one_kind_is_described(asked: str, kind: str, key: str) -> None:
+    (entry,) = entries_of(asked)
+    assert entry.name == kind and key in {each.name for each in entry.keys}
+    assert kind in ruptfx("describe", asked).output
+
+
+def test_a_name_that_two_folders_have_is_described_for_both() -> None:
+    assert {entry.name for entry in entries_of("linear")} >= {"cohesion.linear"}
+    assert ruptfx("describe", "coulom").exit_code == 1 and "'coulomb'" in said(ruptfx("describe", "coulom"))
+
+
+def test_defaults_are_those_of_toml() -> None:
+    keys = {key.name: key.default for topic in TOPICS if topic != "operators" for entry in entries(topic)
+            for key in entry.keys}  # fmt: skip
+    assert not [name for name, default in keys.items() if any(word in default for word in ("True", "False", "'kind'"))]
+    assert keys["large_rotations"] == "false"
+
+
+def test_flags_are_shown_without_a_type() -> None:
+    text = said(ruptfx("run", "--help"))
+    assert "--quiet" in text and "<bool>" not in text.lower() and "boolean" not in text.lower()
+
 
 
 def test_describe_profiles_and_unknown() -> None:

@@ -121,6 +121,24 @@ def test_friction_sticks_then_slides_and_takes_what_work_is_done() -> None:
     assert pair.taken[0] > 0 and work == pytest.approx(pair.taken[0] + stored, rel=1e-3)
 
 
+def test_friction_of_a_large_step_takes_the_mean_traction() -> None:
+    """Steps of eight times the slip to the limit, back and forth: each trapezoidal work is taken or stored."""
+    pair, depth = Pair(friction=0.4), 1e-3
+    at = np.array([[0, 0, 2.0, 0, 0.7, 0.8], [-1.0, depth, 0.9, depth - 1.3, 3.0, depth]])
+    push = pair.force(at)[0].reshape(3, 2).sum(axis=0)
+    normal = np.linalg.norm(push)
+    along, before, stored = np.array([-push[1], push[0]]) / normal, 0.0, 0.0
+    for way in (1, -1, 1, 0.05, -1):  # times twice the slip from one limit to the other
+        moved, taken = np.zeros((2, 6)), pair.taken[0]
+        moved[0] = np.tile(way * 8 * 0.4 * normal / MODULUS * along, 3)
+        now = -(pair.force(at, moved)[0].reshape(3, 2).sum(axis=0) @ along)
+        kept = 0.5 * now**2 / MODULUS
+        work = 0.5 * (before + now) * (moved[0, :2] @ along)
+        assert work == pytest.approx(pair.taken[0] - taken + kept - stored, abs=1e-12 * normal)
+        before, stored = now, kept
+    assert abs(before) == pytest.approx(0.4 * normal) and pair.taken[0] > 0
+
+
 def test_triangles_apart_exert_nothing() -> None:
     x = triangles(0)
     x[1, ::2] += 5.0

@@ -31,7 +31,7 @@ def test_shear_impact_tells_a_speed_only_where_there_is_one(field, said, tmp_pat
     with Record(path) as record:
         found = summarise(record)
         monkeypatch.setattr(Record, "summary", found)
-        monkeypatch.setattr(ruptfx, "simulate", lambda case, out: record, raising=False)
+        monkeypatch.setattr(ruptfx, "simulate", lambda case, out, overwrite: record, raising=False)
         runpy.run_path(str(DEMOS / "shear_impact.py"))
     assert f"leading tip:  {said}" in capsys.readouterr().out
 
@@ -44,7 +44,7 @@ def test_stress_barrier_follows_the_equation_of_motion_and_stops(tmp_path, monke
 
     read, coarse = stress_barrier.read_case, ["mesh.element_size=2e-3", "mesh.growth=1.3", "duration=65e-6"]
     monkeypatch.setattr(stress_barrier, "read_case", lambda path, overrides: read(path, [*overrides, *coarse]))
-    monkeypatch.setattr(plots, "save_all", lambda record, **_: (record.path / "figures").mkdir())
+    monkeypatch.setattr(plots, "save_all", lambda record, **_: (record.path / "figures").mkdir() or [])
     monkeypatch.chdir(tmp_path)
     names = runpy.run_path(str(DEMOS / "stress_barrier.py"))
     assert (tmp_path / "runs" / "stress_barrier" / "figures" / "front.png").exists()

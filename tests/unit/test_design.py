@@ -67,7 +67,7 @@ def test_the_tree_is_that_of_the_package() -> None:
     there = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
     folders = {name for name in there if (PACKAGE / name / "__init__.py").is_file()}
     assert set(lines) == {f"{name}/" if name in folders else name for name in there}
-    for folder in folders - {*FOLDERS, "bench", "commands", "movies", "plots"}:
+    for folder in folders - {*FOLDERS, "bench", "commands", "mechanisms", "movies", "plots"}:
         files = {path.stem for path in (PACKAGE / folder).glob("*.*") if path.stem != "__init__"}
         assert files - set(re.findall(r"\w+", lines[f"{folder}/"])) == set(), folder
     assert {f"{name}/" for name in FOLDERS} < set(lines)

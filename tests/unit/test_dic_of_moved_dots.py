@@ -83,13 +83,18 @@ def test_a_turn_is_no_strain() -> None:
     assert turn == pytest.approx(-s, rel=0.01)
 
 
-def test_command_on_two_files(tmp_path: Path) -> None:
-    """Strains of files whose first row is the top one: xx 0.4 %, yy -0.2 %, xy (0.3 % - 0.1 %) / 2, to 2e-4."""
+@pytest.mark.parametrize("given, pixel, unit", [([], 1.0, "pixel"), (["--pixel", "20 um"], 2e-5, "m")])
+def test_command_on_two_files(given: list[str], pixel: float, unit: str, tmp_path: Path) -> None:
+    """Strains of files whose first row is the top one: xx 0.4 %, yy -0.2 %, xy (0.3 % - 0.1 %) / 2, to 2e-4.
+
+    Displacements and places have the same unit, so that the slopes of the displacement are F - 1 of X, to first order.
+    """
     after = picture(*mapped(np.array([[1.004, 0.003], [-0.001, 0.998]])), 2)
     for name, image in (("before", BEFORE), ("after", after)):
         Image.fromarray(image[::-1].astype(np.uint8)).save(tmp_path / f"{name}.png")
     done = CliRunner().invoke(
-        app, ["dic", str(tmp_path / "before.png"), str(tmp_path / "after.png"), "--out", str(tmp_path / "strains")]
+        app,
+        ["dic", str(tmp_path / "before.png"), str(tmp_path / "after.png"), "--out", str(tmp_path / "strains"), *given],
     )
     assert done.exit_code == 0, done.output
     import xarray
@@ -98,3 +103,19 @@ def test_command_on_two_files(tmp_path: Path) -> None:
         for name, true in (("xx", 0.004), ("yy", -0.002), ("xy", 0.001)):
             found = float(np.nanmean(data[f"strain_{name}"].values[MIDDLE]))
             assert found == pytest.approx(true, abs=2e-4), name
+        assert float(data.x[-1]) == pytest.approx(259 * pixel) and float(data.y[-1]) == pytest.approx(199 * pixel)
+        place = [axis[MIDDLE].ravel() for axis in np.broadcast_arrays(data.x.values, data.y.values[:, None])]
+        for name, slopes in (("x", (0.004, 0.003)), ("y", (-0.001, -0.002))):
+            field = data[f"displacement_{name}"]
+            assert field.attrs["units"] == data.x.attrs["units"] == unit
+            fit = np.linalg.lstsq(np.stack([*place, np.ones_like(place[0])], axis=1), field.values[MIDDLE].ravel())[0]
+            assert fit[:2] == pytest.approx(slopes, abs=2e-4)
+
+
+@pytest.mark.parametrize("pixel", ["0", "-1e-5", "inf", "nan", "20 us", "wide"])
+def test_sizes_of_a_pixel_that_are_refused(pixel: str, tmp_path: Path) -> None:
+    Image.fromarray(BEFORE.astype(np.uint8)).save(tmp_path / "a.png")
+    name = str(tmp_path / "a.png")
+    done = CliRunner().invoke(app, ["dic", name, name, f"--pixel={pixel}", "--out", str(tmp_path / "none")])
+    assert done.exit_code == 1 and "--pixel" in done.output + done.stderr
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.png"]

@@ -50,6 +50,20 @@ def test_compiled_is_the_same_with_arrays(orders: tuple[int, int], tilt: float) 
     np.testing.assert_allclose(found.tangent, expected.tangent, atol=1e-12)
 
 
+def test_a_node_above_a_facing_vertex_counts_once() -> None:
+    """Facets of 0.2 above ones of 0.05 that end at 0.75: the fourth is partly faced, its middle node is above a vertex.
+
+    Weights of a partly faced facet are those of its nodes: half of its length, 0.1, times Gauss-Lobatto weights.
+    """
+    plus, minus = chain(np.linspace(0, 1, 6), 4), chain(np.linspace(0, 0.75, 16), 4)
+    found = Mortar(plus, minus).find(plus.points, minus.points)
+    # Of order 4: weights 1/10, 49/90, 32/45, 49/90, 1/10 at 0.6, 0.6345, 0.7, 0.7655, 0.8; 0.75 cuts off the last two.
+    lumped = 0.1 * np.array([1 / 10, 49 / 90, 32 / 45])
+    shared = lumped + np.array([0.1 / 10, 0, 0])  # with the third facet
+    np.testing.assert_allclose(found.weight[12:15], shared, rtol=1e-12)
+    assert found.weight[found.covered].sum() == pytest.approx(0.6 + lumped.sum(), rel=1e-12)
+
+
 @every_order
 def test_identities_on_a_straight_line(orders: tuple[int, int]) -> None:
     """Constants and polynomials of the lower order pass exactly; a constant traction is the consistent load of both."""

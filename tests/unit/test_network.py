@@ -55,7 +55,7 @@ def test_facets_of_a_square_cut_in_four() -> None:
     ({"fracture": {"kind": "on_strength", "stiffness_ratio": 10.0, "default": {"friction": RUBS}}},
      "fracture: unknown key 'stiffness_ratio'"),
     ({"fracture.kind": "on_strength", "large_rotations": True},
-     "large_rotations: fracture.kind = 'on_strength' is for small ones; use 'everywhere'"),
+     "large_rotations: fracture.kind = 'on_strength' is for small ones; use .*'everywhere'"),
     ({"order": 2}, r"order = 2: with \[fracture\] the cells are of order 1"),
     ({"plane": "antiplane", "boundaries": []}, "plane = 'antiplane': bodies break in plane stress and plane strain"),
     ({"stepper": {"kind": "generalized_alpha"}}, "stepper.kind = 'generalized_alpha': bodies break in explicit steps"),
@@ -118,14 +118,45 @@ def test_check_says_how_far_waves_go_between_two_looks_at_the_strength() -> None
     assert not any("stiffness of cells" in quantity for quantity in often)
 
 
+def in_equilibrium(model: Model) -> np.ndarray:
+    """Displacement of all nodes under the loads of a case whose springs have not yielded, shape (nodes, 2) [m]."""
+    from scipy.sparse.linalg import LinearOperator, cg
+
+    def stiff(u: np.ndarray) -> np.ndarray:
+        u = np.ascontiguousarray(u.ravel())
+        force = model.internal_force(u)
+        model.cracks.add_spring_force(u, force)
+        return -force + 1e-9 * model.mass * u  # without it rigid motion would cost nothing
+
+    size = len(model.mass)
+    u, failed = cg(LinearOperator((size, size), stiff, dtype=float), model.loads.force(1.0), rtol=1e-10)
+    assert not failed
+    return np.asarray(u.reshape(-1, 2))
+
+
+def test_tractions_of_springs_scatter_on_an_irregular_mesh() -> None:
+    """Under uniaxial stress the normal traction at an end should be that stress times n_y^2. The page on cracks gives
+    its scatter on a Delaunay mesh: 3 % of the stress rms, and 15 % at most on these 1000 facets."""
+    pytest.importorskip("gmsh")
+    mesh = {**IRREGULAR, "shape": {"kind": "rectangle", "width": 16e-3, "height": 16e-3}}
+    loads = [{"kind": "traction", "edge": f"specimen.{side}", "traction": [0.0, sign * 1e6]}
+             for side, sign in (("top", 1), ("bottom", -1))]  # fmt: skip
+    model = Model(case({"mesh": mesh, "fracture.default.cohesion": NEVER, "boundaries": loads}))
+    cracks, moved = model.cracks, in_equilibrium(model)
+    jump = moved[cracks.corners[:, 1]] - moved[cracks.corners[:, 0]]  # [facet, end]
+    traction = cracks.stiffness[:, None] * np.einsum("fec,fc->fe", jump, cracks.normal)
+    error = traction / 1e6 - cracks.normal[:, 1:] ** 2
+    assert 900 < len(error) < 1100
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(0.033, abs=0.005)
+    assert np.abs(error).max() == pytest.approx(0.15, abs=0.03)
+
+
 def test_compensated_springs_leave_the_moduli_alone() -> None:
     """A patch of cells and springs under uniform stress: mean strain as the case has it, in both directions.
 
     The static equilibrium of free corners, solved with the operator: stress sigma on two sides gives strains
     sigma (1 - nu^2) / E and -sigma nu (1 + nu) / E in plane strain.
     """
-    from scipy.sparse.linalg import LinearOperator, cg
-
     changes = {"mesh.width": 16e-3, "mesh.height": 16e-3, "fracture.default.cohesion": NEVER, "boundaries": [
         {"kind": "traction", "edge": "rock.top", "traction": [0.0, 1e6]},
         {"kind": "traction", "edge": "rock.bottom", "traction": [0.0, -1e6]},
@@ -133,17 +164,7 @@ def test_compensated_springs_leave_the_moduli_alone() -> None:
     found = {}
     for compensate in (True, False):
         model = Model(case({**changes, "fracture.compensate": compensate}))
-
-        def stiff(u: np.ndarray, model: Any = model) -> np.ndarray:
-            u = np.ascontiguousarray(u.ravel())
-            force = model.internal_force(u)
-            model.cracks.add_spring_force(u, force)
-            return -force + 1e-9 * model.mass * u  # holds it where it is
-
-        size = len(model.mass)
-        u, failed = cg(LinearOperator((size, size), stiff, dtype=float), model.loads.force(1.0), rtol=1e-10)
-        assert not failed
-        moved, x = u.reshape(-1, 2), model.coordinates
+        moved, x = in_equilibrium(model), model.coordinates
         sides = ((1, 16e-3), (1, 0), (0, 0), (0, 16e-3))
         top, bottom, left, right = (moved[np.isclose(x[:, axis], at)].mean(axis=0)[axis] for axis, at in sides)
         found[compensate] = np.array([top - bottom, right - left]) / 16e-3

@@ -138,12 +138,14 @@ def test_overwrite_replaces_a_run_and_nothing_else(tmp_path: Path) -> None:
     slider = read_case(tmp_path / "slider.toml")
     other = slider.changed("stiffness", 2e6)
     simulate(slider, tmp_path / "run")
-    (tmp_path / "run" / "stale.txt").write_text("of the first run")
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    (tmp_path / "run" / "figures" / "mine.pdf").write_text("mine")
     with pytest.raises(RuptfxError, match="exists already"):
         simulate(other, tmp_path / "run")
     simulate(other, tmp_path / "run", overwrite=True)
     assert read_case(tmp_path / "run" / "case.toml").hash == other.hash
-    assert not (tmp_path / "run" / "stale.txt").exists()
+    assert [(tmp_path / "run" / name).read_text() for name in ("notes.txt", "figures/mine.pdf")] == ["mine", "mine"]
+    assert not (tmp_path / "run" / ".new").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "case.toml").write_text("title = 'no run'")
     with pytest.raises(RuptfxError, match="exists already and is no run"):

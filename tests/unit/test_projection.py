@@ -44,10 +44,9 @@ def test_the_root_is_a_root(kind: str, held: str | None, seed: int, extreme: boo
     state = {name: value + np.zeros(N) for name, value in state.items()}
     traced = TracedLaw(law, at_end=True)
     # Without a root the slope Z + dstrength/dV cannot stay positive; that is an error, and another test's.
-    then = 10 ** random.uniform(-3, 1, N)
-    done = project(traced, state, sigma, trial, Z, dt, then=then, guess=random.uniform(0, 10, N))
+    done = project(traced, state, sigma, trial, Z, dt, guess=random.uniform(0, 10, N))
     rate, carried = np.abs(done.mean_slip_rate[:, 0]), np.abs(done.shear_traction[:, 0])
-    found = traced(rate, sigma, state, dt, speed_then=then)
+    found = traced(rate, sigma, state, dt)
     strength, slope = found.strength, found.slope
     size = np.abs(trial[:, 0])
     # The residual is below 1e-13 of the trial, or the bracket is as narrow as doubles go (1e-15 V).
@@ -72,7 +71,7 @@ def test_steps_do_not_go_round_in_circles() -> None:
     law = PrakashCliftonTwo(law=held, L_1=5.04426e-6, L_2=2.4753e-5, C=0.534763, D=0.358336)
     state = {"theta_0": np.array([3.14511e-8]), "theta_1": np.array([9.15887e6]), "theta_2": np.array([6.15029e6])}
     normal, trial, Z = np.array([1.71174e7]), np.array([[5648850.59148074]]), np.array([9752.66])
-    done = project(TracedLaw(law, at_end=True), state, normal, trial, Z, 2.4e-8, then=np.array([12.8]),
+    done = project(TracedLaw(law, at_end=True), state, normal, trial, Z, 2.4e-8,
                    guess=np.array([69.4224]))  # fmt: skip
     assert 12 < done.slip_rate[0, 0] < 14
 

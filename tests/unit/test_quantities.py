@@ -17,6 +17,8 @@ from ruptfx.schema import CaseError
     [
         ("60 us", "s", 60e-6),  # 60 * 1e-6 in floating point is 5.9999999999999995e-05
         ("6 MPa", "Pa", 6e6),
+        ("5 \u03bcs", "s", 5e-6),  # the Greek letter
+        ("5 \u00b5s", "s", 5e-6),  # the micro sign
         ("0.3bar", "Pa", 0.3e5),
         ("-2.5e-1 km", "m", -250.0),
         ("300 MPa/mm", "Pa/m", 3e11),
