@@ -6,9 +6,10 @@ import atexit
 import ctypes
 import sys
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from ruptfx import __version__, fem
 
@@ -19,6 +20,19 @@ COMMANDS = {
     "Trust and extend": ("bench", "check_law", "cite"),
 }
 """By the heading under which `--help` lists them."""
+
+
+
+class Command(TyperCommand):
+    """A command whose flags are shown without a type: they take no value."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        params: list[Any] = super().get_params(ctx)
+        for each in params:
+            if getattr(each, "is_flag", False) and each.metavar is None:
+                each.metavar = " "
+        return params
+
 
 app = typer.Typer(
     help="Frictional contact and rupture on FEniCSx.", no_args_is_help=True, pretty_exceptions_enable=False
@@ -35,7 +49,7 @@ def main(version: Annotated[bool, typer.Option("--version", help="Print the vers
 for _heading, _names in COMMANDS.items():
     for _name in _names:
         _function = getattr(import_module(f"ruptfx.commands.{_name}"), _name)
-        app.command(name=_name.replace("_", "-"), rich_help_panel=_heading)(_function)
+        app.command(name=_name.replace("_", "-"), cls=Command, rich_help_panel=_heading)(_function)
 
 
 def program() -> None:

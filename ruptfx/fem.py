@@ -93,11 +93,11 @@ def finish() -> None:
         MPI.Finalize()
 
 
-# FFCx names a compiled form after its text and flags. What -march=native made stays with its processor: a cache on a
+# FFCx names a compiled form after its text and flags. What -march made stays with its processor: a cache on a
 # shared disk or in an image would crash another one.
 _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
 JIT_OPTIONS = {
-    "cffi_extra_compile_args": ["-O3", "-march=native"],
+    "cffi_extra_compile_args": ["-O3", f"-march={native.target()}"],
     "cache_dir": str(native.cache_directory() / f"forms-{_MACHINE}"),
     "timeout": 60,  # [s] for another process that compiles the same, on a busy machine
 }
@@ -169,7 +169,8 @@ def reference_point(
             break
     # Barycentric on simplices, between 0 and 1 along every axis elsewhere.
     simplex = mesh.basix_cell().name in ("triangle", "tetrahedron")
-    inside = place.min() > -slack and (place.sum() < 1 + slack if simplex else place.max() < 1 + slack)
+    converged = np.abs(step).max() < slack
+    inside = converged and place.min() > -slack and (place.sum() < 1 + slack if simplex else place.max() < 1 + slack)
     return (place, jacobian) if inside else None
 
 

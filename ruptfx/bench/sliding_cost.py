@@ -17,6 +17,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
+from ruptfx.mechanisms.sliding import SlidingFaults
 from ruptfx.model import Model
 from ruptfx.sliding.interface import SlidingInterface
 
@@ -92,9 +93,11 @@ def measure(touching: bool, comm: fem.MPI.Comm) -> tuple[float, float, float, fl
     state = model.initial_state()
     while state.time < (1.5e-6 if touching else 0.3e-6):
         motion.step(state)
-    kick = motion._kicks[2]
-    follower, contact = _Timed(motion._followers[0]), _Timed(kick.faults[0][1])
-    motion._followers[0], kick.faults[0] = follower, ("main", contact)
+    (sliding,) = (each for each in motion.mechanisms if isinstance(each, SlidingFaults))
+    follower, contact = _Timed(sliding.followers[0]), _Timed(sliding.steps[2][0])
+    followers: list[Any] = sliding.followers
+    steps: list[Any] = sliding.steps[2]
+    followers[0], steps[0] = follower, contact
     samples = []
     for _ in range(SAMPLES):
         follower.seconds = contact.seconds = 0.0

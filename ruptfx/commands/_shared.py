@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import time
 import traceback
@@ -19,8 +20,6 @@ from ruptfx.terminal import console
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ruptfx.plugins import CaseFile as HasPlugins
-
 screen = console()
 errors = console(stderr=True)
 
@@ -34,38 +33,72 @@ EXIT_ERROR = RuptfxError.exit_code
 
 @contextmanager
 def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
-    """Our errors are one message from one rank; a bug shows its traceback and ends all ranks."""
+    """Our errors are one message from one rank; a bug shows its traceback and ends all ranks.
+
+    Plug-ins are named before their code runs; a launcher has named those of its ranks.
+    """
+    from ruptfx import launch, plugins
     from ruptfx.schema import CaseError
 
+    token = plugins.telling.set(_name_plugin) if launch.RANKS not in os.environ else None
     try:
         yield
         sys.stdout.flush()  # a reader that has seen enough is noticed here, where it ends the command quietly
     except RuptfxError as error:
         if comm is None or comm.rank == 0:
-            label = "case error" if isinstance(error, CaseError) else "error"
-            errors.print(f"{label}: ", style="bold red", end="")
-            errors.print(str(error), soft_wrap=True)
+            _print_error("case error" if isinstance(error, CaseError) else "error", error)
         if error.at_once:
             sys.stderr.flush()
             os._exit(error.exit_code)
         raise typer.Exit(error.exit_code) from None
+    except SystemExit as left:
+        if (found := plugins.exit_error(left)) is None:
+            raise
+        _print_error("case error", found)
+        if comm is not None and comm.size > 1:
+            _end_all(comm)
+        raise typer.Exit(EXIT_ERROR) from None
     except Exception:
         if comm is None or comm.size == 1:
             raise
         sys.stderr.write(traceback.format_exc())
+        _end_all(comm)
+    finally:
+        if token is not None:
+            plugins.telling.reset(token)
+
+
+def _print_error(label: str, error: Exception) -> None:
+    errors.print(f"{label}: ", style="bold red", end="")
+    errors.print(str(error), soft_wrap=True)
+
+
+def _end_all(comm: MPI.Comm) -> None:
+    sys.stderr.flush()
+    time.sleep(0.5)  # mpiexec passes it on before it ends all
+    comm.Abort(EXIT_ERROR)
+
+
+_named = set[Path]()  # plug-ins that this program has named
+
+
+@contextmanager
+def _name_plugin(path: Path) -> Iterator[list[str]]:
+    """Name a plug-in once, on standard error: its file before its code runs, then what it defines."""
+    told = list[str]()
+    if path in _named:
+        yield told
+        return
+    _named.add(path)
+    sys.stderr.write(f"plug-in {shlex.quote(str(path))}")
+    sys.stderr.flush()
+    try:
+        yield told
+    finally:
+        sys.stderr.write("".join(f": {text}" for text in told) + "\n")
         sys.stderr.flush()
-        time.sleep(0.5)  # mpiexec passes it on before it ends all
-        comm.Abort(EXIT_ERROR)
 
 
 def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """What the Tab key offers in a shell: the names, found when it is hit, that begin with what was typed."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
-
-
-def show_plugins(case: HasPlugins, wanted: bool) -> None:
-    """Which files of the user's a command runs code of."""
-    from ruptfx.plugins import shown
-
-    for line in shown(case) if wanted else []:
-        errors.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 from rich.table import Table
 
-from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, screen, show_plugins
+from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, screen
 
 
 def check(case: CaseFile, set_: Overrides = None) -> None:
@@ -17,7 +17,6 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
         from ruptfx.case import Case, read_case
 
         parsed = read_case(case, set_ or [])
-        show_plugins(parsed, True)
         if not isinstance(parsed, Case):
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
             return

@@ -13,11 +13,12 @@ from ruptfx.commands._shared import EXIT_ERROR, reported, screen
 
 
 def check_law(
-    law: Annotated[str, typer.Argument(help="Python file with friction laws, or a kind.", show_default=False)],
+    law: Annotated[str, typer.Argument(
+        help="Python file with friction or cohesive laws, or a kind.", show_default=False)],
     set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
     out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("."),
 ) -> None:
-    """Check that a friction law keeps its contract, and draw it; exits non-zero when something fails or is missing.
+    """Check that a friction or cohesive law keeps its contract, and draw it; exits non-zero when a check fails.
 
     Example: ruptfx check-law my_law.py --set mu_s=0.6 --set L=20e-6
     """
@@ -28,7 +29,7 @@ def check_law(
         sound = True
         for report in check(law, set_ or []):
             kind, sound = report.law.kind(), sound and report.sound
-            table = Table("check", "verdict", "note", title=f"friction law {kind}", title_justify="left")
+            table = Table("check", "verdict", "note", title=f"{report.name} {kind}", title_justify="left")
             for row in report.rows:
                 colour = {"failed": "red", "missing": "yellow"}.get(row.verdict, "")
                 table.add_row(row.check, row.verdict, Text(row.note), style=colour)

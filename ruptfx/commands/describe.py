@@ -19,12 +19,20 @@ def topics() -> tuple[str, ...]:
     return TOPICS
 
 
+def topics_and_kinds() -> tuple[str, ...]:
+    """Return what can be asked for, for completion."""
+    from ruptfx.describe import FOLDERS, TOPICS, names_of
+
+    return (*TOPICS, *(name for topic in FOLDERS for name in names_of(topic)))
+
+
 def describe(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="A topic: case, faults, friction, output, study, summary, ...; without one, all are listed.",
-            autocompletion=completed_from(topics),
+            help="A topic (case, friction, output, study, summary ...) or a kind (coulomb, boundaries.driven); without "
+            "one, all topics are listed.",
+            autocompletion=completed_from(topics_and_kinds),
         ),
     ] = None,
     schema: Annotated[bool, typer.Option("--schema", help="JSON schema of cases and studies, for editors.")] = False,
@@ -42,7 +50,7 @@ def describe(
         from ruptfx.describe import about, describe_topic
 
         if what is None:
-            screen.print(f"ruptfx {__version__}: `ruptfx describe TOPIC` tells of one of these.\n")
+            screen.print(f"ruptfx {__version__}: `describe TOPIC` describes one of these, `describe KIND` a kind.\n")
             listed = Table(box=None, pad_edge=False, show_header=False)
             for topic in topics():
                 listed.add_row(topic, about(topic))

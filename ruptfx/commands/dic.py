@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,7 @@ def dic(
     after: Annotated[Path, typer.Argument(help="After, of the same size.", show_default=False)],
     subset: Annotated[int, typer.Option(help="Pixels along a side of what is followed, odd.")] = 21,
     window: Annotated[int | None, typer.Option(help="Pixels strains are fitted over, odd; default: --subset.")] = None,
-    pixel: Annotated[float | None, typer.Option(help="Size of a pixel in m; without it lengths are in pixels.")] = None,
+    pixel: Annotated[str | None, typer.Option(help="Size of a pixel, in m or as '20 um'; else in pixels.")] = None,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
 ) -> None:
     """Displacements and strains from two pictures, by digital image correlation; needs the extra dic.
@@ -33,10 +34,8 @@ def dic(
 
         from ruptfx.analysis.image_correlation import displacements, strains
 
-        if pixel is not None and not pixel > 0:
-            raise RuptfxError(f"--pixel {pixel}: must be above zero")
+        size, unit = (1.0, "pixel") if pixel is None else (_metres(pixel), "m")
         moved = displacements(_grey(before), _grey(after), subset)
-        size, unit = (1.0, "pixel") if pixel is None else (pixel, "m")
         fields = {f"displacement_{name}": (size * values, unit) for name, values in zip("xy", moved, strict=True)}
         fields |= {f"strain_{name}": (values, "1") for name, values in strains(*moved, window or subset).items()}
         rows, columns = moved[0].shape
@@ -58,6 +57,28 @@ def dic(
             low, middle, high = np.nanquantile(data[name], [0.01, 0.5, 0.99])
             screen.print(f"{name}: {middle:.3g}, from {low:.3g} to {high:.3g}", soft_wrap=True)
         screen.print(f"{out.with_suffix('.png')}, {out.with_suffix('.nc')}", soft_wrap=True)
+
+
+def _metres(text: str) -> float:
+    """Return the length [m] of a number or of a number with a unit.
+
+    Raises
+    ------
+    RuptfxError
+        Not a length, or not above zero.
+    """
+    from ruptfx.quantities import parse
+
+    try:
+        length = float(text)
+    except ValueError:
+        try:
+            length = parse(text, "m")
+        except ValueError as error:
+            raise RuptfxError(f"--pixel {text!r}: {error}") from None
+    if not 0 < length < math.inf:
+        raise RuptfxError(f"--pixel {text}: must be finite and above zero; give a length such as '20 um'")
+    return length
 
 
 def _grey(path: Path) -> np.ndarray:

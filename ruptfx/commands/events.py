@@ -93,6 +93,9 @@ def _of_run(
         shares = ", ".join(f"{name} {share:.1%}" for name, share in found.shares.items())
         if len(found.seismic):
             screen.print(f"Modes of these: {shares}")
+        if found.failure_time is not None and len(found.seismic):
+            windows = ", ".join(f"{share:.1%} until {part:.0%}" for part, share in found.tensile_shares.items())
+            screen.print(f"Tensile share by window: {windows} of the time of failure")
         _show({"events": found.of_events, "clusters": Estimates(found.of_clusters, None, None)})
         if table:
             path = run / "events.csv"

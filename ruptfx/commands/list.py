@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import fcntl
+from contextlib import suppress
 from pathlib import Path
+from stat import S_ISREG
 from typing import Annotated
 
 import typer
@@ -15,44 +17,72 @@ from ruptfx.commands._shared import reported, screen
 
 def list(
     directory: Annotated[Path, typer.Argument(help="Where run directories are.")] = Path("runs"),
+    quick: Annotated[bool, typer.Option("--quick", help="Do not compare files with their checksums.")] = False,
 ) -> None:
-    """The runs below a directory: status, sliding mode, newest checkpoint, size.
+    """The runs below a directory: status, sliding mode, newest checkpoint, size. It reads all their files.
 
-    Example: ruptfx list runs
+    Example: ruptfx list runs --quick
     """
     with reported():
-        found = sorted(path.parent for path in directory.rglob("case.toml"))
+        from ruptfx.directories import NEW
+
+        found = sorted(path.parent for path in directory.rglob("case.toml") if NEW not in path.parts)
         if not found:
             raise RuptfxError(f"{directory}: no runs below it; give the directory that holds them")
         table = Table("run", "status", "mode", "checkpoint", "size", "title", box=None, pad_edge=False)
+        damages = []
         for run in found:
-            table.add_row(str(run), *_row(run))
+            row, damage = _row(run, quick)
+            table.add_row(str(run), *row)
+            damages += [damage] * bool(damage)
         screen.print(table)
+        for damage in damages:
+            screen.print(damage, soft_wrap=True, markup=False, highlight=False)
 
 
-def _row(run: Path) -> tuple[str, str, str, str, str]:
-    from ruptfx.record import Record, RecordError
+def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
+    """Cells of a run, and how it is damaged."""
+    from ruptfx import run_files
+    from ruptfx.record import Record
 
-    record = Record(run)
+    summary, title, status, damage = None, "", "", ""
     try:
+        record = Record(run)
         summary, title = record.summary, str(record.case.get("title", ""))
-    except RecordError:
-        summary, title = None, "damaged"
-    checkpoints = sorted(run.glob("checkpoints/step_*"))
-    step = f"step {int(checkpoints[-1].name.removeprefix('step_'))}" if checkpoints else ""
-    size = sum(path.stat().st_size for path in run.rglob("*") if path.is_file())
+        status = _status(run, summary is not None)
+        missing = [] if quick or summary is None else run_files.check_all(run)
+        status += f", {', '.join(missing)} missing" if missing else ""
+    except (RuptfxError, OSError) as error:
+        status, damage = "damaged", str(error)
     mode = str((summary or {}).get("mode") or "")
-    return _status(run, summary is not None), mode, step, f"{size / 1e6:.1f} MB", title
+    return (status, mode, _newest(run), f"{_size(run) / 1e6:.1f} MB", title), damage
+
+
+def _newest(run: Path) -> str:
+    """Step of the newest checkpoint, from which a run that is not complete goes on."""
+    steps = [path.name.removeprefix("step_") for path in run.glob("checkpoints/step_*")]
+    return f"step {max(numbers)}" if (numbers := [int(step) for step in steps if step.isdecimal()]) else ""
+
+
+def _size(run: Path) -> int:
+    """Bytes of all files, of those with several names once."""
+    found = {}
+    for path in run.rglob("*"):
+        with suppress(OSError):  # gone meanwhile
+            status = path.lstat()
+            found[status.st_dev, status.st_ino] = status.st_size if S_ISREG(status.st_mode) else 0
+    return sum(found.values())
 
 
 def _status(run: Path, complete: bool) -> str:
-    if complete:
-        return "complete"
+    from ruptfx.directories import LOCK, NEW
+
+    replaced = (run / NEW / "case.toml").is_file()
     try:
-        with (run / ".lock").open() as file:
+        with (run / LOCK).open() as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        return "running"
+        return "complete, being replaced" if complete and replaced else "complete" if complete else "running"
     except OSError:
         pass
-    return "stopped"
+    return "complete, its replacement stopped" if complete and replaced else "complete" if complete else "stopped"

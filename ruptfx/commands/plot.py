@@ -7,14 +7,17 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import reported, screen
+from ruptfx.commands._shared import errors, reported, screen
 
 
 def plot(
     run: Annotated[Path, typer.Argument(help="Run or study directory.", show_default=False)],
     format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
+    trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
 ) -> None:
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
+
+    Plug-ins of the run do not run without --trust; what is left out then is listed.
 
     Example: ruptfx plot runs/impact --format pdf --format png
     """
@@ -28,11 +31,15 @@ def plot(
         if (run / "result.nc").exists():
             from ruptfx.lumped import redraw
 
-            for path in redraw(run, formats=tuple(format_)):
+            for path in redraw(run, formats=tuple(format_), trust=trust):
                 screen.print(str(path))
             return
         from ruptfx import plots
         from ruptfx.record import Record
 
-        for path in plots.save_all(Record(run), formats=tuple(format_)):
-            screen.print(str(path))
+        with Record(run, trust) as record:
+            for path in plots.save_all(record, formats=tuple(format_)):
+                screen.print(str(path))
+            for omitted in dict.fromkeys(record.omitted):
+                errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",
+                             markup=False, highlight=False, soft_wrap=True)  # fmt: skip

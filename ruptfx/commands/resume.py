@@ -22,10 +22,13 @@ def resume(
 
     Example: ruptfx resume runs/impact --duration "90 us" --ranks 2
     """
-    case = run / "case.toml"
     with reported():
-        if not case.exists():
+        if not (run / "case.toml").exists():
             raise RuptfxError(f"{run}: no run directory: it holds no case.toml")
+        from ruptfx import directories, run_files
+
+        case = directories.unfinished(run) / "case.toml"
+        run_files.check(case.parent, case.name)
         if duration is not None:
             from ruptfx.case import override, parse_case, read_case, read_toml
             from ruptfx.lumped import LumpedModel
@@ -36,7 +39,8 @@ def resume(
                 raise RuptfxError(f"{run}: {before.kind()} is a lumped model, and is not resumed; run it again")
             table = read_toml(case)
             override(table, f"duration={duration}")
-            longer = parse_case(table, run.resolve())
+            longer = parse_case(table, case.resolve().parent)
             assert not isinstance(longer, LumpedModel)
             extend(run, before, longer)
+            case = directories.unfinished(run) / "case.toml"
     run_command(case, ranks=ranks, out=run, resume=True, quiet=quiet)

@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import CaseFile, Overrides, reported, screen, show_plugins
+from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
 from ruptfx.progress import Progress
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
     set_: Overrides = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the run in --out once this one is complete; other files stay.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
     """Run a case and leave a run directory with data, figures and a summary.
@@ -39,14 +42,15 @@ def run(
 
     out = out or Path("runs") / case.stem
     with reported():
+        if resume and overwrite:
+            raise RuptfxError("--resume goes on with a run that --overwrite would replace; give one of them")
         parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
-        show_plugins(parsed, not quiet and launch.RANKS not in os.environ)
         if not isinstance(parsed, Case) and ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
     if launches:
         assert isinstance(parsed, Case)
         options = [item for value in set_ or [] for item in ("--set", value)]
-        options += ["--resume"] * resume + ["--quiet"] * quiet
+        options += ["--resume"] * resume + ["--overwrite"] * overwrite + ["--quiet"] * quiet
         with reported():
             _launch(parsed, ranks, out, ["run", "--out", str(out), *options, "--", str(case)], quiet)
         return
@@ -55,7 +59,7 @@ def run(
             from ruptfx.lumped import simulate as simulate_lumped
 
             with Progress(not quiet) as progress:
-                simulate_lumped(parsed, out, progress.update, resume)
+                simulate_lumped(parsed, out, progress.update, resume, overwrite)
             if not quiet:
                 _show_summary(out)
                 _show_pictures(out)
@@ -72,7 +76,7 @@ def run(
             if not quiet:
                 _show_summary(out)
 
-        simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete)
+        simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete, overwrite=overwrite)
         if comm.rank == 0 and not quiet and painter.LATER not in os.environ:
             _show_pictures(out)
 
@@ -83,14 +87,20 @@ def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool
 
     if not case.output.figures:
         painter.dismiss()
-    finished = (out / "summary.json").exists()
+    before = _written(out)
     code = launch.run_on(ranks, arguments, **{painter.LATER: "1"})
     if code:
         raise typer.Exit(code)
-    if case.output.figures and not finished:
+    if case.output.figures and _written(out) != before:
         painter.draw(out)
     if not quiet:
         _show_pictures(out)
+
+
+def _written(out: Path) -> tuple[int, int] | None:
+    """Identity of the summary of a complete run, by which a new one is known."""
+    path = out / "summary.json"
+    return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
 
 
 def _show_summary(out: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import EXIT_ERROR, Overrides, reported, screen, show_plugins
+from ruptfx.commands._shared import EXIT_ERROR, Overrides, reported, screen
 
 
 def study(
@@ -30,13 +30,10 @@ def study(
 
         out = out or Path("studies") / file.stem
         parsed = read_study(file, set_ or [])
-        show_plugins(parsed.point(next(parsed.combinations())).case, not quiet)
         found = run_study(parsed, out, scheduler=scheduler, cores=cores, refined=refine, retry=retry, show=not quiet)
         screen.print(f"{len(found.points)} points, {found.failed} failed, {found.known_before} known before")
         if refine:
             screen.print(json.loads((out / "refinement.json").read_text())["summary"])
-        drawn = "mode_map.png, mode_map.pdf, mode_map.html"
-        products = f"table.csv, table.nc, {'scores.csv, best.toml, search.png' if parsed.search else drawn}"
-        screen.print(f"Study directory: {out} ({products})", soft_wrap=True)
+        screen.print(f"Study directory: {out} ({', '.join(path.name for path in found.files)})", soft_wrap=True)
         if found.failed == len(found.points):
             raise typer.Exit(EXIT_ERROR)
