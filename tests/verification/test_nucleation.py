@@ -114,5 +114,5 @@ def test_slip_rate_and_state_give_the_stress() -> None:
     np.testing.assert_allclose(fault.shear_traction_0, 6e6 * (0.6 + 0.005 * np.log(1000)), rtol=1e-12)
     np.testing.assert_allclose(fault.initial_state()["slip_rate"], 1e-9, rtol=1e-10)
     contradictory = {"faults.main.friction": given, "faults.main.initial_stress": {"normal": 6e6, "shear": 1e6}}
-    with pytest.raises(CaseError, match="two of three"):
+    with pytest.raises(CaseError, match="give two of the three"):
         Model(case(contradictory))
