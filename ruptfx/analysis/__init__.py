@@ -1,4 +1,4 @@
-"""What a run means: sliding mode, fronts, energies and fringes, from saved arrays; no DOLFINx and no MPI."""
+"""Analysis of a run from saved arrays: sliding mode, fronts, energies, fringes; needs neither DOLFINx nor MPI."""
 
 from __future__ import annotations
 
@@ -27,21 +27,22 @@ UNITS = {
     "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
     "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
     "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE,
-}  # of the summary; everything else is a name or a pure number
+}  # units of the summary; every other entry is a name or a pure number
 
 
 OPEN, SLIDING, UNCOVERED = 0, 2, 3  # values of the field `contact`
 
 
 def slides_far(data: Data) -> bool:
-    """Whether what was recorded is an interface that slides (`[faults.NAME.sliding]`): it has states of contact."""
+    """Return whether the data are of an interface with finite sliding, which records contact states."""
     return "contact" in data
 
 
 def sliding_rate(record: Files) -> np.ndarray:
-    """Slip rate along the first interface [m/s], shape (times, points): zero where bodies that slide far do not touch.
+    """Return the slip rate along the first interface [m/s], shape (times, points).
 
-    There the surfaces pass each other without friction, which is no sliding of contacts.
+    In finite sliding it is zero at open points: their surfaces pass each other without friction, which does not count
+    as sliding.
     """
     data = record.interface
     rate = np.asarray(data["slip_rate"].values)
@@ -51,15 +52,15 @@ def sliding_rate(record: Files) -> np.ndarray:
 
 
 def nucleation(data: Data) -> tuple[float, float]:
-    """When [s] and where [m] the case starts a rupture of an interface after it has loaded it; else never, nowhere."""
+    """Return time [s] and position [m] of the nucleation of an interface after its loading; NaN if there is none."""
     return float(data.attrs.get("nucleation_time", -np.inf)), float(data.attrs.get("nucleation_position", np.nan))
 
 
 def rupture_origin(record: Files) -> tuple[float, float]:
-    """Position [m] and time [s] from which the rupture runs.
+    """Return the position [m] and time [s] from which the rupture runs.
 
-    Where the case starts one, there and then. After an impact, the driven end of the interface at time zero. Otherwise,
-    also where a slow drive makes the interface slide later than a shear wave needs to run along it, where and when
+    With a nucleation in the case: its position and time. After an impact: the driven end at time zero. Otherwise,
+    and if a slow drive makes the interface slide later than a shear wave needs to run along it: where and when
     sliding began: the median of the points that slid in the first hundredth of the time that the rupture took.
     """
     data = record.interface
@@ -88,11 +89,11 @@ def modes_of(record: Files) -> Modes:
 
 
 def summarise(record: Files) -> Table:
-    """Scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None where undefined."""
+    """Return scalars of a run, ready for JSON: floats in SI units (`UNITS`), names, None if undefined."""
     data: Data | Table = record.interface if record.interfaces else {}
     try:
         values = _of_sliding(record) if "slip_rate" in data else {}
-    except RuptfxError as error:  # a run on few points is worth having all the same
+    except RuptfxError as error:  # too few points for a mode; the other scalars remain valid
         values = {"mode": None, "mode_missing": str(error)}
     first = data["rupture_time"].values if "rupture_time" in data else np.array([])
     values["first_sliding"] = np.min(first[np.isfinite(first)], initial=np.inf)
@@ -100,7 +101,7 @@ def summarise(record: Files) -> Table:
         field = name.removeprefix("max_")
         values[name] = _largest(data[field]) if field in data else np.nan
     if (record.path / "events.h5").is_file():
-        from ruptfx.analysis.compression import summarise_fracture  # other runs end without what it needs
+        from ruptfx.analysis.compression import summarise_fracture  # imported late: other runs do not need it
 
         values |= summarise_fracture(record)
     if (record.path / "energy.csv").is_file():
@@ -109,7 +110,7 @@ def summarise(record: Files) -> Table:
 
 
 def _of_sliding(record: Files) -> Table:
-    """What the classification says, under the names of the summary."""
+    """Return the result of the classification under the names of the summary."""
     data, modes = record.interface, modes_of(record)
     tip = modes.tip_speed
     speeds = {name: float(data.attrs.get(name, np.nan)) for name in ("c_R", "c_s", "c_p")}
@@ -153,7 +154,7 @@ def _largest(values: object) -> float:
 
 
 def _plain(value: object) -> object:
-    """JSON knows neither NumPy numbers nor NaN."""
+    """Convert a NumPy number to Python, NaN to None, for JSON."""
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value

@@ -1,4 +1,4 @@
-"""Stresses in a body along an interface, beside the tractions that the interface itself has."""
+"""Stresses in a body along an interface, in addition to the tractions of the interface."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from ruptfx.record import Files
 
 Array = np.ndarray
-NEAR = 1e-6  # of the length of an interface: where a node of a body and a point of the interface are the same
+NEAR = 1e-6  # of the length of an interface: largest distance of a body node from its interface point
 
 
 def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict[str, Array]]:
-    """Stress in a body at the points of the first interface, of the snapshot nearest to a time.
+    """Return the stress in a body at the points of the first interface, at the snapshot nearest to a time.
 
-    Across the interface it is its traction, but for what elements leave; along the interface no traction tells it.
+    The components across the interface equal its traction up to the discretisation error; the one along it is new.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def body_stress(record: Files, time: float, body: str = "") -> tuple[float, dict
     time : float
         [s]
     body : str
-        Its name; default is the first that has nodes on the interface.
+        Name; default is the first body that has nodes on the interface.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""When a rupture reaches the contacts of a rough interface: their outermost and their inner points."""
+"""Arrival of a rupture at the contacts of a rough interface: at their outermost and their inner points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Asperity:
     Attributes
     ----------
     points : slice
-        Of the interface.
+        Points of the interface.
     center : float
         Its middle [m].
     width : float
@@ -35,7 +35,7 @@ class Asperity:
 
 
 def asperities(position: Array, closed: Array, arrival: Array) -> list[Asperity]:
-    """Contacts in order along the interface.
+    """Return the contacts in order along the interface.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def asperities(position: Array, closed: Array, arrival: Array) -> list[Asperity]
         Increasing [m].
     closed : ndarray of bool, shape (points,)
     arrival : ndarray, shape (points,)
-        When a point begins to slip [s], NaN where it does not.
+        Time of first slip [s], NaN where none.
     """
     bounds = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(int)))
     return [
@@ -60,9 +60,9 @@ def _asperity(points: slice, position: Array, arrival: Array) -> Asperity:
 
 
 def first_slip(time: Array, slip_rate: Array, since: float, threshold: float) -> Array:
-    """When every point first slides faster than a threshold after some time [s].
+    """Return when every point first slips faster than a threshold after a time `since` [s], shape (points,).
 
-    Linear between records; NaN where it does not, the first record where it does so already.
+    Interpolated linearly between records; NaN if never; the time of the first record if it slips from the start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A specimen that is pressed until it breaks: stress against strain, what it emits, and into how many pieces it falls.
+"""A specimen compressed until it fractures: stress against strain, emission, and number of fragments.
 
 All is read from the files of a run: `edges.csv`, `events.h5`, `cracks.h5`, `bulk.h5`.
 """
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 SMALLEST = -10.0
 """Magnitude of the smallest events that count, as in Zhao (2013)."""
-CELLS = 3.0  # distance of events that are one, in facets
-RIPPLES = 0.5  # part of the largest stress below which a maximum is a wave
-ELASTIC = (0.2, 0.5)  # parts of the first peak between which the modulus is taken
+CELLS = 3.0  # largest distance of linked events, in facets
+RIPPLES = 0.5  # part of the largest stress; a maximum below it counts as a wave
+ELASTIC = (0.2, 0.5)  # parts of the first peak between which the modulus is fitted
 WINDOWS = (0.95, 0.98, 1.0)
 """Parts of the time of the first peak until which tensile shares are given; the last is the window of Zhao (2013)."""
 MODES = ("tensile", "shear", "mixed")
@@ -40,7 +40,7 @@ MODES = ("tensile", "shear", "mixed")
 
 @dataclass(frozen=True)
 class Loading:
-    """A specimen between two edges, its bottom and its top.
+    """Loading curve of a specimen between two edges, its bottom and its top.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Loading:
 
 
 def loading(record: Files) -> Loading | None:
-    """How a rectangular specimen was pressed or pulled; None for other bodies, and where its ends were not held."""
+    """Return the loading curve of a rectangular specimen; None for other bodies or without driven ends."""
     mesh = record.case.get("mesh", {})
     shape = mesh.get("shape", {})
     if mesh.get("kind") != "specimen" or shape.get("kind") != "rectangle":
@@ -93,26 +93,26 @@ def loading(record: Files) -> Loading | None:
 
 @dataclass(frozen=True)
 class Emission:
-    """What a run emitted.
+    """Acoustic emission of a run.
 
     Attributes
     ----------
     events : Catalogue
         All facets that failed, in the order of their failure.
     before : ndarray of bool, shape (events,)
-        Which of them failed before the failure of the specimen.
+        True for facets that failed before the specimen.
     mode : ndarray of str, shape (events,)
     inclination, length, time_of_failure : ndarray, shape (events,)
-        Of the facets [degrees, m, s].
+        Properties of the facets [degrees, m, s].
     failure_time : float or None
-        Of the first peak of the stress [s], or as given.
+        Time of the first peak of the stress, or the parameter of that name [s].
     seismic : Catalogue
         Events before it that radiate, from the smallest magnitude on.
     linked : Catalogue
         Clusters of seismic events of the whole run.
     of_events : Estimates
-        Of `seismic`.
-    of_clusters : BValue, or why there is none
+        Estimates of `seismic`.
+    of_clusters : BValue, or the exception of a failed estimate
     """
 
     events: Catalogue
@@ -130,12 +130,12 @@ class Emission:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Parts of the modes in `seismic`; not a number where there is no event."""
+        """Share of each mode in `seismic`; NaN without events."""
         return {name: _share(self.mode[self.counted], name) for name in MODES}
 
     @property
     def tensile_shares(self) -> dict[float, float]:
-        """Tensile part of `seismic` by the window it is of (`WINDOWS`); not a number without a time of failure."""
+        """Tensile share of `seismic` in each time window (`WINDOWS`); NaN without a time of failure."""
         failed = self.time_of_failure[self.counted] / (np.nan if self.failure_time is None else self.failure_time)
         return {part: _share(self.mode[self.counted][failed <= part], "tensile") for part in WINDOWS}
 
@@ -145,7 +145,7 @@ def emission_of(
     distances: tuple[float, float] | None = None, failure_time: float | None = None,
     link: tuple[float, float] | None = None,
 ) -> Emission:  # fmt: skip
-    """Events of a run and their statistics.
+    """Return the events of a run and their statistics.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def emission_of(
 def _counted(
     record: Files, smallest: float, failure_time: float | None
 ) -> tuple[Catalogue, Array, Array, float | None]:
-    """All events, which of them came before the failure, which of those count, and the time of the failure [s]."""
+    """Return all events, flags of those before the failure, flags of those that count, and the failure time [s]."""
     data = record.events
     x, y, energy, time, failed = (np.asarray(data[name].values) for name in ("x", "y", "energy", "time",
                                                                             "time_of_failure"))  # fmt: skip
@@ -193,17 +193,17 @@ def _counted(
 
 
 def events_that_count(record: Files) -> int:
-    """Number of events before the failure that radiate a magnitude of -10 at least."""
+    """Return the number of events before the failure with a radiated magnitude of at least -10."""
     return int(_counted(record, SMALLEST, None)[2].sum())
 
 
 def _share(modes: Array, name: str) -> float:
-    """Part of events that have a mode; not a number without events."""
+    """Return the share of events of a mode; NaN without events."""
     return float(np.mean(modes == name)) if len(modes) else float(np.nan)
 
 
 def _slowest(record: Files) -> float:
-    """Shear wave speed of the slowest body [m/s]."""
+    """Return the shear wave speed of the slowest body [m/s]."""
     speeds = [
         np.sqrt(each["young_modulus"] / (2 * (1 + each["poisson_ratio"]) * each["density"]))
         for each in record.case["materials"].values()
@@ -212,7 +212,7 @@ def _slowest(record: Files) -> float:
 
 
 def fragments(record: Files) -> int | None:
-    """Into how many pieces the bodies have fallen: cells that facets which have not failed join; None without them."""
+    """Return the number of fragments (cells connected by unfailed facets); None without facets."""
     if not (record.path / "bulk.h5").is_file():
         return None
     bulk, data = record.bulk, record.cracks
@@ -236,7 +236,7 @@ def fragments(record: Files) -> int | None:
 
 
 def summarise_fracture(record: Files) -> Table:
-    """Scalars of a run whose bodies may break, under the names of the summary."""
+    """Return the scalars of a run with fracture, under the names of the summary."""
     found, pressed = emission_of(record), loading(record)
     D, p = found.of_events.D, found.of_events.p
     values: Table = {}
@@ -263,5 +263,5 @@ def summarise_fracture(record: Files) -> Table:
 
 
 def _with_error(name: str, estimate: object, value: str) -> dict[str, float]:
-    """An estimate and its standard error; not a number where there is none."""
+    """Return an estimate and its standard error under two names; NaN if there is none."""
     return {name: getattr(estimate, value, np.nan), f"{name}_error": getattr(estimate, "error", np.nan)}

@@ -1,12 +1,12 @@
-"""Contact light: the real contact area along an interface, which glass blocks lit along their interface show.
+"""Contact light: real contact area along an interface, as seen on glass blocks lit along their interface.
 
-Of rough surfaces only a small part A of the nominal area touches. It is taken to be
+Rough surfaces touch on a small part A of the nominal area only. The model is
 
     A / A_nominal = sigma_n / H (1 + B ln(1 + theta / theta_c)),
 
 proportional to the normal stress over the indentation hardness H, as of plastic contacts (Bowden and Tabor), and
 growing with the logarithm of the age theta of the contacts, as they creep (seen by Dieterich and Kilgore 1994); slip
-renews them and lowers theta. H, B and the cut-off theta_c are of the material and have to be given: no law of friction
+renews them and lowers theta. H, B and the cut-off theta_c are material parameters of this model: no law of friction
 contains them. It is a model of the light, not part of the run.
 """
 
@@ -29,7 +29,7 @@ Array = np.ndarray
 def real_contact_area(
     normal_stress: Array, hardness: float, age: Array | float = 0.0, growth: float = 0.0, cutoff: float = 1.0
 ) -> Array:
-    """Real over nominal contact area; zero where the interface is open.
+    """Return the real over the nominal contact area; zero where the interface is open.
 
     Parameters
     ----------
@@ -61,15 +61,15 @@ def contact_light(
     record: Record, hardness: float, growth: float = 0.0, cutoff: float = 1.0, state: str | None = None,
     interface: str | None = None,
 ) -> xarray.DataArray:
-    """Real over nominal contact area of a run against time and position.
+    """Return the real over the nominal contact area of a run against time and position.
 
     Parameters
     ----------
     record : Record
     hardness, growth, cutoff : float
-        As `real_contact_area` has them.
+        As in `real_contact_area`.
     state : str, optional
-        The state variable that is the age of the contacts; default is the only one in seconds.
+        Name of the state variable that is the contact age; default is the only one in seconds.
     interface : str, optional
         Its name; default is the first.
 

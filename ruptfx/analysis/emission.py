@@ -1,7 +1,7 @@
 """Statistics of acoustic emission: magnitudes, b-value, fractal dimension, Omori exponent, clusters.
 
-They work on arrays, of a run of ours or of a measured catalogue. What a statistic cannot know it does not give: every
-estimate comes with its standard error.
+The functions take arrays, of a run or of a measured catalogue. Every
+estimate has a standard error.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ruptfx.number_files import named_columns, number
 Array = np.ndarray
 T = TypeVar("T")
 
-FEWEST = 10  # events an estimate is made of
-RADII = 20  # at which pairs are counted
+FEWEST = 10  # events: minimum for an estimate
+RADII = 20  # number of radii at which pairs are counted
 
 
 def magnitude(energy: Array) -> Array:
-    """M = (2/3) (log10 E - 4.8) of radiated energies [J]; minus infinity where there is none.
+    """Return M = (2/3) (log10 E - 4.8) of radiated energies [J]; minus infinity for zero energy.
 
     Source: Gutenberg and Richter (1956).
     """
@@ -37,13 +37,13 @@ def magnitude(energy: Array) -> Array:
 
 
 def energy_of(magnitudes: Array) -> Array:
-    """Radiated energy [J] of a magnitude."""
+    """Return the radiated energy [J] of a magnitude."""
     return 10 ** (1.5 * np.asarray(magnitudes, dtype=float) + 4.8)
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Events in the order of time.
+    """Events in chronological order.
 
     Attributes
     ----------
@@ -61,22 +61,24 @@ class Catalogue:
     energy: Array
 
     def __len__(self) -> int:
+        """Return the number of events."""
         return len(self.time)
 
     @property
     def magnitude(self) -> Array:
+        """Magnitude of every event, shape (n,)."""
         return magnitude(self.energy)
 
     def seismic(self, smallest: float = -np.inf) -> Catalogue:
-        """Events that radiate at least the magnitude `smallest`."""
+        """Return the events that radiate at least the magnitude `smallest`."""
         keep = (self.energy > 0) & (self.magnitude >= smallest)
         return Catalogue(*(getattr(self, field.name)[keep] for field in fields(self)))
 
 
 def read_catalogue(path: str | Path) -> Catalogue:
-    """A catalogue from a CSV file with the columns time [s], x, y [m] and magnitude or energy [J], or in other units.
+    """Read a catalogue from a CSV file with the columns time [s], x, y [m] and magnitude or energy [J].
 
-    Further columns are left alone, lines that begin with # are skipped, and events are put in the order of time.
+    Headers may state other units. Further columns and lines that begin with # are ignored; events are sorted by time.
 
     Raises
     ------
@@ -116,9 +118,9 @@ class BValue:
     Attributes
     ----------
     b, error : float
-        And its standard error.
+        Slope and its standard error.
     completeness, bin : float
-        Magnitude M_c from which on it was taken, and the width to which magnitudes were rounded.
+        Smallest magnitude M_c of the fit, and the width to which magnitudes were rounded.
     count : int
         Events of at least M_c when rounded.
     """
@@ -131,7 +133,7 @@ class BValue:
 
 
 def b_value(magnitudes: Array, completeness: float | None = None, bin: float = 0.1) -> BValue:
-    """Maximum likelihood estimate of b.
+    """Return the maximum likelihood estimate of b.
 
     b = log10(1 + bin / (mean(M) - M_c)) / bin over magnitudes rounded to `bin`, without the bias of 1 % and more that
     log10(e) / (mean(M) - M_c + bin / 2) has; its limit for small bins is that of Aki.
@@ -140,7 +142,7 @@ def b_value(magnitudes: Array, completeness: float | None = None, bin: float = 0
     ----------
     magnitudes : ndarray, shape (n,)
     completeness : float, optional
-        M_c; by default where most events are (maximum curvature), which is often 0.2 too small: look at
+        M_c; default: the most frequent magnitude (maximum curvature), often 0.2 too small: check with
         `b_against_completeness`.
     bin : float
         Width to which magnitudes are rounded.
@@ -172,7 +174,7 @@ def b_value(magnitudes: Array, completeness: float | None = None, bin: float = 0
 
 
 def b_against_completeness(magnitudes: Array, bin: float = 0.1) -> list[BValue]:
-    """b for every M_c that leaves enough events: where it is level, it means something."""
+    """Return b for every M_c with enough events; a plateau means that the estimate is sound."""
     values = np.asarray(magnitudes, dtype=float)
     values = values[np.isfinite(values)]
     estimates = []
@@ -186,7 +188,7 @@ def b_against_completeness(magnitudes: Array, bin: float = 0.1) -> list[BValue]:
 
 @dataclass(frozen=True)
 class FractalDimension:
-    """Correlation dimension of the places of events.
+    """Correlation dimension of the positions of events.
 
     Attributes
     ----------
@@ -203,14 +205,14 @@ class FractalDimension:
 
 
 def fractal_dimension(x: Array, y: Array, smallest: float, largest: float) -> FractalDimension:
-    """Correlation dimension D: the part of pairs closer than r, C(r), grows as r^D.
+    """Return the correlation dimension D: the share of pairs closer than r, C(r), grows as r^D.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
         Places [m].
     smallest, largest : float
-        Range of r [m]: from two cells to a third of the narrower side of the specimen, say.
+        Range of r [m], for example from two cells to a third of the narrower side of the specimen.
 
     Raises
     ------
@@ -263,12 +265,12 @@ class Omori:
     K: float
 
     def rate(self, time: Array) -> Array:
-        """Events per second at the time to failure [s]."""
+        """Return the events per second at the time to failure [s]."""
         return self.K * (np.asarray(time) + self.c) ** -self.p
 
 
 def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
-    """Maximum likelihood estimate of the modified Omori law.
+    """Return the maximum likelihood estimate of the modified Omori law.
 
     Parameters
     ----------
@@ -284,7 +286,7 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
 
     Source: Utsu (1961); Ogata (1983); the error is from the curvature of the likelihood.
     """
-    from scipy.optimize import minimize  # a run, which asks for magnitudes only, starts without it
+    from scipy.optimize import minimize  # imported late: a run needs magnitudes only
 
     times = np.asarray(time_to_failure, dtype=float)
     end = float(times.max(initial=0.0)) if longest is None else longest
@@ -315,7 +317,7 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
     c = float(np.exp(log_c))
     if log_c > bounds[1][0] + 1e-3:
         variance = np.linalg.inv(_hessian(unlikely, best.x))[0, 0]
-    else:  # c cannot be told from zero
+    else:  # c is not distinguishable from zero
         variance = 1 / _hessian(lambda only: unlikely(np.array([only[0], log_c])), best.x[:1])[0, 0]
     if not variance > 0:
         raise RuptfxError(f"the likelihood of an Omori law has no maximum for these {n} events")
@@ -323,7 +325,7 @@ def omori(time_to_failure: Array, longest: float | None = None) -> Omori:
 
 
 def _hessian(function: Callable[[Array], float], point: Array, step: float = 1e-3) -> Array:
-    """Second derivatives by central differences."""
+    """Return the second derivatives by central differences."""
     n = len(point)
     moves = np.eye(n) * step
     return np.array([
@@ -334,7 +336,7 @@ def _hessian(function: Callable[[Array], float], point: Array, step: float = 1e-
 
 @dataclass(frozen=True)
 class Clusters:
-    """Events that belong together.
+    """Linked events.
 
     Attributes
     ----------
@@ -352,18 +354,18 @@ class Clusters:
 
 
 def clusters(catalogue: Catalogue, distance: float, speed: float) -> Clusters:
-    """Single linkage: events closer than `distance`, within the time that `speed` needs for it, are one.
+    """Link events closer than `distance` and within the time `distance` / `speed` (single linkage).
 
-    One broken facet is a small event; a crack that runs over many of them is one large event. Magnitudes of single
-    facets span two units at most and their b-value says little.
+    One failed facet is a small event; a crack that runs over many of them is one large event. Magnitudes of single
+    facets span two units at most, so that their b-value is poorly defined.
 
     Parameters
     ----------
     catalogue : Catalogue
     distance : float
-        [m]; three cells, say.
+        [m], for example three cells.
     speed : float
-        [m/s]; half the shear wave speed, say.
+        [m/s], for example half the shear wave speed.
     """
     n = len(catalogue)
     tree = KDTree(np.column_stack([catalogue.x, catalogue.y]))
@@ -384,14 +386,14 @@ def clusters(catalogue: Catalogue, distance: float, speed: float) -> Clusters:
 
 @dataclass(frozen=True)
 class Estimates:
-    """Every estimate, or the error that says why there is none; None where it was not asked for."""
+    """Estimates of a catalogue; a failed one is its exception, one that was not requested is None."""
 
     b: BValue | RuptfxError
     D: FractalDimension | RuptfxError | None = None
     p: Omori | RuptfxError | None = None
 
     def rows(self) -> Iterator[tuple[str, str, str]]:
-        """What it is, its value with its error, and what it was taken from."""
+        """Yield name, value with error, and range of every estimate as text."""
         b, D, p = self.b, self.D, self.p
         if isinstance(b, RuptfxError):
             yield "b-value", "none", str(b)
@@ -411,7 +413,7 @@ def estimate(
     found: Catalogue, completeness: float | None = None, distances: tuple[float, float] | None = None,
     failure_time: float | None = None,
 ) -> Estimates:
-    """All that the catalogue allows.
+    """Return all estimates that the catalogue allows.
 
     Parameters
     ----------
@@ -422,7 +424,7 @@ def estimate(
     distances : (float, float), optional
         As for `fractal_dimension` [m]; default: a thirtieth and a third of the narrower extent.
     failure_time : float, optional
-        Of the failure that events precede [s]; without it, no Omori exponent is asked for.
+        Time of the failure that follows the events [s]; without it, no Omori exponent is computed.
     """
     narrow = min(float(np.ptp(found.x)), float(np.ptp(found.y))) if len(found) else 0.0
     near, far = distances or (narrow / 30, narrow / 3)
@@ -434,7 +436,7 @@ def estimate(
 
 
 def tried(estimate: Callable[[], T]) -> T | RuptfxError:
-    """The estimate, or why there is none."""
+    """Return the estimate, or its exception."""
     try:
         return estimate()
     except RuptfxError as error:
@@ -442,7 +444,7 @@ def tried(estimate: Callable[[], T]) -> T | RuptfxError:
 
 
 def tensile_share(xx: Array, yy: Array, xy: Array) -> Array:
-    """Part of opening in potencies, opening^2 / (opening^2 + slip^2): 1 for a crack that opens, 0 for one that slips.
+    """Return the share of opening in potencies, opening^2 / (opening^2 + slip^2): 1 opening, 0 slip.
 
     The symmetric part of (opening n + slip t) n has the trace `opening` and the difference sqrt(opening^2 + slip^2)
     of its eigenvalues.
@@ -457,7 +459,7 @@ def tensile_share(xx: Array, yy: Array, xy: Array) -> Array:
 
 
 def first_peak(stress: Array, fall: float = 0.03, smooth: int = 5) -> int | None:
-    """Number of the first maximum that is followed by a fall before it is exceeded; None where there is none.
+    """Return the index of the first maximum followed by a fall before it is exceeded; None if there is none.
 
     Parameters
     ----------
@@ -477,7 +479,7 @@ def first_peak(stress: Array, fall: float = 0.03, smooth: int = 5) -> int | None
 
 
 def rose(inclination: Array, length: Array, sectors: int = 18) -> tuple[Array, Array]:
-    """Length of cracks in sectors of their inclination.
+    """Return the length of cracks in sectors of their inclination.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Energy budget of a run: where the work of the boundaries went, and whether everything is accounted for."""
+"""Energy budget of a run: distribution of the boundary work, and the part that is unaccounted for."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ PARTS = (
 
 
 def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
-    """Energy that is not accounted for, as a fraction of the largest boundary work; shape (times,).
+    """Return the unaccounted energy as a fraction of the largest boundary work; shape (times,).
 
-    closure = (W - sum of the parts) / max |W|; without boundary work (a rupture that lives on its initial
-    stress) the largest part takes the place of W in the denominator.
+    closure = (W - sum of the parts) / max |W|; without boundary work (a rupture driven by its initial
+    stress) the largest part replaces W in the denominator.
 
     Parameters
     ----------
     boundary_work : ndarray, shape (times,)
         Work done by the boundaries [J].
     parts : mapping of ndarray, shape (times,)
-        Energies it went to [J], as changes since the start.
+        Parts of the budget [J], as changes since the start.
     """
     values = np.array(list(parts.values()))
     scale = np.abs(boundary_work).max(initial=0.0) or np.abs(values).max(initial=0.0)
@@ -37,7 +37,7 @@ def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
 
 
 def budget(energy: Mapping[str, object] | Data) -> dict[str, float]:
-    """Final energies [J] under their names, and `energy_closure`, the largest |closure| of the run.
+    """Return the final energies [J] by name, and `energy_closure`, the largest |closure| of the run.
 
     Parameters
     ----------

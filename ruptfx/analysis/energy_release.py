@@ -17,11 +17,11 @@ from ruptfx.analysis.near_tip import Medium
 
 Array = np.ndarray
 
-PULSE = 0.4  # of the time left: points that slide for less are those of a pulse
+PULSE = 0.4  # median duration over the time to the end of sliding below which a rupture is a pulse
 
 
 def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, medium: Medium) -> float:
-    """Energy release of a front that runs along x, from a contour above the interface [J/m2].
+    """Return the energy release of a front that runs along x, from a contour above the interface [J/m2].
 
     G = (2 / v) int [sigma_ij n_j v_i + (U + T) v n_x] ds, U and T the densities of strain and kinetic energy, twice for
     the mirror image below (Source: Freund 1990, eq. 5.2.7). The contour moves with the tip; on another one it is the
@@ -32,7 +32,7 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
     contour : ndarray, shape (n, 2)
         From the interface ahead of the tip to that behind it, anticlockwise [m].
     stress : ndarray, shape (n, 3)
-        xx, yy, xy [Pa], less the stress that remains behind the front: without its friction, which takes energy, too.
+        xx, yy, xy [Pa], minus the residual stress behind the front, so that work against friction is excluded.
     velocity : ndarray, shape (n, 2)
         [m/s]
     speed : float
@@ -42,7 +42,7 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
     Raises
     ------
     RuptfxError
-        Arrays that do not fit each other.
+        If the shapes of the arrays differ.
     """
     if len(contour) < 3 or stress.shape != (len(contour), 3) or velocity.shape != contour.shape:
         raise RuptfxError(
@@ -66,16 +66,16 @@ def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, med
 
 @dataclass(frozen=True)
 class Moment:
-    """Motion in one instant at points above the interface, in plane strain or stress.
+    """Motion at one instant at points above the interface, in plane strain or stress.
 
     Attributes
     ----------
     point : ndarray, shape (n, 2)
         [m]
     area : ndarray, shape (n,)
-        That each point stands for [m2].
+        Tributary area of each point [m2].
     gradient : ndarray, shape (n, 2, 2)
-        du_i/dx_j as [n, j, i], also that of the stress before, less what remains behind the front [1].
+        du_i/dx_j as [n, j, i], including that of the initial stress, minus that of the residual state [1].
     velocity, acceleration : ndarray, shape (n, 2)
         [m/s], [m/s2]
     spin : ndarray, shape (n, 2)
@@ -91,7 +91,7 @@ class Moment:
 
 
 def domain_integral(moment: Moment, tip: float, half_width: float, medium: Medium) -> float:
-    """Energy release of a front at any speed, steady or not, from what moves in a box around its tip [J/m2].
+    """Return the energy release of any front, steady or not, from the motion in a box around its tip [J/m2].
 
     G = 2 int [(sigma_ij u_i,x - (U + T) delta_xj) q_,j + rho (a_i u_i,x - v_i v_i,x) q] dA above the interface, with a
     weight q that is one in the inner half of the box and falls to zero at its sides: `j_integral` on all contours
@@ -119,7 +119,7 @@ def domain_integral(moment: Moment, tip: float, half_width: float, medium: Mediu
 
 
 def _stress(gradient: Array, medium: Medium) -> tuple[Array, Array]:
-    """xx, yy, xy [Pa] and the density of strain energy [J/m3]."""
+    """Return xx, yy, xy [Pa] and the density of strain energy [J/m3]."""
     xx, yy, shear = gradient[:, 0, 0], gradient[:, 1, 1], gradient[:, 0, 1] + gradient[:, 1, 0]
     lame = medium.shear_modulus * ((medium.c_p / medium.c_s) ** 2 - 2)
     parts = 2 * medium.shear_modulus * np.column_stack([xx, yy, 0.5 * shear])
@@ -129,16 +129,16 @@ def _stress(gradient: Array, medium: Medium) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """How the traction of one point fell.
+    """Fall of the traction at one point.
 
     Attributes
     ----------
     energy : float
-        int (T - T_residual) ds until it reached the residual [J/m2].
+        int (T - T_residual) ds until the residual is reached [J/m2].
     peak, residual : float
         Traction [Pa].
     slip : float
-        At which it reached the residual [m].
+        Slip at which the residual is reached [m].
     start, stop : float
         Times of the peak and of the residual [s].
     """
@@ -152,26 +152,26 @@ class Breakdown:
 
 
 def breakdown(time: Array, traction: Array, slip: Array, residual: float | None = None) -> Breakdown:
-    """Local stress drop of a point; its fracture energy is the area under traction over slip above what remains.
+    """Return the local stress drop of a point and the area under its traction-slip curve above the residual.
 
     Parameters
     ----------
     time, traction, slip : ndarray, shape (times,)
         At a point of the interface: s, Pa, m.
     residual : float, optional
-        Traction that remains [Pa]; the least after the peak when left out.
+        Residual traction [Pa]; default: the smallest value after the peak.
 
     Raises
     ------
     RuptfxError
-        A point that did not slip.
+        If the point did not slip.
     """
     size, way = np.abs(traction), np.abs(slip - slip[0])
     peak = int(np.argmax(size))
     if not way[-1] > 0 or peak == len(size) - 1:
         raise RuptfxError("breakdown: the traction did not fall: the front did not pass the point in this time")
     least = float(size[peak:].min()) if residual is None else residual
-    # Reached to 1 % of the drop: some laws approach it for ever.
+    # The residual counts as reached within 1 % of the drop: some laws approach it asymptotically.
     down = size[peak:] <= least + 0.01 * (size[peak] - least)
     if not down.any():
         raise RuptfxError(f"breakdown: the traction fell to {size[peak:].min():.6g} Pa, not to {least:.6g} Pa")
@@ -182,12 +182,12 @@ def breakdown(time: Array, traction: Array, slip: Array, residual: float | None 
 
 
 def process_zone(fall: Breakdown, speed: float) -> float:
-    """Length over which the traction falls behind a front [m]."""
+    """Return the length over which the traction falls behind a front [m]."""
     return speed * (fall.stop - fall.start)
 
 
 def slides_like(duration: Array, left: Array) -> str:
-    """"pulse" or "crack", by how long points slide.
+    """Return "pulse", "crack" or "none", from the duration of sliding of the points.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A fibre pulled out of a matrix, by shear lag: what one dimension says of it.
+"""A fibre pulled out of a matrix: the one-dimensional shear-lag solution.
 
 The fibre, of radius R and Young's modulus E, is a bar whose surface carries the traction tau(x); the matrix moves with
 the fibre's surface by tau / k, k = G / (R ln(R_o / R)) for a matrix of shear modulus G that is held at the radius R_o:
@@ -48,11 +48,11 @@ class ShearLag:
 
     @property
     def decay_length(self) -> float:
-        """Over which a load goes into the matrix while nothing slides [m]."""
+        """Length over which the load passes into the matrix before sliding [m]."""
         return sqrt(self.young_modulus * self.radius / (2 * self.matrix_stiffness))
 
     def pulled(self, strength: float, sliding: np.ndarray, energy: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement of the loaded end [m] and force [N] when the fibre slides over some length at constant strength.
+        """Return displacement [m] and force [N] of the loaded end for a sliding zone of constant strength.
 
         In the sliding zone the traction is the strength, and where it ends tau_1 = strength + sqrt(2 k energy): as the
         bond breaks there, the matrix springs back and sets (tau_1 - strength)^2 / (2 k) free. Beyond it the load goes
@@ -62,7 +62,7 @@ class ShearLag:
         Parameters
         ----------
         strength : float
-            Of the interface that slides, friction [Pa].
+            Frictional strength of the sliding zone [Pa].
         sliding : ndarray
             Length l of the zone [m], from the loaded end.
         energy : float
@@ -75,11 +75,11 @@ class ShearLag:
         return moved, pi * R**2 * (at_end + 2 * strength * sliding / R)
 
     def elastic_stiffness(self) -> float:
-        """Force per displacement of the loaded end before anything slides [N/m]."""
+        """Return the force per displacement of the loaded end before sliding [N/m]."""
         return pi * self.radius**2 * self.young_modulus / self.decay_length * tanh(self.length / self.decay_length)
 
     def critical_length(self, weakening: float) -> float:
-        """Length [m] above which steady sliding of the whole fibre is unstable under a rate and state law.
+        """Return the length [m] above which steady sliding of the fibre is unstable under a rate and state law.
 
         The softest mode of a bar with one end held and the other free is a quarter of a wave, and gives the interface
         the stiffness 1 / (1 / (E R kappa^2 / 2) + 1 / k), kappa = pi / (2 L). It is unstable below the critical one,

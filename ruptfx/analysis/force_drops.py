@@ -1,7 +1,7 @@
-"""Ramps, knees and drops of the force between two bodies that slide.
+"""Ramps, knees and drops of the force between two sliding bodies.
 
 A drop, a macro-slip of the interface, is a fall of the force by more than a threshold, from a peak to the trough after
-it; a ramp is what is between two of them. At a knee a ramp goes on less steeply, because part of the interface has
+it; a ramp lies between two drops. At a knee the slope of a ramp decreases, because part of the interface has
 begun to slide.
 """
 
@@ -16,16 +16,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Drop:
-    """A macro-slip.
+    """A macro-slip: a fall of the force.
 
     Attributes
     ----------
     start, end : float
-        Of the fall [s].
+        Start and end of the fall [s].
     size : float
-        By how much the force falls.
+        Amount of the fall, in the unit of the force.
     ramp : float
-        How long the force had risen before, since the drop before or since the record began [s].
+        Duration of the ramp before it, from the previous drop or the start of the record [s].
     """
 
     start: float
@@ -36,7 +36,7 @@ class Drop:
 
 @dataclass(frozen=True)
 class Knee:
-    """Where a ramp bends down.
+    """Point at which the slope of a ramp decreases.
 
     Attributes
     ----------
@@ -52,12 +52,12 @@ class Knee:
 
 
 def averaged(time: Array, values: Array, window: float) -> Array:
-    """Mean over a window of time around every record, which is one-sided at the ends.
+    """Return the mean over a time window around every record, one-sided at the ends.
 
     Parameters
     ----------
     time, values : ndarray, shape (times,)
-        Increasing times [s], and what is linear between them.
+        Increasing times [s], and values that are interpolated linearly.
     window : float
         [s]
     """
@@ -67,7 +67,7 @@ def averaged(time: Array, values: Array, window: float) -> Array:
 
 
 def _integral_at(wanted: Array, time: Array, values: Array, integral: Array) -> Array:
-    """Since the first time, exactly for values that are linear between records."""
+    """Return the integral from the first time to each wanted one, exact for linear interpolation."""
     begin = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, len(time) - 2)
     after = wanted - time[begin]
     slope = (values[begin + 1] - values[begin]) / (time[begin + 1] - time[begin])
@@ -75,16 +75,16 @@ def _integral_at(wanted: Array, time: Array, values: Array, integral: Array) -> 
 
 
 def drops(time: Array, force: Array, least: float, rise: float | None = None) -> list[Drop]:
-    """Falls of the force by more than a threshold.
+    """Return the falls of the force that exceed a threshold.
 
     Parameters
     ----------
     time, force : ndarray, shape (times,)
-        The latter averaged over what is not to be seen.
+        Times [s] and the averaged force.
     least : float
         Threshold, in the unit of the force.
     rise : float, optional
-        What ends a fall; smaller rises within one belong to it. Default: a fifth of the threshold.
+        Rise that ends a fall; smaller rises belong to the fall. Default: a fifth of the threshold.
     """
     rise = 0.2 * least if rise is None else rise
     found: list[Drop] = []
@@ -97,7 +97,7 @@ def drops(time: Array, force: Array, least: float, rise: float | None = None) ->
 
 
 def _falls(force: Array, reversal: float) -> list[tuple[int, int]]:
-    """Places of peaks and of the troughs after them, between which the force turns by more than a threshold."""
+    """Return the indices of peaks and following troughs between which the force reverses by more than a threshold."""
     found = []
     peak = trough = 0
     falls = False
@@ -115,18 +115,18 @@ def _falls(force: Array, reversal: float) -> list[tuple[int, int]]:
 
 
 def knees(time: Array, force: Array, found: list[Drop], tolerance: float) -> list[Knee]:
-    """Where the ramps between drops bend down: vertices of the broken line that stays within a tolerance of the force.
+    """Return the knees of the ramps: vertices of the polyline that follows the force within a tolerance.
 
     Parameters
     ----------
     time, force : ndarray, shape (times,)
     found : list of Drop
     tolerance : float
-        Largest distance of the broken line, in the unit of the force.
+        Largest distance of the polyline, in the unit of the force.
 
     Notes
     -----
-    Source of the broken line: Douglas and Peucker (1973).
+    Source of the polyline: Douglas and Peucker (1973).
     """
     bends = []
     begins = [float(time[0]), *(drop.end for drop in found)]
@@ -144,7 +144,7 @@ def knees(time: Array, force: Array, found: list[Drop], tolerance: float) -> lis
 
 
 def _broken_line(x: Array, y: Array, tolerance: float) -> list[int]:
-    """Places of the vertices, the first and the last among them."""
+    """Return the indices of the vertices, including the first and the last point."""
     away = np.abs(y - np.interp(x, x[[0, -1]], y[[0, -1]]))
     farthest = int(np.argmax(away))
     if away[farthest] <= tolerance:

@@ -151,7 +151,7 @@ def self_similar_factor_III(speed: float, c_s: float) -> float:
 
 
 def half_length_at(speed: float, c_p: float, c_s: float, mode: Mode = "II") -> float:
-    """a / a_c of a bilateral crack of mode I or II under uniform stress drop that moves at a speed.
+    """Return a / a_c of a bilateral crack of mode I or II under uniform stress drop at a given speed.
 
     Slip near the tip of the self-similar crack gives K = T sqrt(pi a) G* / (G F A); with G = A K^2 / E' equal to the
     fracture energy a / a_c = (G F / G*)^2 A.

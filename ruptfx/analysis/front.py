@@ -1,4 +1,4 @@
-"""Rupture fronts: when each point starts to slide, where the tip is, and how fast fronts run.
+"""Rupture fronts: onset of sliding at each point, position of the tip, and front speeds.
 
 Distances are measured along the interface from where the rupture starts, in increasing order. All functions
 take plain arrays: slip rate against time and distance.
@@ -44,7 +44,7 @@ class Front:
 
 
 def crossing(low: Array, high: Array, threshold: float) -> Array:
-    """Part of the way from a rate below the threshold to one above it at which the threshold is passed.
+    """Return the fraction of the interval between two rates at which a threshold is passed.
 
     Interpolated in the logarithm of the rate, the lower one being at least threshold^2 / high: exact for
     exponential tails, and half-way for the sudden start of a point that was stuck, which linear interpolation
@@ -55,7 +55,7 @@ def crossing(low: Array, high: Array, threshold: float) -> Array:
 
 
 def onsets(slip_rate: Array, time: Array, threshold: float) -> tuple[Array, Array]:
-    """Every start of sliding: where the slip rate passes the threshold upwards.
+    """Return every onset of sliding: upward passages of the slip rate through the threshold.
 
     The time is interpolated between the two saved times around the crossing (`crossing`). A point that slides
     from the first saved time on starts there.
@@ -84,7 +84,7 @@ def onsets(slip_rate: Array, time: Array, threshold: float) -> tuple[Array, Arra
 
 
 def rupture_time(slip_rate: Array, time: Array, threshold: float) -> Array:
-    """First time at which each point slides [s], NaN where it never does; shape (points,).
+    """Return the first time at which each point slides [s], NaN if never; shape (points,).
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def rupture_time(slip_rate: Array, time: Array, threshold: float) -> Array:
 
 
 def tip_position(rupture_time: Array, distance: Array, time: Array) -> Array:
-    """Distance reached by the leading tip at given times [m], NaN before rupture; shape (times,).
+    """Return the position of the leading tip at given times [m], NaN before rupture; shape (times,).
 
     The tip runs through the points of increasing distance up to the first that never slid, so that it lies
     between the start and that point. Between two points it is interpolated linearly in time.
@@ -111,7 +111,7 @@ def tip_position(rupture_time: Array, distance: Array, time: Array) -> Array:
     rupture_time, distance : ndarray, shape (points,)
         First time of sliding [s] (NaN if never) and distance [m].
     time : ndarray, shape (times,)
-        Times asked for [s].
+        Times at which to evaluate [s].
     """
     slid = np.isfinite(rupture_time)
     stop = len(slid) if slid.all() else int(slid.argmin())
@@ -130,7 +130,7 @@ def fit_speed(
     stop: float | None = None,
     outlier: float = 3.0,
 ) -> Speed:
-    """Front speed by least squares of arrival time against distance, outliers rejected.
+    """Fit a front speed by least squares of arrival time against distance, with rejection of outliers.
 
     t = t_0 + x/v is linear in 1/v, and the noise of sampling is in t. Points further than `outlier` robust
     standard deviations (1.4826 times the median absolute residual) from the line are dropped and the line
@@ -170,7 +170,7 @@ def fit_speed(
 
 
 def local_speed(distance: Array, arrival: Array, width: float) -> Array:
-    """Front speed along the interface: a least-squares line in a window that slides along it.
+    """Return the front speed along the interface, by a least-squares line in a moving window.
 
     Parameters
     ----------
@@ -247,13 +247,13 @@ def trace_fronts(
 
 
 def _first_of_chains(event: Array, following: Array, count: int) -> Array:
-    """The first event of the chain that each is in, from links in each of which `following` is the later number.
+    """Return the first event of the chain of each event; each link leads from `event` to `following`.
 
     No event has two links ahead or two behind.
     """
     first = np.arange(count)
     first[following] = event
-    while np.any(first[first] != first):  # twice as far in every turn
+    while np.any(first[first] != first):  # pointer jumping doubles the distance in every pass
         first = first[first]
     return first
 
@@ -265,7 +265,7 @@ def _fastest(fronts: list[Front]) -> float:
 
 
 def _nearest(column: Array, when: Array, step: int) -> Array:
-    """For each event the one nearest in time at the neighbouring point, -1 where that point has none."""
+    """Return for each event the nearest one in time at the neighbouring point, -1 if that has none."""
     # One sorted key for all points: point number times a span longer than twice the record, plus time.
     span = 3 * (np.ptp(when) + np.finfo(float).tiny) + 1e-30
     key = column * span + (when - when.min())

@@ -4,10 +4,10 @@ While a front passes, gauges at heights of some millimetres see the field of `ne
 passage t_0 and the length of the process zone are found by least squares, with numbers that enter linearly: K_II and
 its rate (`mode_II_rate`: near c_R the field of a K_II that grows with the way is another one than that of a constant
 K_II, by 9 % of the fracture energy at 0.95 c_R and 80 mm), the field that grows with sqrt(r), the stress along the
-interface, which no traction tells, and the shear stress left behind. Samples count while the tip is within 2.5 a_s
+interface, which follows from no traction, and the residual shear stress. Samples count while the tip is within 2.5 a_s
 heights of the gauge, a_s = sqrt(1 - v^2 / c_s^2), where the singular field is large: fields contract with a_s.
-Gauges at several places along the interface tell the speed best; near c_R an error of 1 % in it is one of 10 % in the
-fracture energy. Gauges at several heights tell the process zone.
+Gauges at several positions along the interface determine the speed best; near c_R an error of 1 % in it is 10 % in the
+fracture energy. Gauges at several heights determine the process zone.
 Source: Svetlizky and Fineberg (2014), who found the fracture energy of such traces; sqrt(r) after Freund (1990).
 """
 
@@ -29,12 +29,12 @@ COMPONENTS = ("xx", "yy", "xy")
 SPEEDS = np.array([0.03, 0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.86, 0.92, 0.96, 0.98])  # c_R, where to begin
 SLOWEST, FASTEST = 0.01, 0.995  # c_R
 STARTS, WINDOWS = 3, 3
-MOST = 1000  # samples in the search for a start
+MOST = 1000  # samples in the search for starting values
 REACH = 2.5  # a_s heights of the gauge, on either side of the tip
-SHORTEST, LONGEST = 0.02, 2.0  # heights: no shorter and no longer process zone is seen as one
-EXPLAINED = 0.9  # of the variance of the samples, at least
-DOUBT = 0.3  # of the fracture energy, the largest standard error
-LARGEST = 0.1  # strain; what is larger is not in m/m
+SHORTEST, LONGEST = 0.02, 2.0  # gauge heights: limits of a process zone that can be identified
+EXPLAINED = 0.9  # smallest explained part of the variance of the samples
+DOUBT = 0.3  # largest standard error over the fracture energy
+LARGEST = 0.1  # strain; larger values are in another unit than m/m
 FEWEST = 12  # samples of a component of a gauge within reach
 
 
@@ -45,7 +45,7 @@ class Trace:
     Attributes
     ----------
     x, y : float
-        Place: along the interface and height above it [m].
+        Position along the interface and height above it [m].
     time : ndarray, shape (times,)
         Increasing [s].
     strain : mapping of ndarray, shape (times,)
@@ -61,11 +61,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class FrontFit:
-    """A front that explains the traces, with standard errors.
+    """Front fitted to the traces, with standard errors.
 
-    Errors are the larger of two: as if what the front does not explain were independent from sample to sample, and as
-    if it were so from trace to trace only, which it is where the field lacks something (Source: Liang and Zeger 1986,
-    Biometrika 73, 13). What all traces have in common, such as wrong elastic constants, is in neither.
+    Errors are the larger of two estimates: residuals independent from sample to sample, and residuals
+    independent from trace to trace only, as for an incomplete model of the field (Source: Liang and Zeger 1986,
+    Biometrika 73, 13). Neither includes errors common to all traces, such as wrong elastic constants.
 
     Attributes
     ----------
@@ -76,14 +76,14 @@ class FrontFit:
     speed, speed_error : float
         [m/s]
     position, passage, passage_error : float
-        The mean place of the gauges [m], and when the tip is there [s].
+        Mean position of the gauges [m], and time of the tip at it with its error [s].
     process_zone : float
         Length of the zone behind the tip over which the shear stress falls as in `near_tip.mode_II` [m]; gauges higher
-        than it is long do not tell it.
+        than its length do not determine it.
     explained : float
-        Part of the variance of the samples that the front explains.
+        Explained part of the variance of the samples.
     residual : float
-        Root mean square of what it leaves [1].
+        Root mean square residual [1].
     samples : int
     """
 
@@ -102,13 +102,13 @@ class FrontFit:
     samples: int
 
     def tip(self, time: Array) -> Array:
-        """Position of the tip [m]."""
+        """Return the position of the tip [m]."""
         return self.position + self.speed * (time - self.passage)
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """All samples in one column: place, time, which component, value, and of which gauge."""
+    """All samples in one column: position, time, component, value, and gauge."""
 
     x: Array
     y: Array
@@ -121,12 +121,12 @@ class _Samples:
         return _Samples(*(getattr(self, name)[chosen] for name in ("x", "y", "time", "component", "value", "gauge")))
 
     def spread(self) -> float:
-        """Sum of squares about the mean of each component."""
+        """Return the sum of squares about the mean of each component."""
         parts = (self.value[self.component == number] for number in range(len(COMPONENTS)))
         return sum(float(np.sum((part - part.mean()) ** 2)) for part in parts if len(part))
 
     def columns(self, numbers: Array, medium: Medium) -> Array:
-        """Strains per unit of each coefficient, shape (samples, 4 or 5); the numbers are speed, passage and zone.
+        """Return strains per unit coefficient, shape (samples, 4 or 5), for given speed, passage and zone.
 
         Coefficients are K_II, its rate, that of sqrt(r), and the uniform stresses along x and in shear as far as the
         components have them.
@@ -165,7 +165,7 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
     Raises
     ------
     RuptfxError
-        Traces that are none, or that no sub-Rayleigh front explains: what speaks against it.
+        If traces are invalid, or no sub-Rayleigh front explains them; the message states the reason.
     """
     samples, position = _gathered(traces, direction)
     few = samples.part(slice(None, None, max(1, len(samples.value) // MOST)))
@@ -173,7 +173,7 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
     for speed, passage in _starts(few, medium, reach):
         try:
             tried.append(_solve(few, speed, passage, 0.0, medium, reach))
-        except RuptfxError as error:  # it wandered off; another start may not
+        except RuptfxError as error:  # diverged; another start may converge
             too_few = error
     if not tried and too_few is not None:
         raise too_few
@@ -187,7 +187,7 @@ def fit_front(traces: Sequence[Trace], medium: Medium, direction: int = 1, reach
 
 
 def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]:
-    """All samples, with x from the mean place and along the front's way; that place."""
+    """Return all samples, with x from the mean position along the direction of the front, and that position."""
     if direction not in (1, -1):
         raise RuptfxError(f"front_fit: direction = {direction}: must be 1 or -1")
     if not traces:
@@ -214,7 +214,7 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
                     f"{name}: strain '{component}' is up to {np.abs(strain).max():.3g}: more than {LARGEST:g} m/m is "
                     "not elastic; is it in microstrain or per cent?"
                 )
-            sign = direction if component == "xy" else 1  # a mirror turns the shear
+            sign = direction if component == "xy" else 1  # reflection reverses the sign of shear
             full = np.full(len(time), 1.0)
             columns[0].append(direction * (trace.x - position) * full)
             columns[1].append(trace.y * full)
@@ -229,7 +229,7 @@ def _gathered(traces: Sequence[Trace], direction: int) -> tuple[_Samples, float]
 
 
 def _in_units(values: Array, unit: str, name: str) -> Array:
-    """Plain numbers; arrays that can say their unit, as those of xarray, must have the right one."""
+    """Return plain numbers; arrays with a unit attribute, as those of xarray, must have the right one."""
     attributes = getattr(values, "attrs", None)
     if attributes is not None and attributes.get("units") != unit:
         given = f"units = '{attributes['units']}'" if "units" in attributes else "no units"
@@ -238,7 +238,7 @@ def _in_units(values: Array, unit: str, name: str) -> Array:
 
 
 def _starts(samples: _Samples, medium: Medium, reach: float) -> list[tuple[float, float]]:
-    """The best passage of every speed, those that explain most of strong strains first."""
+    """Return the best passage for every speed, sorted by the strain variance they explain."""
     first, last, height = samples.time.min(), samples.time.max(), samples.y.min()
     found = []
     for speed in SPEEDS * medium.c_R:
@@ -260,7 +260,7 @@ def _near(samples: _Samples, speed: float, passage: float, medium: Medium, reach
 
 @dataclass(frozen=True)
 class _Solution:
-    """Speed, passage, process zone, K_II and the other coefficients; what they leave of the samples near the tip."""
+    """Speed, passage, process zone, K_II and the other coefficients, with residuals near the tip."""
 
     values: Array
     residual: Array
@@ -268,18 +268,18 @@ class _Solution:
 
     @property
     def explained(self) -> float:
-        """Part of the variance."""
+        """Explained part of the variance."""
         spread = self.near.spread()
         return 1 - float(self.residual @ self.residual) / spread if spread > 0 else 0.0
 
     @property
     def gained(self) -> float:
-        """Variance explained."""
+        """Explained variance."""
         return self.explained * self.near.spread() / len(self.residual)
 
 
 def _linear(near: _Samples, speed: float, passage: float, zone: float, medium: Medium) -> _Solution:
-    """The best coefficients at a speed, a passage and a process zone."""
+    """Return the least-squares coefficients at a given speed, passage and process zone."""
     columns = near.columns(np.array([speed, passage, zone]), medium)
     scale = np.abs(columns).max(axis=0)
     coefficients = np.linalg.lstsq(columns / scale, near.value, rcond=None)[0] / scale
@@ -287,7 +287,7 @@ def _linear(near: _Samples, speed: float, passage: float, zone: float, medium: M
 
 
 def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium: Medium, reach: float) -> _Solution:
-    """Least squares in all numbers, in a window that follows the tip."""
+    """Solve the least-squares problem in all parameters, in a window that follows the tip."""
     bounds = np.array([SLOWEST, -np.inf, 0.0]), np.array([FASTEST, np.inf, LONGEST])
     near = _near(samples, speed, passage, medium, reach)
     for _ in range(WINDOWS):
@@ -310,19 +310,19 @@ def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium:
 
 
 def _from_middle(values: Array) -> tuple[float, float, float]:
-    """Speed, passage and zone of speed, passage of the middle of the zone, and zone: a short zone only moves it."""
+    """Convert speed, passage of the middle of the zone, and zone to speed, passage of the tip, and zone."""
     speed, middle, zone = (float(value) for value in values)
     return speed, middle - 0.5 * zone / speed, zone
 
 
 def _jacobian(solution: _Solution, medium: Medium) -> Array:
-    """Derivative of the strains with respect to all numbers, shape (samples, numbers)."""
+    """Return the derivative of the strains with respect to all parameters, shape (samples, parameters)."""
     near, numbers, coefficients = solution.near, solution.values[:3], solution.values[3:]
     slopes = []
     for index, step in enumerate((1e-5 * numbers[0], 1e-5 * near.y.mean() / numbers[0], 1e-4 * near.y.min())):
         change = np.zeros(3)
         change[index] = step
-        low = np.maximum(numbers - change, 0.0)  # no zone is shorter
+        low = np.maximum(numbers - change, 0.0)  # a zone has no negative length
         low[1] = numbers[1] - change[1]
         upper, lower = (near.columns(values, medium) @ coefficients for values in (numbers + change, low))
         slopes.append((upper - lower) / (numbers + change - low)[index])
@@ -330,10 +330,10 @@ def _jacobian(solution: _Solution, medium: Medium) -> Array:
 
 
 def _covariances(solution: _Solution, medium: Medium) -> tuple[Array, Array]:
-    """Of all numbers, for residuals that are independent, and for those that are so from trace to trace only."""
+    """Return covariances of all parameters, for residuals independent by sample, and by trace only."""
     jacobian, residual, near = _jacobian(solution, medium), solution.residual, solution.near
     if solution.values[2] < SHORTEST * near.y.min():
-        jacobian[:, 2] = 0.0  # it was held; and all that it would do is to shift the tip, as the passage does
+        jacobian[:, 2] = 0.0  # the zone was fixed; its effect equals a shift of the passage
     # Speed, passage and coefficients differ by many orders: scaled, so that the inverse keeps its digits.
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
@@ -348,7 +348,7 @@ def _covariances(solution: _Solution, medium: Medium) -> tuple[Array, Array]:
 
 
 def _judged(solution: _Solution, samples: _Samples, medium: Medium, position: float) -> FrontFit:
-    """The result with its errors, or what speaks against it."""
+    """Return the result with its errors; raise an error that states why a fit is not acceptable."""
     residual = solution.residual
     speed, passage, zone, K = (float(value) for value in solution.values[:4])
     first, last = samples.time.min(), samples.time.max()

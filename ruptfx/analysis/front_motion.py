@@ -33,20 +33,20 @@ FASTEST = 0.999  # c_R, at the end of the table of g
 
 @dataclass(frozen=True)
 class FrontMotion:
-    """What the equation of motion says of a front.
+    """Solution of the equation of motion of a front.
 
     Attributes
     ----------
     length : ndarray, shape (n,)
-        Half-length of a bilateral rupture, or length of one from an edge or with one tip [m].
+        Half-length of a bilateral rupture, or length of a rupture from an edge or with one tip [m].
     speed : ndarray, shape (n,)
-        Of the front there [m/s]; zero from where it stops.
+        Front speed at each length [m/s]; zero beyond the arrest.
     time : ndarray, shape (n,)
-        When it is there, from the first length on [s]; infinite beyond the arrest.
+        Arrival time, from the first length on [s]; infinite beyond the arrest.
     energy_ratio : ndarray, shape (n,)
         G_s / Gamma.
     arrest : float
-        Length at which it stops [m]; NaN where it runs through.
+        Arrest length [m]; NaN without arrest.
     """
 
     length: Array
@@ -57,7 +57,7 @@ class FrontMotion:
 
 
 def static_stress_intensity(length: float, stress_drop: Along, shape: Shape, height: float | None = None) -> float:
-    """K_s of a crack along y = 0 from which a stress drop that varies along it was taken [Pa sqrt(m)].
+    """Return K_s of a crack along y = 0 for a non-uniform stress drop [Pa sqrt(m)].
 
     Bilateral: 2 sqrt(l / pi) int_0^l drop(x) / sqrt(l^2 - x^2) dx, for a drop that is even in x. From an edge:
     2 / sqrt(pi l) int_0^l drop(x) (1.3 - 0.3 (x / l)^(5/4)) / sqrt(1 - (x / l)^2) dx, to 1 % (Source: Tada, Paris and
@@ -97,12 +97,12 @@ def front_motion(
     shape: Shape = "bilateral",
     height: float | None = None,
 ) -> FrontMotion:
-    """Speed of a mode II front at every length, until it stops.
+    """Solve for the speed of a mode II front at every length, until it stops.
 
     Parameters
     ----------
     lengths : ndarray, shape (n,)
-        Increasing [m]; the first is that with which it begins.
+        Increasing lengths [m]; the first is the initial one.
     stress_drop, fracture_energy : callable
         tau(x) - mu_d sigma(x) [Pa] and Gamma(x) [J/m2] of positions [m].
     medium : Medium
@@ -112,7 +112,7 @@ def front_motion(
     Raises
     ------
     RuptfxError
-        Lengths that do not increase, a shape there is not, or a front that cannot begin.
+        If lengths do not increase, the shape is unknown, or the front cannot start.
     """
     lengths = np.asarray(lengths, dtype=float)
     if shape not in SHAPES:
@@ -144,15 +144,15 @@ def front_motion(
 
 
 def by_contact_area(fracture_energy: float, normal_stress: Along, reference: float) -> Along:
-    """Fracture energy in proportion to the real contact area, which is that to the normal stress.
+    """Return a fracture energy proportional to the real contact area, hence to the normal stress.
 
     Parameters
     ----------
     fracture_energy : float
-        At the reference [J/m2].
+        Fracture energy at the reference [J/m2].
     normal_stress : callable
         sigma(x) [Pa].
     reference : float
-        Normal stress at which it was measured [Pa].
+        Normal stress of that measurement [Pa].
     """
     return lambda position: fracture_energy * normal_stress(position) / reference

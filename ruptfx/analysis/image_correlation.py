@@ -2,8 +2,8 @@
 
 The correlation is that of scikit-image (iterative Lucas-Kanade, which minimises the difference of grey levels over a
 square subset around every pixel); strains are slopes of planes fitted to the displacements over a square window. The
-same functions take pictures of an experiment and those that `photographed` makes of a run, whose true strains are
-known: what they differ by is what the method does to an experiment.
+same functions accept pictures of an experiment and synthetic ones of a run (`photographed`), whose true strains are
+known: the difference is the error of the method in an experiment.
 
 Rows of images go up, as y does.
 """
@@ -30,7 +30,7 @@ GREYS = 255
 
 
 def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Array]:
-    """Displacement of every pixel of the first image, along x and y [pixels].
+    """Return the displacement of every pixel of the first image, along x and y [pixels].
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Arra
 
 
 def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:
-    """Strains of planes that are fitted to the displacements [pixels] over a window of so many pixels, odd.
+    """Return strains of planes fitted to the displacements [pixels] over an odd window of pixels.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:
 
 
 def speckle(shape: tuple[int, int], size: float, seed: int = 0) -> Array:
-    """A picture of random speckles, grey levels from 0 to 255.
+    """Return a picture of random speckles, grey levels from 0 to 255.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def speckle(shape: tuple[int, int], size: float, seed: int = 0) -> Array:
 
 
 def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.0, seed: int = 1) -> Array:
-    """The picture after a displacement of its pixels, with noise, as whole grey levels.
+    """Return the picture after a displacement of its pixels, with noise, as whole grey levels.
 
-    What is seen at x was at X = x - u(X), found by iteration: displacements vary by less than a pixel from pixel to
+    The material at x was at X = x - u(X), solved by iteration: displacements vary by less than a pixel from pixel to
     pixel.
 
     Parameters
@@ -141,7 +141,7 @@ def experiment(
     record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
     speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
 ) -> xarray.Dataset:
-    """What image correlation shows of a snapshot of a run, and what is true.
+    """Return measured and true displacements and strains of a synthetic image-correlation experiment on a run.
 
     A speckled picture of the plates at the start, or at another snapshot, and one after the displacement of the
     snapshot, both with noise, are correlated.
@@ -150,7 +150,7 @@ def experiment(
     ----------
     record : Record
     row : int
-        Which snapshot.
+        Index of the snapshot.
     pixel : float
         Size of a pixel on the plates [m].
     subset, window : int
@@ -229,7 +229,7 @@ def experiment(
 
 
 def errors(data: xarray.Dataset, component: str, edges: Array) -> tuple[Array, Array]:
-    """Bias and noise of a strain, by distance from the interfaces.
+    """Return bias and noise of a strain, by distance from the interfaces.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def errors(data: xarray.Dataset, component: str, edges: Array) -> tuple[Array, A
     Returns
     -------
     bias, noise : ndarray, shape (n,)
-        Mean and standard deviation of what is measured minus what is true; NaN of empty bins.
+        Mean and standard deviation of measured minus true strain; NaN in empty bins.
     """
     difference = (data[f"measured_{component}"] - data[f"true_{component}"]).values.ravel()
     away = data["distance"].values.ravel()
@@ -257,12 +257,12 @@ def errors(data: xarray.Dataset, component: str, edges: Array) -> tuple[Array, A
 
 
 def _filled(known: Array | None, part: Array) -> Array:
-    """What is known, and the part where nothing is."""
+    """Fill the NaN of the known values from `part`."""
     return part if known is None else np.where(np.isnan(known), part, known)
 
 
 def _dense(points: Array, spacing: float) -> Array:
-    """Points of a line, no further apart than a spacing."""
+    """Return points of a line, no further apart than a spacing."""
     steps = np.maximum(np.ceil(np.linalg.norm(np.diff(points, axis=0), axis=1) / spacing), 1).astype(int)
     parts = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(points[:-1], points[1:], steps, strict=True)]
     return np.concatenate([*parts, points[-1:]])

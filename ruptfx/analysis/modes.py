@@ -55,23 +55,23 @@ from ruptfx import RuptfxError
 from ruptfx.analysis.front import Array, Speed, crossing, fit_speed, rupture_time, tip_position, trace_fronts
 from ruptfx.analysis.resolution import FIT, NOT_RESOLVED, Doubts, find_doubts
 
-LEVEL = 0.02  # of the driven speed: what slides faster slides
-QUIET = 1e-3  # m/s; without a driven boundary nothing slower counts as sliding
-LOADING, END = 0.2, 0.98  # parts of the tip's way that are left out
+LEVEL = 0.02  # of the driven speed: slip-rate threshold of sliding
+QUIET = 1e-3  # m/s; smallest threshold without a driven boundary
+LOADING, END = 0.2, 0.98  # parts of the tip's way between which modes and speeds are evaluated
 MIN_POINTS = 5
 DEGREES = ("crack", "pulse", "train", "pulses_into_crack")
 
 
 @dataclass(frozen=True)
 class Modes:
-    """How a run slid; lengths in m, times in s, speeds in m/s, NaN where a quantity does not exist.
+    """Sliding mode of a run; lengths in m, times in s, speeds in m/s, NaN if a quantity does not exist.
 
     Attributes
     ----------
     mode : str
         crack, pulse, train, mixed, arrested, none or not resolved.
     pattern : str
-        The mode before arrest; what it looks like where it is not resolved.
+        The mode before arrest; also set if the mode is not resolved.
     threshold : float
         Slip rate above which a point slides.
     interface_length, reach : float
@@ -81,7 +81,7 @@ class Modes:
     confidence : float
         Share of saved times and thresholds that agree with the pattern; 0 where the mode is not resolved.
     doubts : Doubts
-        Why the mode or the speed of the tip is not resolved.
+        Reasons why the mode or the speed of the tip is not resolved.
     tip_speed : Speed
         Fitted between 20 % and 98 % of the reach; NaN where it is not resolved.
     regime : str
@@ -101,7 +101,7 @@ class Modes:
     trailing_speeds : ndarray
         Speeds of the fronts behind the tip that ran through a tenth of the reach, in order.
     degrees : dict of float
-        How near the run comes to a crack, a pulse, a train, and pulses_into_crack; from 0 to 1.
+        Degree, from 0 to 1, of each of crack, pulse, train and pulses_into_crack.
     """
 
     mode: str
@@ -217,7 +217,7 @@ def _without_what_is_not_resolved(found: Modes) -> Modes:
 
 
 def regime(speed: float, c_R: float | None, c_s: float | None, c_p: float | None) -> str:
-    """Name of a rupture speed among the wave speeds; nothing carries one above c_p and the error of the fit.
+    """Return the name of a rupture speed among the wave speeds; speeds above c_p (with the fit error) are not resolved.
 
     In antiplane motion all three are c_s, and a slower rupture is sub-shear.
     """
@@ -228,7 +228,7 @@ def regime(speed: float, c_R: float | None, c_s: float | None, c_p: float | None
 
 
 def median3(values: Array) -> Array:
-    """Median over each point and its two neighbours along the last axis; the ends keep their value."""
+    """Return the median over each point and its two neighbours along the last axis; ends keep their value."""
     if values.shape[-1] < 3:
         return values
     left, mid, right = values[..., :-2], values[..., 1:-1], values[..., 2:]
@@ -237,7 +237,7 @@ def median3(values: Array) -> Array:
 
 
 def find_zones(slip_rate: Array, distance: Array, threshold: float) -> Zones:
-    """All runs of points that slide, at all times; ends interpolated between points (`crossing`).
+    """Return all runs of sliding points at all times; ends interpolated between points (`crossing`).
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ class _Classified:
 
 
 def _at_threshold(rate: Array, time: Array, distance: Array, threshold: float) -> _Classified:
-    """Everything but the fronts and the confidence, at one threshold."""
+    """Compute everything except fronts and confidence at one threshold."""
     length = float(np.ptp(distance))
     first, last = _longest_run((rate > threshold).any(axis=0))
     if last - first < MIN_POINTS:
@@ -292,7 +292,7 @@ def _at_threshold(rate: Array, time: Array, distance: Array, threshold: float) -
         pattern, votes = "mixed", np.where(votes == "crack", "mixed", votes)
 
     chosen = np.isin(zones.row, early if evolves else late)
-    # A zone at the loaded end may be a pulse that is still being born, or none at all.
+    # A zone at the loaded end may be an incipient pulse or no pulse.
     born = chosen & (zones.start > distance[0])
     width, points = zones.width[born if born.any() else chosen], zones.points[chosen]
     gap = np.diff((zones.start + zones.stop)[chosen] / 2)[np.diff(zones.row[chosen]) == 0]
@@ -320,7 +320,7 @@ def _at_threshold(rate: Array, time: Array, distance: Array, threshold: float) -
 
 
 def _fraction_and_count(zones: Zones, tip: Array, origin: float) -> tuple[Array, Array]:
-    """Sliding fraction f between the loaded end and the tip, and number of zones r, at each saved time."""
+    """Return the sliding fraction f between loaded end and tip, and the number of zones r, per saved time."""
     length = np.bincount(zones.row, zones.width, minlength=len(tip))
     count = np.bincount(zones.row, minlength=len(tip))
     # The far end of the zones and the interpolated tip differ by less than a point: take the farther.
@@ -336,7 +336,7 @@ def _pattern(f: Array, r: Array) -> Array:
 
 
 def _degrees(f: Array, r: Array, early: Array, late: Array) -> dict[str, float]:
-    """How near the two halves of the way come to each mode, given as rows of saved times."""
+    """Return the degree of each mode in the two halves of the way, given as rows of saved times."""
     zones = np.maximum(r, 1)
     crack = np.minimum(f / 0.9, 1) * np.minimum(2 / zones, 1)
     train = np.minimum((zones - 1) / 3, 1)
@@ -350,13 +350,13 @@ def _degrees(f: Array, r: Array, early: Array, late: Array) -> dict[str, float]:
 
 
 def _most(patterns: Array) -> str:
-    """The most frequent pattern; mixed if there is none."""
+    """Return the most frequent pattern; mixed if there is none."""
     names, counts = np.unique(patterns, return_counts=True)
     return str(names[counts.argmax()]) if len(names) else "mixed"
 
 
 def _share_of_time(tip: Array, time: Array, reach: float, length: float) -> float:
-    """Part of the time since sliding began in which the tip ran, over the four fifths that it needs."""
+    """Return the fraction of the sliding time in which the tip moved, over 4/5."""
     if reach >= END * length:
         return 1.0
     started, reached = np.flatnonzero(tip >= 0)[0], np.flatnonzero(tip >= reach)
@@ -366,7 +366,7 @@ def _share_of_time(tip: Array, time: Array, reach: float, length: float) -> floa
 
 
 def _healing_time(rate: Array, time: Array, threshold: float) -> float:
-    """Median duration of the first sliding of each point [s]; NaN if most of the points never stopped."""
+    """Return the median duration of the first sliding of each point [s]; NaN if most points never stopped."""
     start = rupture_time(rate, time, threshold)
     # Time reversed, the end of sliding is an onset; the first one after the start is the earliest that
     # follows it.
@@ -383,7 +383,7 @@ def _healing_time(rate: Array, time: Array, threshold: float) -> float:
 
 
 def _longest_run(flags: Array) -> tuple[int, int]:
-    """First and one past the last index of the longest run of True."""
+    """Return the first and one past the last index of the longest run of True."""
     change = np.diff(np.pad(flags, 1).astype(np.int8))
     starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     if not len(starts):
@@ -393,7 +393,7 @@ def _longest_run(flags: Array) -> tuple[int, int]:
 
 
 def _reference(rate: Array, V_imp: float | None) -> float:
-    """The slip rate that thresholds are fractions of [m/s]."""
+    """Return the slip rate of which thresholds are fractions [m/s]."""
     if V_imp:
         return abs(V_imp)
     peak = np.abs(rate).max(axis=0)
@@ -402,7 +402,7 @@ def _reference(rate: Array, V_imp: float | None) -> float:
 
 
 def _away(rate: Array, position: Array, origin: float, threshold: float) -> tuple[Array, Array]:
-    """Points on the side of the origin that slides further, ordered away from it, and their distances."""
+    """Return the points on the side of the origin that slides further, ordered away from it, with distances."""
     sides = []
     for sign in (1, -1):
         side = np.flatnonzero(sign * (position - origin) >= 0)[::sign]

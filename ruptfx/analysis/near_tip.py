@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SLOWEST = 1e-4  # c_s: slower fields are those at this speed, to 1e-8; both terms of their stresses are 4 / D at rest
+SLOWEST = 1e-4  # c_s: smallest speed evaluated (error 1e-8); at rest both terms of the stresses diverge as 4 / D
 
 
 @dataclass(frozen=True)
 class Medium:
-    """What waves and cracks know of a body.
+    """Wave speeds and shear modulus of a body, as input to the near-tip fields.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Medium:
 
     @classmethod
     def of(cls, material: IsotropicElastic, plane: Plane) -> Medium:
-        """Of a material of a case, in plane stress or strain."""
+        """Return the medium of a material of a case, in plane stress or strain."""
         return cls(*material.wave_speeds(plane), material.shear_modulus)
 
     @property
@@ -104,7 +104,7 @@ def _potentials(phi: tuple[Array, Array, Array], psi: tuple[Array, Array, Array]
 def mode_II(
     x: Array, y: Array, speed: float, medium: Medium, K_II: float = 1.0, power: float = -0.5, zone: float = 0.0
 ) -> Plane2D:
-    """Mode II below the Rayleigh speed.
+    """Return the field of mode II below the Rayleigh speed.
 
     Parameters
     ----------
@@ -148,13 +148,15 @@ def mode_II(
 def mode_II_rate(
     x: Array, y: Array, time: Array, speed: float, medium: Medium, rate: float = 1.0, zone: float = 0.0
 ) -> Plane2D:
-    """What a stress intensity that changes adds to `mode_II`: the field of K_II = rate x time, speed constant.
+    """Return the field of a growing stress intensity, K_II = rate x time, at constant speed.
+
+    It is an addition to `mode_II`.
 
     With F and G the potentials of `mode_II` per K_II, of the power -1/2,
 
         phi = rate ((time - x v / (c_p a_p)^2) F + p Im z_p^(5/2)),    psi = rate (time - x v / (c_s a_s)^2) G
 
-    solve the wave equations exactly, and p takes the normal stress from the faces: nothing is left out. Far
+    solve the wave equations exactly, and p cancels the normal stress on the faces. Far
     from the tip it grows with sqrt(r), and its last parts with v / (c_s a_s)^2, which is unbounded towards c_s.
     Source: Freund (1990), section 4.4; Freund and Rosakis (1992), J. Mech. Phys. Solids 40, 699, for mode I.
 
@@ -202,14 +204,14 @@ def mode_II_rate(
 
 
 def _coefficients(speed: float, medium: Medium, K_II: float) -> tuple[float, float]:
-    """P and Q of the potentials."""
+    """Return P and Q of the potentials."""
     _, a_s = slowness_factors(speed, medium.c_p, medium.c_s)
     P = 2 * a_s * K_II / (medium.shear_modulus * rayleigh_function(speed, medium.c_p, medium.c_s) * np.sqrt(2 * np.pi))
     return P, (1 + a_s**2) / (2 * a_s) * P
 
 
 def mode_III(x: Array, y: Array, speed: float, medium: Medium, K_III: float = 1.0) -> tuple[Array, Array, Array]:
-    """Mode III below the shear-wave speed: strains xz and yz, and the velocity along z [m/s].
+    """Return strains xz and yz, and the velocity along z [m/s], of mode III below the shear-wave speed.
 
     w_x = K_III / (G a_s sqrt(2 pi)) Im z_s^(-1/2), w_y = K_III / (G sqrt(2 pi)) Re z_s^(-1/2)
     (Source: Freund 1990, eq. 4.2.15). Along a line y = h the strain xz is largest at x = -a_s h / sqrt(3).
@@ -265,7 +267,7 @@ def mach_angle(speed: float, medium: Medium) -> float:
 
 
 def mode_II_supershear(x: Array, y: Array, speed: float, medium: Medium, amplitude: float = 1.0) -> Plane2D:
-    """Mode II between c_s and c_p, with the shear Mach front x = -b |y|, b as in `supershear_exponent`.
+    """Return the field of mode II between c_s and c_p, with the shear Mach front x = -b |y|.
 
     phi_xx = P Im z_p^-q; behind the Mach front psi_xx = (1 - b^2) / (2 b) P sin(pi q) |x + b |y||^-q, odd in y. At
     sqrt(2) c_s there is no Mach front.

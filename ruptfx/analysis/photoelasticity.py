@@ -38,7 +38,7 @@ def principal_direction(xx: Array, yy: Array, xy: Array) -> Array:
 
 
 def fringe_order(difference: Array, fringe_constant: Array | float, thickness: float) -> Array:
-    """Number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
+    """Return the number of fringes N = h (sigma_1 - sigma_2) / f_sigma.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def fringe_order(difference: Array, fringe_constant: Array | float, thickness: f
 
 
 def intensity(order: Array, field: str = "dark") -> Array:
-    """Transmitted light from 0 to 1: sin^2(pi N) in a dark field, cos^2(pi N) in a light field.
+    """Return the transmitted light from 0 to 1: sin^2(pi N) in a dark field, cos^2(pi N) in a light field.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def intensity(order: Array, field: str = "dark") -> Array:
 
 
 def plane_intensity(order: Array, direction: Array, polariser: float) -> Array:
-    """Light that passes a plane polariscope with crossed analyser, sin^2(2 (theta - alpha)) sin^2(pi N).
+    """Return the light of a plane polariscope with crossed analyser, sin^2(2 (theta - alpha)) sin^2(pi N).
 
     Isoclinics, where a principal direction is that of the polariser, are black at any order.
 

@@ -1,6 +1,6 @@
-"""What a camera behind a polariscope records of a run: frames at its rate, over its exposure, on its pixels.
+"""Frames of a camera behind a polariscope: with its frame rate, exposure and pixels.
 
-Frames are made of the snapshots of the bodies, between which stresses are taken as linear in time: snapshots have to
+Frames are computed from the snapshots of the bodies, with stresses interpolated linearly in time: snapshots have to
 be so close that the fringe order changes by less than half a fringe from one to the next. Light, not stress, is
 averaged over the exposure and over each pixel: fringes that are finer or faster than the camera fade to grey, as they
 do in the laboratory.
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from ruptfx.record import Files, Record
 
 Array = np.ndarray
-MOST_CHANGE = 0.5  # fringes from snapshot to snapshot
-FINER = 3  # points across a pixel, along x and y
+MOST_CHANGE = 0.5  # fringes: largest change between snapshots
+FINER = 3  # sample points across a pixel, along x and y
 
 
 class Pixels:
@@ -50,7 +50,7 @@ class Pixels:
     Attributes
     ----------
     raster : Raster
-        From nodes to points that are `FINER` times closer than pixels.
+        Interpolation from nodes to sample points, `FINER` per pixel and direction.
     coordinates : dict
         `y` and `x` of the middles of pixels [m], as xarray takes them.
     """
@@ -68,7 +68,7 @@ class Pixels:
         }
 
     def mean(self, image: Array) -> Array:
-        """Of the finer points in every pixel, shape (rows, columns)."""
+        """Return the mean of the sample points in every pixel, shape (rows, columns)."""
         rows, columns = self._shape
         cut = image[: FINER * rows, : FINER * columns].reshape(rows, FINER, columns, FINER)
         return cut.mean(axis=(1, 3))
@@ -77,7 +77,7 @@ class Pixels:
 def fringe_orders(
     record: Record, pixel: float, fringe_constant: float | None = None, thickness: float | None = None
 ) -> xarray.DataArray:
-    """Fringe order of every snapshot against `time`, `y` and `x`; NaN outside of the bodies.
+    """Return the fringe order of every snapshot against `time`, `y` and `x`; NaN outside of the bodies.
 
     Parameters
     ----------
@@ -98,9 +98,9 @@ def fringe_orders(
 
 
 def max_shear(record: Record, pixel: float) -> xarray.DataArray:
-    """Largest shear stress in the plane of the plates, (sigma_1 - sigma_2) / 2 [Pa], of every snapshot.
+    """Return the largest in-plane shear stress, (sigma_1 - sigma_2) / 2 [Pa], of every snapshot.
 
-    Against `time`, `y` and `x`; NaN outside of the bodies. Its contours are the isochromatics, half a fringe constant
+    Dimensions `time`, `y`, `x`; NaN outside of the bodies. Its contours are the isochromatics, half a fringe constant
     over the thickness apart.
 
     Parameters
@@ -119,7 +119,7 @@ def max_shear(record: Record, pixel: float) -> xarray.DataArray:
 
 
 def _of_difference(record: Record, pixel: float, factor: Array | float) -> xarray.DataArray:
-    """sigma_1 - sigma_2 [Pa] times a factor at every point, on pixels."""
+    """Return sigma_1 - sigma_2 [Pa] times a factor at every point, on pixels."""
     import xarray
 
     if not is_plate(record):
@@ -134,7 +134,7 @@ def _of_difference(record: Record, pixel: float, factor: Array | float) -> xarra
 
 
 def is_plate(record: Files) -> bool:
-    """Whether light can go through: bodies of a plane, not of revolution."""
+    """Return whether the bodies are plates that light can pass: plane and not axisymmetric."""
     return record.bulk.sizes.get("component") == 2 and record.case.get("plane") != "axisymmetric"
 
 
@@ -172,7 +172,7 @@ class Camera:
             )
 
     def light(self, stress: Array, per_stress: Array) -> Array:
-        """Transmitted light from 0 to 1.
+        """Return the transmitted light from 0 to 1.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Camera:
     def film(
         self, record: Record, fringe_constant: float | None = None, thickness: float | None = None
     ) -> xarray.DataArray:
-        """Frames of a run against `time` (the beginning of the exposure), `y` and `x`; NaN outside of the bodies.
+        """Return frames of a run against `time` (start of the exposure), `y` and `x`; NaN outside of the bodies.
 
         Parameters
         ----------
@@ -235,7 +235,7 @@ class Camera:
         )  # fmt: skip
 
     def _during(self, record: Record, begin: float, per_stress: Array) -> Iterator[Array]:
-        """Stresses [Pa] at the middles of the parts of an exposure, each shorter than a snapshot interval."""
+        """Yield the stresses [Pa] at the middles of the parts of an exposure, each shorter than a snapshot interval."""
         bulk = record.bulk
         times = bulk["time"].values
         parts = max(3, int(np.ceil(3 * self.exposure / np.diff(times).min())))
@@ -254,7 +254,7 @@ class Camera:
 
 
 def _fringes_per_stress(record: Record, fringe_constant: float | None, thickness: float | None) -> Array:
-    """Of every point [1/Pa]; NaN where the constant is not known."""
+    """Return fringes per stress at every point [1/Pa]; NaN where the constant is unknown."""
     case, given = record.case, record.case.get("materials", {})
     names = [str(name) for name in np.atleast_1d(record.bulk.attrs.get("bodies", ["bodies"]))]
     constants = np.array([

@@ -13,7 +13,7 @@ PIXELS = 1000  # along the longer side
 class Raster:
     """Linear interpolation from a mesh of triangles or quadrilaterals to square pixels, set up once for all fields.
 
-    Interpolating the field and not its picture keeps fringes sharp where a cell holds a good part of one.
+    Interpolation of the field instead of its picture keeps fringes sharp where a cell covers much of a fringe.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Raster:
     pixels : int
         Number of pixels along the longer side.
     corners : (ndarray, ndarray), each of shape (2,), optional
-        Lower left and upper right of what is shown, which holds all points. Default: as tight as it can.
+        Lower left and upper right of the picture, which must contain all points. Default: the bounding box.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class Raster:
         self.weight = weights[:, inside].T
 
     def __call__(self, values: Array) -> Array:
-        """Image of nodal values, shape (rows, columns), lowest row first; NaN outside the mesh."""
+        """Return the image of nodal values, shape (rows, columns), lowest row first; NaN outside the mesh."""
         image = np.full(self.shape[0] * self.shape[1], np.nan)
         image[self.pixel] = (values[self.corner] * self.weight).sum(axis=1)
         return image.reshape(self.shape)
 
 
 def _turn(a: Points, b: Points, c: Points) -> Array:
-    """Twice the area of the triangle a, b, c, positive where it is counter-clockwise."""
+    """Return twice the area of the triangle a, b, c, positive if counter-clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,4 +1,4 @@
-"""What a mesh does not resolve has no mode and no speed: how a slip-rate field shows it.
+"""Indicators in a slip-rate field that the mesh does not resolve the mode or the speed.
 
 The *noise* of a field V is the part of its energy at the shortest wavelength,
 
@@ -10,21 +10,21 @@ numbers. The *mode* is not resolved if
 * the median noise behind the tip, over the saved times of its way, is above `NOISE`: the slip rate varies from point
   to point; or
 * zones are less than 8 points wide (`NARROW`, in the median) and no wave carries them: the median front behind the tip
-  is faster than c_p, in either direction. Places then slip in turn, which is chatter; or
+  is faster than c_p, in either direction. Points then slip in turn, which is chatter; or
 * nothing slides at the saved times from which the mode is read: the rupture passed between two of them.
 
 The *speed of the tip* is not resolved if
 
 * the median noise in the 16 points behind the tip (`NEAR`) is above `NOISE`; or
-* it is above c_p, which nothing in the bodies carries: places slip on their own. 2 % (`FIT`) are left to the fit; or
+* it is above c_p, faster than any wave: points slip independently. 2 % (`FIT`) are the error of the fit; or
 * more than a quarter (`DISORDER`) of the points start to slide later, by more than a saved time, than a point further
-  ahead: many places slip at once.
+  ahead: many points slip at once.
 
 The *largest slip rate* is not resolved if the noise of the whole record is above that of a wave of eight points,
 sin^4(pi / 8) = 0.021 (`PEAK_NOISE`).
 
 The limits lie between runs of the demos whose modes, speeds and peaks stay on half the element size, and those whose
-do not. A run that passes is not thereby resolved: only a finer mesh can tell.
+do not. The test is necessary, not sufficient: only a run on a finer mesh proves resolution.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ FIT = 1.02  # times c_p
 
 @dataclass(frozen=True)
 class Doubts:
-    """Why the mode and the speed of the tip are not resolved; empty where they are.
+    """Reasons why the mode and the speed of the tip are not resolved; empty if they are.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Doubts:
 
 
 def roughness(slip_rate: Array, position: Array) -> tuple[Array, Array]:
-    """Energy at the shortest wavelength and whole energy, at every point but the ends [m2/s2].
+    """Return the energy at the shortest wavelength and the whole energy, at every point but the ends [m2/s2].
 
     The noise is the sum of the first over that of the second.
 
@@ -81,7 +81,7 @@ def roughness(slip_rate: Array, position: Array) -> tuple[Array, Array]:
 
 
 def peak_is_resolved(slip_rate: Array, position: Array) -> bool | None:
-    """Whether the largest slip rate is more than the mesh's; None where nothing slides. Parameters as `roughness`."""
+    """Return whether the mesh resolves the largest slip rate; None without sliding. See `roughness`."""
     short, whole = roughness(slip_rate, position)
     return bool(short.sum() <= PEAK_NOISE * whole.sum()) if whole.any() else None
 
@@ -98,7 +98,7 @@ def find_doubts(
     zone_points: float,
     c_p: float | None,
 ) -> Doubts:
-    """What shows that the mode or the speed of the tip is not resolved; the rules are at the top of this module.
+    """Return the reasons why mode or tip speed are not resolved, by the rules at the top of this module.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def find_doubts(
 
 
 def _median_noise(short: Array, whole: Array, part: Array) -> float:
-    """Median over the saved times at which something slides in that part; NaN without any."""
+    """Return the median noise over the saved times with sliding in that part; NaN without any."""
     energy = (whole * part).sum(axis=1)
     moves = energy > 0
     return float(np.median((short * part).sum(axis=1)[moves] / energy[moves])) if moves.any() else float(np.nan)

@@ -1,4 +1,4 @@
-"""What theory says of two rough bodies that are pressed together: how much of them touches, and with which pressure.
+"""Theory of two rough bodies in normal contact: contact fraction and contact pressure.
 
 Small slopes, no friction, half-spaces; E* of two bodies is 1 / (1 / E_1' + 1 / E_2') with E' = E / (1 - nu^2) in plane
 strain and E in plane stress.
@@ -11,21 +11,21 @@ from typing import NamedTuple
 
 
 class Touch(NamedTuple):
-    """What touches: its part of the length, and the pressure there [Pa] (the largest, or the mean)."""
+    """Contact fraction of the length, and pressure in contact [Pa] (the largest, or the mean)."""
 
     fraction: float
     pressure: float
 
 
 def full_contact_pressure(modulus: float, amplitude: float, wavelength: float) -> float:
-    """p* = pi E* amplitude / wavelength, at which waves are in full contact [Pa].
+    """Return p* = pi E* amplitude / wavelength, the pressure of full contact of sinusoidal waves [Pa].
 
     Parameters
     ----------
     modulus : float
         E* [Pa].
     amplitude, wavelength : float
-        Of the distance of the two surfaces [m].
+        Amplitude and wavelength of the gap between the surfaces [m].
 
     Notes
     -----
@@ -35,7 +35,7 @@ def full_contact_pressure(modulus: float, amplitude: float, wavelength: float) -
 
 
 def waves(pressure: float, full: float) -> Touch:
-    """Of waves under a mean pressure, and their largest pressure: 2 sqrt(p p*) until they are in full contact.
+    """Return the contact of sinusoidal waves with the largest pressure, 2 sqrt(p p*) until full contact.
 
     Notes
     -----
@@ -47,9 +47,9 @@ def waves(pressure: float, full: float) -> Touch:
 
 
 def rough(pressure: float, modulus: float, slope: float) -> Touch:
-    """Of surfaces with many wavelengths under a mean pressure, and the mean pressure where they touch.
+    """Return the contact of surfaces with many wavelengths under a mean pressure, with the mean contact pressure.
 
-    In full contact the pressure would have the standard deviation s = E* slope / 2; what touches is
+    In full contact the pressure would have the standard deviation s = E* slope / 2; the contact fraction is
     erf(p / (sqrt(2) s)).
 
     Parameters
@@ -57,7 +57,7 @@ def rough(pressure: float, modulus: float, slope: float) -> Touch:
     pressure, modulus : float
         Mean pressure and E* [Pa].
     slope : float
-        Root mean square slope of the distance of the surfaces.
+        Root mean square slope of the gap between the surfaces.
 
     Notes
     -----

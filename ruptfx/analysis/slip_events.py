@@ -1,6 +1,6 @@
-"""Slip events of an interface that is loaded slowly: how far each runs, at which force, how fast, into which stress.
+"""Slip events of a slowly loaded interface: reach, force, front speed and prior stress ratio of each.
 
-Precursors are the events before the first that slides through the whole interface.
+Precursors are the events before the first one that spans the whole interface.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ import xarray
 
 from ruptfx.analysis.front import Array, fit_speed, rupture_time
 
-PAUSE = 1e-3  # s; what is calm for longer lies between two events
+PAUSE = 1e-3  # s; a longer time without sliding separates two events
 
 
 @dataclass(frozen=True)
 class SlipEvent:
-    """One time that a part of the interface slides fast.
+    """A period in which part of the interface slides fast.
 
     Attributes
     ----------
     start : float
         Time of the first record in which it slides [s].
     force, drop : float
-        Shear force of the interface before it, and by how much that is less after it [N/m].
+        Shear force of the interface before the event, and its decrease [N/m].
     origin, begin, reach : float
-        Where it starts, and the ends of what slides [m].
+        Position of the onset, and the two ends of the sliding part [m].
     arrival : ndarray, shape (points,)
-        When each point starts to slide [s], NaN where it does not.
+        Onset of sliding at each point [s], NaN if it does not slide.
     before : ndarray, shape (points,)
-        Shear over normal stress in the last record before it; NaN where nothing presses.
+        Shear over normal stress in the last record before it; NaN without normal stress.
     """
 
     start: float
@@ -44,16 +44,16 @@ class SlipEvent:
 
 
 def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE) -> list[SlipEvent]:
-    """Events of a record of an interface, in the order of time.
+    """Return the events of an interface record in chronological order.
 
     Parameters
     ----------
     data : Dataset
-        `Record.interface`, with records as often as things happen (`interface_steps`).
+        `Record.interface`, recorded often enough to resolve events (`interface_steps`).
     threshold : float
         Slip rate above which a point slides [m/s].
     pause : float
-        Two events are calm for so long between them [s].
+        Smallest time without sliding between two events [s].
     """
     time, x = data.time.values, data.position.values
     rate = np.abs(data.slip_rate.values)
@@ -77,10 +77,10 @@ def slip_events(data: xarray.Dataset, threshold: float, pause: float = PAUSE) ->
 
 
 def speed_against_ratio(event: SlipEvent, position: Array, width: float, skip: float) -> tuple[Array, Array]:
-    """Speed of the fronts of an event, and the shear over normal stress they ran into, in windows side by side.
+    """Return front speed and previous shear over normal stress in adjacent windows of an event.
 
-    The windows go out from the origin to both sides. Left out is a window that did not slide at all of its points, that
-    was open somewhere, or through which no front can be told.
+    The windows start at the origin, to both sides. A window is skipped if not all its points slid, if it
+    was open somewhere, or if it shows no front.
 
     Parameters
     ----------
@@ -88,9 +88,9 @@ def speed_against_ratio(event: SlipEvent, position: Array, width: float, skip: f
     position : ndarray, shape (points,)
         [m]
     width : float
-        Of a window [m].
+        Width of a window [m].
     skip : float
-        Where the event nucleates, on each side of the origin [m]: no windows there.
+        Length of the nucleation zone on each side of the origin, without windows [m].
 
     Returns
     -------

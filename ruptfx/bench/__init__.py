@@ -67,14 +67,14 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """False also where anything is not a number."""
+        """True if the number meets its tolerance; False if it is NaN."""
         slack = self.tolerance * (abs(self.expected) if self.relative else 1.0)
         away = self.found - self.expected
         return bool({"within": abs(away) <= slack, "at most": away <= slack, "at least": -away <= slack}[self.relation])
 
     @property
     def limit(self) -> str:
-        """The tolerance in words."""
+        """The tolerance as text."""
         number = f"{100 * self.tolerance:.3g} %" if self.relative else f"{self.tolerance:.3g}"
         if self.relation == "within":
             return number
@@ -142,7 +142,9 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
 
 
 def verdict(checks: Mapping[str, Sequence[Check]], alone: bool) -> tuple[bool, list[str]]:
-    """Whether benchmarks failed, and the lines that say in what: one for each check, what decides comes last.
+    """Return whether benchmarks failed, and the lines that list the missed checks.
+
+    Each missed check has one line; the checks that decide come last.
 
     Parameters
     ----------
@@ -161,7 +163,7 @@ def verdict(checks: Mapping[str, Sequence[Check]], alone: bool) -> tuple[bool, l
 
 
 def _in_words(checks: Sequence[tuple[str, Check]]) -> list[str]:
-    """A line for each check."""
+    """Return one line of text per check."""
     return [
         f"{name}: {check.quantity}: found {check.found:.7g}, expected {check.expected:.7g}"
         f"{'' if check.unit == '1' else f' {check.unit}'}, "
@@ -175,7 +177,7 @@ def _list(names: list[str]) -> None:
 
     table = Table(box=None, pad_edge=False, show_header=False)
     for name in names:
-        # Read, not imported: most benchmarks need DOLFINx to run, none needs it to be listed.
+        # Read instead of imported: most benchmarks need DOLFINx to run, but not to be listed.
         text = ast.get_docstring(ast.parse((Path(__file__).parent / f"{name}.py").read_text())) or ""
         text = text.partition("\n")[0]
         table.add_row(name, text)
@@ -183,18 +185,18 @@ def _list(names: list[str]) -> None:
 
 
 def _screen() -> Console:
-    """Wide enough for the tables also where it is none."""
+    """Return a console wide enough for the tables, also without a terminal."""
     screen = console()
     return screen if screen.is_terminal else console(width=130)
 
 
-_MANY = 30  # checks that are one row of the table where all passed
+_MANY = 30  # a benchmark with more passed checks than this is shown as one row
 
 
 def _run(name: str, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float]:
-    """Run one benchmark and save its numbers and figure; what came out, and the seconds it took.
+    """Run one benchmark, save its numbers and figure; return the outcome and the time in seconds.
 
-    Among others one that breaks down is a failed check, so that they are run and told of.
+    A benchmark that raises an error while several are run becomes a failed check, so that the others still run.
     """
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
@@ -223,7 +225,7 @@ def _rows(checks: list[Check]) -> list[Table]:
 
 
 def _markdown(names: list[str], out: Path) -> bool:
-    """Print the saved checks of all benchmarks as a table; whether there are any and all passed."""
+    """Print the saved checks of all benchmarks as a table; return whether there are any and all passed."""
     print("| problem | quantity | expected | found | tolerance | unit | | command |\n|---|---|---|---|---|---|---|---|")
     verdicts = []
     for name in names:
@@ -241,7 +243,7 @@ def _markdown(names: list[str], out: Path) -> bool:
         for number, row in enumerate(saved["checks"]):
             values: Table = {key: math.nan if value is None else value for key, value in row.items()}
             check = Check(**{key: value for key, value in values.items() if key != "passed"})
-            # Of several runs in one benchmark, the worst closure of energy.
+            # Several runs in one benchmark: keep the worst energy closure.
             key = "closure" if check.quantity == "energy closure" else number
             if key not in rows or not check.found <= rows[key].found:
                 rows[key] = check

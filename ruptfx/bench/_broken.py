@@ -1,4 +1,4 @@
-"""What benchmarks of bodies that break share: a case in memory, its events, the forces at its edges, its energies."""
+"""Shared parts of the fracture benchmarks: a case run in memory, its events, edge forces and energies."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SAMPLES = 400  # of the forces
 
 @dataclass(frozen=True)
 class Broken:
-    """A body that broke.
+    """Result of one fracture run.
 
     Attributes
     ----------
@@ -48,19 +48,19 @@ class Broken:
     closure: float
 
     def budget(self) -> Check:
-        """The energy check every benchmark has."""
+        """Return the check of the energy closure that every benchmark has."""
         return Check("energy closure", 0.0, self.closure, 1e-10, "1", "exact")
 
 
 def demo(name: str, overrides: Iterable[str] = ()) -> Case:
-    """A case of the demos, with other values."""
+    """Return a demo case with other values."""
     case = read_case(str(files("ruptfx").joinpath("demos", f"{name}.toml")), overrides)
     assert isinstance(case, Case)
     return case
 
 
 def rigid(case: Case, check_every: int = 2) -> Case:
-    """The same case with facets that are rigid until their strength."""
+    """Return the same case with extrinsic facets (`on_strength`)."""
     given = case.fracture
     assert given is not None
     changed = OnStrength(
@@ -71,7 +71,7 @@ def rigid(case: Case, check_every: int = 2) -> Case:
 
 
 def openings(model: Model, state: State) -> dict[str, float]:
-    """Mean opening beyond that of springs of every joint of a mesh [m]."""
+    """Return the mean opening of every joint beyond that of its springs [m]."""
     cracks = model.cracks
     assert cracks is not None
     joint, length = (values[cracks.order] for values in (cracks.network.joint, cracks.network.length))

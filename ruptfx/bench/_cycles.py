@@ -6,18 +6,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-BEGINS, ENDS = 1e-3, 1e-4  # m/s, of the largest slip rate
-SLOW, FAST = 5 * 365.25 * 24 * 3600, 1.0  # s, between the profiles of slip that are kept: no rupture, and in one
+BEGINS, ENDS = 1e-3, 1e-4  # m/s: an event begins and ends when the largest slip rate passes these
+SLOW, FAST = 5 * 365.25 * 24 * 3600, 1.0  # s between saved slip profiles: outside and inside a rupture
 
 
 @dataclass
 class Event:
-    """One rupture: its first step, where [m] and when [s] it begins, and what comes of it."""
+    """One rupture: its first step, the place [m] and time [s] of its onset, and its results."""
 
     onset: float
     depth: float
     nucleation: float
-    """Length of the zone it grew from [m]: what slides at a tenth of the largest slip rate or more."""
+    """Length of the nucleation zone [m]: points that slip at a tenth of the largest slip rate or faster."""
     first_step: int
     peak: float = 0.0
     """Largest slip rate [m/s]."""
@@ -38,12 +38,12 @@ class Profile:
 
 @dataclass
 class Cycles:
-    """What a run leaves: its events, of every step time [s] and largest slip rate [m/s], and now and then the slip.
+    """Events of a run, time [s] and largest slip rate [m/s] of every step, and slip profiles.
 
     Attributes
     ----------
     position : ndarray, shape (n,)
-        Of the points of the fault [m].
+        Depth of the fault points [m].
     """
 
     position: np.ndarray
@@ -54,7 +54,7 @@ class Cycles:
     _slip: np.ndarray | None = None
 
     def look(self, time: float, rate: np.ndarray, slip: np.ndarray) -> None:
-        """At the end of a step: slip rate [m/s] and slip [m] of every point."""
+        """Add the end of a step: slip rate [m/s] and slip [m] of every point."""
         fastest = float(rate.max())
         self.times.append(time)
         self.speeds.append(fastest)
@@ -76,10 +76,10 @@ class Cycles:
 
     @property
     def over(self) -> int:
-        """Events that have ended."""
+        """Number of events that have ended."""
         return len(self.events) - (self._slip is not None)
 
     @property
     def intervals(self) -> np.ndarray:
-        """Between the onsets [s]."""
+        """Times between the onsets [s]."""
         return np.diff([event.onset for event in self.events])

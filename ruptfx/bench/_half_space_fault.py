@@ -3,7 +3,7 @@
     tau_0 + K (s - V_p t) - eta V = a sigma asinh(V / (2 V_0) exp((f_0 + b ln(V_0 theta / D_c)) / a))
     ds/dt = V,   dtheta/dt = 1 - V theta / D_c
 
-Written apart from the finite elements, for them to be compared with. Slip is uniform in every cell; below the last one
+Independent of the finite elements, as a reference for them. Slip is uniform in every cell; below the last one
 the fault slides at V_p. K is the stress at the centres of cells by the screw dislocations at their ends and by the
 images of these above the surface. Runge-Kutta steps (SciPy) follow s - V_p t and ln theta.
 Source: Segall (2010), Earthquake and Volcano Deformation, for the dislocations; Rice (1993) for eta.
@@ -28,10 +28,10 @@ class HalfSpaceFault:
     Attributes
     ----------
     cells : ndarray, shape (n + 1,)
-        Depths of their ends.
+        Depths of the ends of the cells.
     a : ndarray, shape (n,)
     b, D_c, f_0, V_0, normal_stress, shear_modulus, wave_speed, plate_rate, initial_traction : float
-        The traction is what carries V_p at the start, without radiation.
+        `initial_traction` is the friction at the slip rate V_p, without radiation.
     """
 
     cells: np.ndarray
@@ -47,20 +47,20 @@ class HalfSpaceFault:
     initial_traction: float
 
     def stiffness(self) -> np.ndarray:
-        """K, shape (n, n) [Pa/m]."""
+        """Return K, shape (n, n) [Pa/m]."""
         above, below = self.cells[:-1], self.cells[1:]
         z = (0.5 * (above + below))[:, None]
         ends = 1 / (z - below) - 1 / (z - above) + 1 / (z + above) - 1 / (z + below)
         return np.asarray(self.shear_modulus / (2 * np.pi) * ends)
 
     def initial_age(self) -> np.ndarray:
-        """ln theta, with which the initial traction is carried at V_p, shape (n,)."""
+        """Return ln theta with which the fault carries the initial traction at V_p, shape (n,)."""
         drive = self.initial_traction / (self.a * self.normal_stress)
         psi = self.a * np.log(2 * self.V_0 / self.plate_rate * np.sinh(drive))
         return np.asarray(np.log(self.D_c / self.V_0) + (psi - self.f_0) / self.b)
 
     def log_rate(self, traction: np.ndarray, age: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """ln V that balances friction and radiation, by Newton's method; not a number far off any solution."""
+        """Return ln V that balances friction and radiation, by Newton's method; NaN far from a solution."""
         eta, strength = self.shear_modulus / (2 * self.wave_speed), self.a * self.normal_stress
         psi = self.f_0 + self.b * (np.log(self.V_0 / self.D_c) + age)
         x = guess
@@ -74,7 +74,7 @@ class HalfSpaceFault:
         return np.asarray(x)
 
     def march(self, events: int, accuracy: float = 1e-5) -> Cycles:
-        """Run until so many events are over; `accuracy` is that of ln theta in a step."""
+        """Run until `events` events have ended; `accuracy` is the error of ln theta per step."""
         n, K = len(self.a), self.stiffness()
         eta = self.shear_modulus / (2 * self.wave_speed)
         found = Cycles(0.5 * (self.cells[:-1] + self.cells[1:]))

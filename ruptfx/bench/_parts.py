@@ -1,4 +1,4 @@
-"""A benchmark in parts, each on its own: what one cannot measure is a failed check, and the others are kept."""
+"""Independent parts of one benchmark: a part that raises an error is a failed check, the others are kept."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ruptfx.terminal import console
 
 @dataclass
 class Parts:
-    """What came of all parts.
+    """Checks and rows of all parts of a benchmark.
 
     Attributes
     ----------
     checks : list of Check
     rows : list of dict
-        Of every part its name, `part`, and the time it took by the clock, `seconds`.
+        Name (`part`) and wall-clock time (`seconds`) of every part.
     """
 
     checks: list[Check] = field(default_factory=list)
@@ -30,7 +30,7 @@ class Parts:
 
     @contextmanager
     def one(self, name: str) -> Iterator[None]:
-        """Measure a part inside; an error of the product, or a process that takes for ever, ends this part only."""
+        """Measure one part inside the context; an error or a time-out of a subprocess ends only this part."""
         began, known = time.perf_counter(), len(self.checks)
         try:
             yield
@@ -40,10 +40,10 @@ class Parts:
         self.rows.append({"part": name, "seconds": seconds})
         said = console(stderr=True)
         said.print(f"{name}: {seconds:.0f} s", highlight=False)
-        for check in self.checks[known:]:  # whoever does not wait for the end has them
+        for check in self.checks[known:]:  # printed at once, so that an interrupted benchmark shows them
             said.print(f"  {check.quantity}: {check.found:.4g}, expected {check.expected:.4g}", highlight=False)
 
 
 def ratio(part: float, whole: float) -> float:
-    """One over the other; not a number, which no check passes, over nothing."""
+    """Return part / whole, NaN (which no check passes) if `whole` is zero."""
     return part / whole if whole else math.nan

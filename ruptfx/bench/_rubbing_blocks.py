@@ -1,4 +1,4 @@
-"""A block that is pressed on another one, damped to rest, and then rubbed over it: waves or flat."""
+"""A block pressed on another one, damped to rest, and dragged over it; the surfaces are wavy or flat."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ SPEED, PRESSURE, WAVELENGTH = 10.0, 5e6, 0.6e-3
 
 @dataclass(frozen=True)
 class Blocks:
-    """The upper one is 1.2 x 0.5 mm, the elements of the lower one are 1.37 times as large.
+    """Two blocks: the upper one measures 1.2 x 0.5 mm, the elements of the lower one are 1.37 times as large.
 
     Attributes
     ----------
     size, order : float, int
-        Of the elements of the upper one [m].
+        Size [m] and order of the elements of the upper block.
     way : float
-        That it slides at full speed [m].
+        Sliding distance at full speed [m].
     amplitude : float
-        Of the waves of both, which are opposed; 0: flat [m].
+        Amplitude of the waves of both surfaces, in opposite phase; 0: flat [m].
     moduli : (float, float)
-        Upper and lower one [Pa].
+        Young's moduli of the upper and lower block [Pa].
     friction : float
     press, ramp : float
-        How long it is pressed, and until it has its speed [s].
+        Duration of pressing, and of the acceleration to full speed [s].
     damping : (dict, dict)
-        While it is pressed, and then.
+        Damping during pressing, and during sliding.
     ends : (float, float)
-        x of the ends of the lower one [m].
+        x of the ends of the lower block [m].
     contact : dict
     follow : float
-        Slip over the distance of nodes after which it is found again what points face.
+        Slip, as a fraction of the node spacing, after which the mortar pairing is updated.
     """
 
     size: float
@@ -103,16 +103,16 @@ def _edges(speed: float, ramps: tuple[float, float]) -> list[Table]:
 
 @dataclass(frozen=True)
 class Rubbing:
-    """What came of a run.
+    """Result of a run.
 
     Attributes
     ----------
     impact : float
-        Work of the normal stress over that of friction since the bodies slide.
+        Work of the normal stress over that of friction since sliding began.
     facing : float
-        What updates took from springs in contact since the bodies slide over the work of the edges.
+        Energy that pairing updates removed from the contact springs since sliding began, over the edge work.
     missing : float
-        What the budget of all energies misses over the work of the edges.
+        Unaccounted energy over the edge work.
     """
 
     impact: float
@@ -121,7 +121,7 @@ class Rubbing:
 
 
 def rub(blocks: Blocks, comm: fem.MPI.Comm, look: Callable[[State, SlidingInterface], None] | None = None) -> Rubbing:
-    """Press, then slide all the way; `look` is called after every step from when they slide."""
+    """Press, then slide the whole way; call `look` after every step of sliding."""
     case = blocks.case()
     model = Model(case, comm)
     motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface

@@ -1,4 +1,4 @@
-"""What the rupture benchmarks share: run a case in memory, with the interface sampled at every step."""
+"""Shared part of the rupture benchmarks: run a case in memory and sample the interface at every step."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROCK = {"kind": "isotropic_elastic", "density": 2670.0, "young_modulus": 8009239
 
 
 def elastic(c_p: float, c_s: float, density: float) -> Table:
-    """Material table of given wave speeds in plane strain."""
+    """Return the material table of given wave speeds in plane strain."""
     nu = (c_p**2 - 2 * c_s**2) / (2 * (c_p**2 - c_s**2))
     young = 2 * (1 + nu) * density * c_s**2
     return {"kind": "isotropic_elastic", "density": density, "young_modulus": young, "poisson_ratio": nu}
@@ -33,14 +33,14 @@ def elastic(c_p: float, c_s: float, density: float) -> Table:
 
 @dataclass(frozen=True)
 class Rupture:
-    """One run.
+    """Result of one run.
 
     Attributes
     ----------
     position : ndarray, shape (n,)
         Along the interface [m].
     time : ndarray, shape (k,)
-        Of the slip rates [s]: the middle of a step.
+        Time of the slip rates [s], the middle of a step.
     slip_rate : ndarray, shape (k, n)
         At every `stride`-th step [m/s].
     opening : ndarray, shape (k, n)
@@ -64,7 +64,7 @@ class Rupture:
     state: State
 
     def rupture_time(self, threshold: float) -> Array:
-        """First passing of the threshold [s], interpolated between steps; NaN where there is none; shape (n,)."""
+        """Return the first passage of the threshold [s], interpolated between steps; NaN if none; shape (n,)."""
         rate = np.abs(self.slip_rate)
         first = np.argmax(rate > threshold, axis=0)
         slid, point = rate.max(axis=0) > threshold, np.arange(rate.shape[1])
@@ -74,7 +74,7 @@ class Rupture:
         return np.where(slid, when, np.nan)
 
     def slip_time(self, slip: float) -> Array:
-        """When the slip reaches a value [s], NaN where it does not; shape (n,). Needs every step (`stride` 1)."""
+        """Return the time at which the slip reaches a value [s], NaN if never; shape (n,). Needs `stride` 1."""
         step = self.time[2] - self.time[1]
         slips = np.cumsum(np.abs(self.slip_rate), axis=0) * step
         first = np.argmax(slips > slip, axis=0)
@@ -85,17 +85,17 @@ class Rupture:
         return np.where(slips[-1] > slip, when, np.nan)
 
     def mean_peak(self, over: float) -> Array:
-        """Largest running mean of the slip rate over some time [s], the same on every mesh [m/s]; shape (n,)."""
+        """Return the largest running mean of the slip rate over a time `over` [s], in m/s; shape (n,)."""
         width = max(1, round(over / (self.time[2] - self.time[1])))
         total = np.cumsum(np.abs(self.slip_rate), axis=0)
         return (total[width:] - total[:-width]).max(axis=0) / width
 
     def at(self, position: float) -> int:
-        """Index of the nearest point."""
+        """Return the index of the nearest point."""
         return int(np.argmin(np.abs(self.position - position)))
 
     def budget(self, source: str = "exact", tolerance: float = 1e-3) -> Check:
-        """The energy check every benchmark has."""
+        """Return the check of the energy closure that every benchmark has."""
         return Check("energy closure", 0.0, self.closure, tolerance, "1", source)
 
 
@@ -111,7 +111,7 @@ def rupture(
     stride : int
         Steps between samples of the slip rate.
     energies : int
-        How often the energy budget is looked at.
+        Number of evaluations of the energy budget.
     """
     case = Case.model_validate(table)
     model = Model(case, comm or fem.MPI.COMM_SELF)

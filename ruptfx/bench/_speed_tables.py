@@ -1,4 +1,4 @@
-"""The tables of `bench speed`, from its rows: for the screen and for the site, without DOLFINx."""
+"""Tables of `bench speed` from its rows, for the terminal and the site; does not need DOLFINx."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _number(value: float | None, form: str) -> str:
 
 
 def step_rows(rows: Sequence[Table]) -> list[Cells]:
-    """Cells under `STEPS` of the rows of steps."""
+    """Return the cells below the header `STEPS` for the rows of steps."""
     return [
         (
             f"{row['dim']}D order {row['order']} {row['geometry']}", f"{row['nodes'] / 1e6:.2f} M", str(row["ranks"]),
@@ -33,7 +33,7 @@ def step_rows(rows: Sequence[Table]) -> list[Cells]:
 
 
 def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
-    """Header and cells: a column for every whole command, a row for every phase, seconds with the share."""
+    """Return header and cells: one column per whole command, one row per phase, seconds with the share."""
     found = {(row["problem"], row["ranks"], row["phase"]): row for row in rows if "phase" in row}
     commands = list(dict.fromkeys((problem, ranks) for problem, ranks, _ in found))
 
@@ -48,9 +48,9 @@ def phase_table(rows: Sequence[Table]) -> tuple[Cells, list[Cells]]:
     return header, [(name, *(cell(command, name) for command in commands)) for name in names]
 
 
-OUTSIDE = ("wall",)  # rows of whole commands that are no phases
+OUTSIDE = ("wall",)  # rows of whole commands that are not phases
 
-# What the aims began with: quantity, as it was measured first.
+# First measured value of every aim, by quantity.
 FIRST = (
     ("fault problem, 100 m: whole command over its steps", 5.3),
     ("fault problem, 50 m: whole command over its steps", 2.7),
@@ -65,7 +65,7 @@ AIMS = ("quantity", "at first", "aim", "reached", "")
 
 
 def aim_rows(*saved: Table) -> list[Cells]:
-    """Cells under `AIMS` from the checks of saved benchmarks; what none of them has measured is said to be so."""
+    """Return the cells below `AIMS` from the checks of saved benchmarks; unmeasured aims are marked."""
     checks = {check["quantity"]: check for each in saved for check in each["checks"]}
     rows: list[Cells] = []
     for quantity, first in FIRST:

@@ -1,4 +1,4 @@
-"""What a user waits for: a fault problem to a stated error, and the start of a run."""
+"""Timings that users notice: a fault problem to a given error, and the start of a run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ print(json.dumps([t - began for t in (imported, built, time.perf_counter())]))
 
 
 def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> Table:
-    """In-plane slip weakening in uniform stress, order 5, nodes `spacing` [m] apart.
+    """Return in-plane slip weakening in uniform stress, order 5, nodes `spacing` [m] apart.
 
     The body is `height` [m] high; with `half`, only its antisymmetric half is meshed.
     """
@@ -62,7 +62,7 @@ def fault_case(spacing: float, half: bool, height: float = HEIGHT) -> Table:
 
 
 def time_to_error(fine: bool) -> list[Check]:
-    """Processor time of the fault problem at 100 m as half model and in full, and its errors against a finer run."""
+    """Measure the processor time of the fault problem at 100 m, half and full model, and its errors."""
     runs = {name: rupture(fault_case(100.0, name == "half"), energies=1) for name in ("half", "full")}
     spacing = 25.0 if fine else 50.0
     reference = rupture(fault_case(spacing, half=True), energies=1)
@@ -79,7 +79,7 @@ def time_to_error(fine: bool) -> list[Check]:
 
 
 def errors(run: Rupture, reference: Rupture) -> tuple[float, float]:
-    """Relative RMS error of the rupture times, and of the slip-rate histories of all stations together."""
+    """Return the relative RMS errors of the rupture times, and of all slip-rate histories of the stations."""
     stations = np.arange(-14.5e3, 14.501e3, 0.5e3)  # corners of elements in all meshes
     stations = stations[np.abs(stations) > 2e3]
     when, true = (np.interp(stations, r.position, r.rupture_time(1e-3)) for r in (run, reference))
@@ -92,8 +92,8 @@ def errors(run: Rupture, reference: Rupture) -> tuple[float, float]:
 
 
 def start_up() -> list[Check]:
-    """Wall-clock time of a fresh process with everything compiled before: to the first step, and to a large model."""
-    _phases(1_000)  # compiles, where this was not done before
+    """Measure the wall-clock time of a fresh process to the first step, and to a large model; code is compiled."""
+    _phases(1_000)  # compiles the code if it is not in the cache
     first = float(np.median([_phases(200_000)[2] for _ in range(3)]))
     return [
         Check("start to first step, 0.2 M nodes", 4.0, first, 0, "s", SOURCE, "at most"),

@@ -1,4 +1,4 @@
-"""What a user waits for: whole commands with default outputs, by phase."""
+"""Timings that users notice: whole commands with default outputs, by phase."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Seconds = dict[str, float]  # by phase
 
 
 def whole_runs(fine: bool, parts: Parts) -> list[Table]:
-    """Time by the clock of whole commands, by phase; how they compare with their steps becomes checks.
+    """Measure the wall-clock time of whole commands by phase; compare it with the time of the steps.
 
     Rows hold problem, ranks, phase, seconds, share (of the command); the phase `wall` is all of it. Medians of three
     runs, one when not fine.
@@ -64,7 +64,7 @@ def _rows(problem: str, ranks: int, runs: list[Seconds]) -> list[Table]:
 
 
 def _checks(found: dict[tuple[str, int], list[Seconds]]) -> list[Check]:
-    """The numbers that are aimed at, as far as they were measured."""
+    """Return the checks of all aims that were measured."""
     checks = []
 
     def add(what: str, aim: float, values: list[float], unit: str = "s") -> None:
@@ -88,12 +88,12 @@ def _checks(found: dict[tuple[str, int], list[Seconds]]) -> list[Check]:
 
 
 def _run(case: Path, folder: Path, ranks: int, *options: str) -> Seconds:
-    """Seconds by phase of one command.
+    """Run one command and return its seconds by phase.
 
     Raises
     ------
     RuptfxError
-        When it fails, with what it said.
+        If the command fails, with its output.
     """
     with tempfile.TemporaryDirectory(dir=folder) as place:
         out = Path(place, "run")
@@ -110,7 +110,7 @@ def _run(case: Path, folder: Path, ranks: int, *options: str) -> Seconds:
 
 
 def _phases(out: Path, began: float, ended: float) -> Seconds:
-    """Seconds by phase of a run between two times, from its log and from when its files were written."""
+    """Return the seconds by phase of a run between two times, from its log and the dates of its files."""
     text = next(line for line in (out / "run.log").read_text().splitlines() if "time by phase [s]: " in line)
     seconds: Seconds = json.loads(text.partition("time by phase [s]: ")[2])
     looped, complete = ((out / name).stat().st_mtime for name in ("run.log", "summary.json"))
@@ -123,7 +123,7 @@ def _phases(out: Path, began: float, ended: float) -> Seconds:
 
 
 def _environment(folder: Path) -> dict[str, str]:
-    """As users have it: Python keeps what it compiled, elsewhere than in a tree where it must not."""
+    """Return the environment of users: Python caches its bytecode, in a folder where that is allowed."""
     environment = dict(os.environ)
     if environment.pop("PYTHONDONTWRITEBYTECODE", None):
         environment["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")

@@ -1,4 +1,4 @@
-"""Different materials: a pulse in the slip direction of the slower side, and when it depends on the mesh.
+"""Different materials: a pulse in the slip direction of the slower body, and its dependence on the mesh.
 
 Two bodies whose shear speeds differ by 20 %, Coulomb friction, uniform stress just below sliding, friction dropped in
 a small patch (Andrews and Ben-Zion 1997; Cochard and Rice 2000). Between such bodies plain Coulomb friction has no
@@ -29,14 +29,16 @@ PATCH = 0.32e-3  # m
 SIGMA, FRICTION, LOAD = 5e6, 1.0, 0.95
 COULOMB = {"kind": "coulomb", "mu_d": FRICTION}
 MEMORY = {"kind": "prakash_clifton", "law": COULOMB, "L_p": 2e-7}
-SLOWER = -1  # slip is plus minus minus: with positive shear the lower, slower body slides to the left
+SLOWER = -1  # slip = u(plus) - u(minus): with positive shear the lower, slower body slides to the left
 
 
 def body(young_modulus: float) -> Table:
+    """Return the material table of a body."""
     return {"kind": "isotropic_elastic", "young_modulus": young_modulus, "poisson_ratio": 0.25, "density": 1246.0}
 
 
 def case(spacing: float, law: Table, duration: float = 5.5e-6) -> Table:
+    """Return the case with nodes `spacing` [m] apart."""
     edges = [f"upper.{side}" for side in ("left", "right", "top")] + [f"lower.{s}" for s in ("left", "right", "bottom")]
     return {
         "plane": "strain", "order": 4, "duration": duration, "positions": "x",
@@ -54,6 +56,7 @@ def case(spacing: float, law: Table, duration: float = 5.5e-6) -> Table:
 
 
 def generalized_rayleigh(result: Rupture) -> float:
+    """Return the generalized Rayleigh speed of the two bodies [m/s]."""
     materials = result.model.materials
     speeds = [m.wave_speeds("strain") for m in materials]
     moduli = [m.density * s.c_s**2 for m, s in zip(materials, speeds, strict=True)]
@@ -61,7 +64,7 @@ def generalized_rayleigh(result: Rupture) -> float:
 
 
 def pulse(result: Rupture, side: int) -> tuple[float, float, float]:
-    """Speed of the peak between 2 and 4 mm [m/s], peak rates at 1 and 3 mm from the centre [m/s]."""
+    """Return the speed of the peak between 2 and 4 mm, and the peak rates at 1 and 3 mm from the centre [m/s]."""
     x = side * result.position
     rate = np.abs(result.slip_rate)
     part = (x > 2e-3) & (x < 4e-3) & (rate.max(axis=0) > 0.05)

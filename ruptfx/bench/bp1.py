@@ -43,8 +43,8 @@ G = DENSITY * C_S**2
 A, A_MAX, B, D_C, F_0, V_0, V_P = 0.010, 0.025, 0.015, 8e-3, 0.6, 1e-6, 1e-9
 FAULT = 40e3  # m
 DEPTHS, A_AT = [0.0, 15e3, 18e3, FAULT], [A, A, A_MAX, A_MAX]
-FAR = 400e3  # m, of the edges
-SHOWN = 25e3  # m, of the depth, in the figure
+FAR = 400e3  # m, distance of the far edges
+SHOWN = 25e3  # m, depth shown in the figure
 SOURCE = "SEAS BP1-QD"
 ORDINALS = ("first", "second", "third")
 PUBLISHED_ONSETS = (6.1965192e9, 8.5828065e9, 1.10383147e10)  # s
@@ -52,12 +52,12 @@ PUBLISHED_SLIP = (2.83979, 2.50596)  # m, at the surface, in the first two
 
 
 def initial_traction() -> float:
-    """tau_0 [Pa], the same everywhere: steady creep with the largest a; radiation at V_p is 5 mPa of it."""
+    """Return tau_0 [Pa], uniform: steady creep with the largest a; radiation at V_p is 5 mPa of it."""
     return SIGMA * A_MAX * np.arcsinh(V_P / (2 * V_0) * np.exp((F_0 + B * np.log(V_0 / V_P)) / A_MAX))
 
 
 def problem(spacing: float, far: float, tolerance: float = 1e-4) -> Case:
-    """Nodes some `spacing` [m] apart, far edges at a distance [m], errors of a step."""
+    """Return the case: node spacing `spacing` [m], distance of the far edges [m], error tolerance of a step."""
     moved = [{"kind": "driven", "edge": f"upper.{edge}", "component": "z", "velocity": V_P / 2}
              for edge in ("below", "top")]  # fmt: skip
     return Case.model_validate({
@@ -67,7 +67,7 @@ def problem(spacing: float, far: float, tolerance: float = 1e-4) -> Case:
         "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 2.5 * G, "poisson_ratio": 0.25,
                                   "density": DENSITY}},
         "faults": {"main": {
-            # Next to rigid: 10 MPa move it by 1 um.
+            # Nearly rigid: 10 MPa move it by 1 um.
             "contact": {"kind": "compliant", "C_n": 1e13, "C_s": 1e13},
             "initial_stress": {"normal": SIGMA, "shear": initial_traction()},
             "friction": {
@@ -80,14 +80,14 @@ def problem(spacing: float, far: float, tolerance: float = 1e-4) -> Case:
 
 
 def reference(spacing: float, events: int) -> Cycles:
-    """By boundary integrals."""
+    """Return the cycles computed by boundary integrals."""
     cells = np.linspace(0, FAULT, round(FAULT / spacing) + 1)
     a = np.interp(0.5 * (cells[1:] + cells[:-1]), DEPTHS, A_AT)
     return HalfSpaceFault(cells, a, B, D_C, F_0, V_0, SIGMA, G, C_S, V_P, initial_traction()).march(events)
 
 
 def march(case: Case, events: int, whole: bool) -> tuple[Cycles, float]:
-    """Run on one rank until so many events have begun, or are over; with the age at the surface at the start [s]."""
+    """Run on one rank until `events` events have begun, or have ended; return also the initial age at the surface."""
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
     state.unseen = True
@@ -131,7 +131,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 def _against(
     what: str, found: Cycles, onsets: Sequence[float], slips: Sequence[float], close: float, loose: float, source: str
 ) -> list[Check]:
-    """First onset, intervals after it and slip at the surface."""
+    """Return checks of the first onset, the intervals after it and the slip at the surface."""
     checks = [Check(f"{what}: first event", onsets[0] / YEAR, found.events[0].onset / YEAR, close, "a", source,
                     relative=True)]  # fmt: skip
     for name, ours, other in zip(ORDINALS[1:], found.intervals, np.diff(onsets), strict=False):
@@ -144,7 +144,7 @@ def _against(
 
 
 def _alone(found: Cycles) -> list[Check]:
-    """What the far edges, the steps and the cycle cost."""
+    """Return checks of the position of the far edges, of the step tolerance and of the number of steps per cycle."""
     first, own = found.events[0], "own run"
     far, _ = march(problem(100.0, 2 * FAR), 1, False)
     fine, _ = march(problem(100.0, FAR, 1e-5), 1, True)

@@ -57,7 +57,7 @@ def _checks(kind: str, found: Broken, c_R: float) -> list[Check]:
 
 
 def _height(x: np.ndarray, y: np.ndarray, place: float) -> float:
-    """Of the cracked zone around a place [m]."""
+    """Return the height of the cracked zone around an x [m]."""
     near = np.abs(x - place) < 1.5e-3
     return float(np.ptp(y[near])) if near.any() else 0.0
 

@@ -4,8 +4,8 @@ The demo, slower, and with less fracture energy. The largest force P gives a str
 is brittle, E G / f_t^2 << D, and loaded slowly it is a little above f_t: 0.95 to 1.35 f_t at E G / f_t^2 = 0.03 D, as
 the path along facets is longer than a straight one; it grows with the fracture energy. The disc breaks from the middle,
 within D / 4, and along the load, within 10 degrees. That is the long axis of the cloud of facets in its inner half
-which have failed when the force has fallen to 0.7 of its peak; later pieces break on their own. All of it twice: with
-springs everywhere, and with facets that are rigid until their strength.
+which have failed when the force has fallen to 0.7 of its peak; later fragments fail separately. Everything twice: with
+intrinsic facets (`everywhere`) and with extrinsic ones (`on_strength`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SOURCE = "flattened disc"
 
 
 def disc(part: float, size: float) -> Case:
-    """The disc with a characteristic length of a part of its diameter."""
+    """Return the disc whose characteristic length is a fraction `part` of its diameter."""
     energy = part * DIAMETER * STRENGTH**2 / YOUNG
     return demo("brazilian", [
         f"mesh.element_size={size}", "fracture.unresolved=true",
@@ -65,12 +65,12 @@ def _checks(found: list[Broken], which: str) -> list[Check]:
 
 
 def _force(found: Broken) -> np.ndarray:
-    """Between the flats [N/m]."""
+    """Return the force between the flats [N/m]."""
     return np.asarray(0.5 * (found.edges["specimen.bottom.force_y"] - found.edges["specimen.top.force_y"]))
 
 
 def _angle(found: Broken) -> float:
-    """Of the cloud of failed facets to the load [degrees]."""
+    """Return the angle between the cloud of failed facets and the load [degrees]."""
     force = _force(found)
     fallen = (np.arange(len(force)) > force.argmax()) & (force < FALLEN * force.max())
     x, y, when = (found.events[name] for name in ("x", "y", "time_of_failure"))

@@ -34,7 +34,7 @@ REACH = 50.0  # a_c
 
 
 def crack(ratio: float, reach: float, per_zone: float, duration: float, start: float = 1.1) -> tuple[Rupture, float]:
-    """Spontaneous rupture from a forced one of `start` critical half-lengths; the run and a_c [m].
+    """Run a spontaneous rupture from a forced one of `start` critical half-lengths; return the run and a_c [m].
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def crack(ratio: float, reach: float, per_zone: float, duration: float, start: f
 
 
 def front(result: Rupture, critical: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Half-length [a_c], arrival [s] and smoothed front speed [m/s]; no speed where a crack ahead was earlier."""
+    """Return half-length [a_c], arrival [s] and smoothed front speed [m/s], NaN where a crack ahead was earlier."""
     arrival = result.rupture_time(1e-3 * DROP / (DENSITY * C_S))
     slid = np.isfinite(arrival)
     x, arrival = result.position[slid], arrival[slid]
@@ -90,7 +90,7 @@ def front(result: Rupture, critical: float) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def transition(length: np.ndarray, when: np.ndarray) -> float:
-    """Half-length [a_c] at which a crack ahead of the front begins; NaN where there is none."""
+    """Return the half-length [a_c] at which a crack ahead of the front begins; NaN if there is none."""
     overtaken = length[np.isnan(when)]
     return float(overtaken.max()) if len(overtaken) else np.nan
 

@@ -1,4 +1,4 @@
-"""Rough against homogeneous friction of a block that is pressed, held and sheared: what slips later where.
+"""Rough against homogeneous friction of a block that is pressed and sheared: delay of the first slip.
 
 The demo `chamfered_block`, pressed evenly and unevenly, with static friction of 0.5, 0.55 or 0.6 drawn every 5 mm, and
 with the mean of it, 0.545, everywhere. Published in words: the delay of the first slip by rough friction follows the
@@ -26,13 +26,13 @@ from ruptfx.record import Record
 from ruptfx.simulation import simulate
 
 SOURCE, MEAN = "Zhao (2013), thesis", 0.545
-HELD = 1.2e-3  # s: pressed and held, then sheared
+HELD = 1.2e-3  # s: duration of pressing and hold; shearing follows
 EVEN = ["stages.0.boundaries.0.profile=1.0"]
 ABOUT_ZERO = 0.2  # a rank correlation that explains 4 % of the order
 
 
 def first_slip(friction: str, load: list[str], size: float, comm: fem.MPI.Comm) -> NDArray[np.float64]:
-    """Static friction, and when every point first slips after the hold [s]; shape (2, points), on all ranks."""
+    """Return static friction and time of first slip after the hold [s] of every point; shape (2, points), all ranks."""
     changes = [
         f"faults.main.friction.mu_s={friction}", f"output.rupture_after={HELD}", f"mesh.element_size={size}",
         f"mesh.chamfer={size / 2}", "output.figures=false",
@@ -50,7 +50,7 @@ def first_slip(friction: str, load: list[str], size: float, comm: fem.MPI.Comm) 
 
 
 def correlations(draws: int, load: list[str], size: float, comm: fem.MPI.Comm) -> list[float]:
-    """Rank correlation of the delay with the static friction over all points, of every draw."""
+    """Return the rank correlation of delay and static friction over all points, for every draw."""
     _, even = first_slip(str(MEAN), load, size, comm)
     drawn = "values=[0.6,0.5,0.55],weights=[30,40,30],cell=5e-3,seed="
     found = []
@@ -62,7 +62,7 @@ def correlations(draws: int, load: list[str], size: float, comm: fem.MPI.Comm) -
 
 
 def run(fine: bool, comm: fem.MPI.Comm) -> list[Check]:
-    """The same on every rank."""
+    """Run the benchmark; every rank returns the same checks."""
     even = correlations(10 if fine else 3, EVEN, 4e-3 if fine else 8e-3, comm)
     name = "delay by rough friction against mu_s, rank correlation, pressed"
     checks = [Check(f"{name} evenly: least of {len(even)} draws", 0.0, min(even), 0.0, "1", SOURCE, "at least")]

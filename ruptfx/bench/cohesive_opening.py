@@ -11,9 +11,9 @@ waves that the crack sends out are plane, so that its opening follows the equati
 
 other laws are integrated (SciPy, tolerance 1e-10). Ends are so far that their waves come too late.
 
-Three ways: an interface that cohesion holds, between elements of order 2; a joint of a mesh of triangles whose facets
-are rigid until their strength; the same with springs of alpha = 100 between all cells, compensated. Bodies of facets
-are pulled at that rate from rest, so that springs are drawn out with the body.
+Three ways: a cohesive interface between elements of order 2; a joint of a mesh of triangles whose facets
+are extrinsic; the same with intrinsic facets, alpha = 100, compensated. Bodies with facets
+are pulled at that rate from rest, so that the springs extend together with the body.
 """
 
 from __future__ import annotations
@@ -50,11 +50,12 @@ SOURCE = "wave equation; cf. Drugan (2001)"
 
 
 def law_of(kind: str) -> CohesiveLaw:
+    """Return the cohesive law of a kind."""
     return TypeAdapter(AnyCohesion).validate_python({"kind": kind, **BOND})
 
 
 def exact(kind: str) -> np.ndarray:
-    """When the opening has reached `PARTS` of that at failure [s]."""
+    """Return the times at which the opening reaches the fractions `PARTS` of that at failure [s]."""
     law = law_of(kind)
     end, impedance = law.opening_at_failure, DENSITY * SPEED
 
@@ -70,7 +71,7 @@ def exact(kind: str) -> np.ndarray:
 
 
 def linear() -> np.ndarray:
-    """The same in closed form for linear softening."""
+    """Return the same times in closed form for linear softening."""
     end = law_of("linear").opening_at_failure
     tau = DENSITY * SPEED * end / (2 * BOND["f_t"])
     time = np.linspace(0, 4e-6, 200001)
@@ -82,12 +83,12 @@ STIFF: Table = {"kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ra
 
 
 def pulled(ends: dict[str, float]) -> list[Table]:
-    """Edges by their places, at the steady rate."""
+    """Return the boundaries that move edges at the steady rate, from the coordinates of the edges."""
     return [{"kind": "driven", "edge": edge, "component": "y", "velocity": STRAIN_RATE * y} for edge, y in ends.items()]
 
 
 def interface(kind: str, size: float) -> Case:
-    """A bar that begins at f_t, with elements of that size."""
+    """Return a bar that begins at f_t, with elements of that size."""
     return Case.model_validate({
         "plane": "strain", "order": 2, "duration": 2.2e-6,
         "mesh": {"kind": "two_plates", "length": size, "height": LENGTH, "element_size": size},
@@ -101,7 +102,7 @@ def interface(kind: str, size: float) -> Case:
 
 
 def triangles(kind: str, size: float) -> Case:
-    """A bar that begins at rest, with springs between all cells."""
+    """Return a bar that begins at rest, with intrinsic facets."""
     never = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
     rubs = {"kind": "coulomb", "mu_d": 0.5}
     return Case.model_validate({
@@ -120,7 +121,7 @@ def triangles(kind: str, size: float) -> Case:
 
 
 def opened(case: Case, end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times since the stress was f_t [s] and openings [m], to an opening."""
+    """Return times since the stress was f_t [s] and openings [m], up to the opening `end`."""
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     state.velocity.reshape(-1, 2)[:, 1] = STRAIN_RATE * model.coordinates[:, 1]

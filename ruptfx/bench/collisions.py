@@ -33,12 +33,12 @@ from ruptfx.model import Model
 DENSITY = 2600.0
 RAMP = 5e-5  # s
 GAPS = (2e-5, 2.3e-5, 2.6e-5, 3.1e-5, 3.7e-5, 5e-5)  # m
-CELLS = 10  # of slip after which friction is still looked at
+CELLS = 10  # slip, in cells, up to which friction is checked
 NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e9, "G_IIc": 1e9}
 
 
 def pair(bodies: dict[str, Any], mu: float, duration: float, changes: dict[str, Any]) -> Case:
-    """Two bodies that do not break, of triangles of 1 mm."""
+    """Return a case of two unbreakable bodies of triangles of 1 mm."""
     found = parse_case({
         "plane": "strain", "order": 1, "duration": duration, "large_rotations": True,
         "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": bodies},
@@ -52,7 +52,7 @@ def pair(bodies: dict[str, Any], mu: float, duration: float, changes: dict[str, 
 
 
 class Flight:
-    """A case on its way, with what is conserved."""
+    """A case that is stepped in memory, with its conserved quantities."""
 
     def __init__(self, case: Case) -> None:
         self.model = Model(case, fem.MPI.COMM_SELF)
@@ -61,13 +61,13 @@ class Flight:
         self._steps = int(np.ceil(case.duration / self.motion.dt))
 
     def momentum(self) -> np.ndarray:
-        """x, y, and angular momentum over a length of 1 mm."""
+        """Return momentum along x and y, and angular momentum over a length of 1 mm."""
         v, now = self.state.velocity.reshape(-1, 2), self.x + self.state.at_faults()[1].reshape(-1, 2)
         spin = np.sum(self.mass[:, 0] * (now[:, 0] * v[:, 1] - now[:, 1] * v[:, 0]))
         return np.array([*(self.mass * v).sum(axis=0), spin / 1e-3])
 
     def fly(self) -> tuple[float, float, float, float]:
-        """Largest change of the momenta over that of one body; energy lost, taken in turning, and missing, over all."""
+        """Return the relative change of the momenta, and the energies lost, taken by rotation and missing, relative."""
         first = self.momentum()
         one, changed = np.abs(self.mass * self.state.velocity.reshape(-1, 2)).sum() / 2, 0.0
         for step in range(self._steps):
@@ -80,7 +80,7 @@ class Flight:
         return float(changed), lost, turned, abs(given - sum(energy.values())) / given
 
     def forces(self, body: str) -> np.ndarray:
-        """Of collisions on a body in every step to the end, shape (steps, 2) [N/m]."""
+        """Return the collision force on a body in every step until the end, shape (steps, 2) [N/m]."""
         nodes = np.unique(self.model.space.dofmap.list[self._cells(body)])
         found = []
         for _ in range(self._steps):
@@ -89,7 +89,10 @@ class Flight:
         return np.array(found)
 
     def over_plane(self) -> np.ndarray:
-        """Way of the ends [m], force along and across y = 0 [N/m], between facets and in collisions, (3, samples)."""
+        """Return shear offset of the ends [m], and forces along and across y = 0 [N/m]; shape (3, samples).
+
+        The forces are those of the facets and of collisions together.
+        """
         x, cells, cracks = self.x, self.model.space.dofmap.list, self.model.cracks
         assert cracks is not None
         above = cells[x[cells].mean(axis=1)[:, 1] > 0].ravel()
@@ -106,7 +109,7 @@ class Flight:
         return np.array(found).T
 
     def middle(self, body: str) -> np.ndarray:
-        """Of the mass of a body, moved since the start [m]."""
+        """Return the displacement of the centre of mass of a body since the start [m]."""
         nodes = self.model.space.dofmap.list[self._cells(body)].ravel()
         return np.average(self.state.displacement.reshape(-1, 2)[nodes], axis=0, weights=self.mass[nodes, 0])
 
@@ -115,7 +118,10 @@ class Flight:
 
 
 def collide(angle: float, gap: float, friction: float = 0.0) -> tuple[float, float, float, float]:
-    """What `Flight.fly` tells; angle [degree] of one of the blocks, and the gap before they meet [m]."""
+    """Run two blocks and return the result of `Flight.fly`.
+
+    `angle` [degree] is that of one of the blocks, `gap` [m] the distance before the collision.
+    """
     bodies = {
         "a": {"kind": "rectangle", "center": [0.0, 0.0], "width": 4e-3, "height": 3e-3},
         "b": {"kind": "rectangle", "center": [4e-3 + gap, 0.4e-3], "width": 4e-3, "height": 3e-3, "angle": angle},
@@ -126,7 +132,7 @@ def collide(angle: float, gap: float, friction: float = 0.0) -> tuple[float, flo
 
 
 def snag(duration: float) -> tuple[float, float]:
-    """Largest force along a plate, and mean one across, on a block that slides over it without friction, in weights."""
+    """Return the largest force along and mean force across a plate on a frictionless sliding block, in weights."""
     g = 1e5
     flight = Flight(pair(
         {"plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 16e-3, "height": 2e-3},
@@ -143,7 +149,7 @@ def snag(duration: float) -> tuple[float, float]:
 
 
 def slide(theta: float, mu: float, duration: float, gravity: float, damping: float = 0.0) -> tuple[float, float]:
-    """Way down the incline [m], and what a rigid block would slide [m]; gravity is turned instead of the plate."""
+    """Return the way down the incline and that of a rigid block [m]; gravity is rotated instead of the plate."""
     g, c, s = gravity, np.cos(np.deg2rad(theta)), np.sin(np.deg2rad(theta))
     flight = Flight(pair(
         {"plate": {"kind": "rectangle", "center": [0.0, 0.0], "width": 12e-3, "height": 2e-3},
@@ -161,9 +167,9 @@ def slide(theta: float, mu: float, duration: float, gravity: float, damping: flo
 
 
 def residual(cells: int, high: int, velocity: float) -> float:
-    """Friction over mu times the load of a joint of so many cells in a block so many cells high.
+    """Return friction over mu times the load of a joint of `cells` cells in a block `high` cells high.
 
-    Of all means over half a cell of slip, beginning at a tenth, the one that is farthest from 1.
+    The value is the mean over half a cell of slip (from a tenth of a cell on) that is farthest from 1.
     """
     size, mu, pressure = 1e-3, 0.6, 50e6
     width, height = cells * size, high * size

@@ -1,4 +1,4 @@
-"""What `ruptfx check` tells of time, memory and files, over what `ruptfx run` takes: within 30 % for every demo.
+"""Cost that `ruptfx check` predicts over that of `ruptfx run`: time, memory and files within 30 % for every demo.
 
 Both in processes of their own, on one rank, with all outputs and pictures; processor time, so that other programs count
 little, and memory together with the largest of the processes that draw. Demos of which more than some seconds are told
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 DEMOS = Path(ruptfx.__file__).with_name("demos")
 QUICK = ("antiplane", "gmsh", "impact", "rate_state", "pressed_block")
 ALIKE = 0.3
-LONGEST = 8.0  # s of processor time that are told of a run
-ADAPTIVE = 0.02  # of the duration, where only memory is compared
+LONGEST = 8.0  # s of predicted processor time; longer demos are shortened to it
+ADAPTIVE = 0.02  # part of the duration of runs with adaptive steps, of which only memory is compared
 UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
-# What check tells, as JSON; and what a run takes, in its last line.
+# Prediction of `check` as JSON, and cost of a run in the last line of its output.
 TOLD = """
 import json, sys
 from ruptfx.case import read_case
@@ -44,11 +44,11 @@ import atexit, json, resource, runpy, time
 from ruptfx import cost
 
 def tell():
-    others = resource.getrusage(resource.RUSAGE_CHILDREN)  # those that draw
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)  # the figure processes
     seconds = time.process_time() + others.ru_utime + others.ru_stime
     print(json.dumps([seconds, (cost.largest_memory() + 1024 * others.ru_maxrss) / 1e6]), flush=True)
 
-atexit.register(tell)  # the program ends without coming back
+atexit.register(tell)  # the command exits the process itself
 runpy.run_module("ruptfx", run_name="__main__")
 """
 
@@ -78,14 +78,14 @@ def _is_run(path: Path) -> bool:
 
 
 def compared(path: Path) -> tuple[float, dict[str, float | None], dict[str, float]]:
-    """Processor time [s], memory and files [MB] of a case, as check tells them, and as a run takes them.
+    """Return processor time [s], memory and files [MB] of a case: predicted, and measured.
 
-    First comes the part of its duration for which this is.
+    The first value is the part of the duration that was run.
 
     Raises
     ------
     RuptfxError
-        One of both failed, with what it said.
+        If one of the commands fails, with its output.
     """
     case = read_case(path)
     assert isinstance(case, Case)
@@ -108,7 +108,7 @@ def compared(path: Path) -> tuple[float, dict[str, float | None], dict[str, floa
 
 
 def _changes(case: Case, part: float) -> list[str]:
-    """What makes of a case that part of it, all stages as much shorter, and no end before."""
+    """Return the overrides that shorten a case and its stages to a part of the duration, without `stop_when`."""
     changes = ["stop_when={}"] * (case.stop_when is not None)
     if part < 1:
         changes.append(f"duration={part * case.duration!r}")

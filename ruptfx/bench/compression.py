@@ -52,7 +52,7 @@ SOURCE = "trend in Zhao (2013)"
 
 @dataclass(frozen=True)
 class Pressed:
-    """One run: its curve, what it emitted, and its largest unaccounted energy over the largest work."""
+    """One run: its loading curve, its emission, and its largest unaccounted energy over the largest work."""
 
     curve: Loading
     emission: Emission
@@ -70,7 +70,7 @@ class Pressed:
 
     @property
     def left(self) -> float:
-        """Smallest part of the first peak that is left soon after it."""
+        """Smallest stress soon after the first peak, over that peak."""
         if self.curve.peak is None:
             return np.nan
         strain = self.curve.strain - self.curve.strain[self.curve.peak]
@@ -78,7 +78,7 @@ class Pressed:
 
 
 def pressed(pressure: int, size: float | None, duration: float | None = None) -> Pressed:
-    """The demo under a pressure in MPa."""
+    """Run the demo under a pressure in MPa."""
     given = [f"boundaries.{i}.traction=[{sign * pressure * 1e6}, 0.0]" for i, sign in ((2, 1), (3, -1))]
     given += [f"duration={duration or DURATIONS[pressure]}", "output.figures=false"]
     case = demo("granite", [*given, *([f"mesh.element_size={size}"] if size else [])])
@@ -91,7 +91,7 @@ def pressed(pressure: int, size: float | None, duration: float | None = None) ->
 
 
 def unlike(size: float) -> float:
-    """Columns of the events of a run without pressure that differ by a bit on 1 and on 2 ranks; NaN without events."""
+    """Return how many columns of the events differ between 1 and 2 ranks, without pressure; NaN without events."""
     given = [f"mesh.element_size={size}", f"duration={DURATIONS[0]}", "output.figures=false"]
     with TemporaryDirectory() as folder:
         path = Path(folder, "case.toml")
@@ -107,7 +107,7 @@ def unlike(size: float) -> float:
 
 
 def stiffness(size: float) -> float:
-    """Force that bonded facets take over that of the same mesh without facets, at the same time."""
+    """Return the force of bonded facets over that of the same mesh without facets, at the same time."""
     case = demo("granite", [f"mesh.element_size={size}", f"duration={LOADED}"])
     assert case.fracture is not None
     never = CrackLaws(cohesion=Linear(f_t=1e12, c=1e12, G_Ic=1e6, G_IIc=1e6), friction=Coulomb(mu_d=0.5))
@@ -120,7 +120,7 @@ def stiffness(size: float) -> float:
 
 
 def _mean_force(case: Case) -> float:
-    """At both platens over the second half of the time [N/m]."""
+    """Return the mean force at both platens over the second half of the time [N/m]."""
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     sums, forces = EdgeSums(model), []
@@ -162,7 +162,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 def _of_the_thesis(
     found: dict[int, Pressed], tensile: np.ndarray, shear: np.ndarray, peaks: np.ndarray
 ) -> list[Check]:
-    """What cells of 3 mm are too coarse for."""
+    """Return the checks that need cells finer than 3 mm."""
     to_six = slice(None, list(found).index(6) + 1)
     exponents = [each.emission.of_clusters for each in found.values()]
     growth = (peaks[-1] - peaks[0]) / 10e6

@@ -1,4 +1,4 @@
-"""What a step of bodies that break costs: triangles per second, over the cells alone, and with damaged facets.
+"""Cost of a fracture step: triangles per second, relative to the cells alone, and with damaged facets.
 
 The disc of the demo, with springs between all cells and with facets that are rigid until their strength, in elastic
 steps with Kelvin-Voigt damping. Against the force of the cells from the displacement and from the velocity; against the
@@ -80,7 +80,7 @@ def _disc(kind: str, size: float) -> Case:
 
 
 def _costs(kind: str, size: float) -> Table:
-    """Rates and ratios of one mesh."""
+    """Return the rates and ratios of one mesh."""
     case = _disc(kind, size)
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -102,7 +102,7 @@ def _costs(kind: str, size: float) -> Table:
 
 
 def _weak_form(model: Model, state: State) -> Callable[[], None]:
-    """Assembles the force of cells, twice, and of facets that are springs."""
+    """Return a call that assembles the force of cells, twice, and of facets that are springs."""
     assert model.cracks is not None
     bulk, ufl = UflForm(model.bulk), fem.ufl
     u, v = fem.dolfinx.fem.Function(model.space), ufl.TestFunction(model.space)
@@ -123,11 +123,11 @@ def _weak_form(model: Model, state: State) -> Callable[[], None]:
 
 
 def _with_damage(model: Model, motion: Motion, state: State) -> Callable[[], None]:
-    """Steps with some facets, here and there, half way to failure; rigid ones have been inserted."""
+    """Return a call that steps with random facets damaged by half; extrinsic ones are inserted before."""
     assert model.case.fracture is not None
     law = model.case.fracture.default.cohesion
     assert law is not None
-    state = copy(state)  # another state: its facets are looked at anew
+    state = copy(state)  # a new object, so that the motion rebuilds its list of active facets
     count = len(state.cracks["damage"])
     chosen = np.random.default_rng(1).choice(count, int(BROKEN * count), replace=False)
     state.cracks["damage"][chosen] = DAMAGE
@@ -137,7 +137,7 @@ def _with_damage(model: Model, motion: Motion, state: State) -> Callable[[], Non
 
 
 def _specimen(kind: str) -> Table:
-    """Processor time of granite under compression until its first peak, from the mesh on."""
+    """Return the processor time of granite under compression until its first peak, including the mesh."""
     began = time.process_time()
     case = demo("granite", ["mesh.element_size=0.8e-3"])
     if kind == "on_strength":
@@ -154,12 +154,12 @@ def _specimen(kind: str) -> Table:
 
 
 def _on_ranks(ranks: int, kind: str) -> Table:
-    """Processor time of a step of the large mesh, in processes of its own.
+    """Return the processor time of a step of the large mesh, measured in separate processes.
 
     Raises
     ------
     RuptfxError
-        When these fail, with what they said.
+        If these processes fail, with their output.
     """
     done = subprocess.run(
         launch.mpi_command(ranks, "ruptfx.bench.crack_speed", kind, str(LARGE)), env=launch.mpi_environment(ranks),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ruptfx.fem import MPI
 
 DEMOS = Path(ruptfx.__file__).with_name("demos")
-# Pictures of studies, a module.
+# A module that draws the pictures of studies, not a run.
 NO_SINGLE_RUNS = ("granite_figures.py", "impact_figures.py", "lecture_cases.py")
 
 
@@ -46,7 +46,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def wanted(path: Path, fine: bool) -> bool:
-    """Whether a file of the demos is one run, or a script of some."""
+    """Return whether a file of the demos is a single run or a script, and not excluded."""
     if path.suffix == ".py":
         return fine and path.name not in NO_SINGLE_RUNS
     try:
@@ -57,12 +57,12 @@ def wanted(path: Path, fine: bool) -> bool:
 
 
 def processor_time(path: Path) -> tuple[float, float]:
-    """Of a case or a script with all the processes it starts, and its time by the clock [s].
+    """Return the processor time of a case or script with all its subprocesses, and the wall-clock time [s].
 
     Raises
     ------
     RuptfxError
-        It failed, with what it said.
+        If it fails, with its output.
     """
     command = [str(path)] if path.suffix == ".py" else ["-m", "ruptfx", "run", str(path), "--quiet"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as said:
@@ -78,7 +78,7 @@ def processor_time(path: Path) -> tuple[float, float]:
 
 
 def rounded(seconds: float) -> str:
-    """As it is told: neighbours of a machine and its load change more than is left out."""
+    """Return a time as rounded text; the rounding is coarser than the scatter between machines."""
     if seconds < 1.5:
         return "1 s"
     if seconds < 10:

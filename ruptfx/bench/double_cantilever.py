@@ -1,4 +1,4 @@
-"""A double cantilever beam is opened slowly: stable growth along a line that cohesion holds.
+"""A double cantilever beam is opened slowly: stable growth along a cohesive interface.
 
 Two arms of the height h, bonded ahead of the crack of length a, are moved apart by d at their ends. Beams on the
 elastic foundation that the material ahead of the tip is behave as if they were longer by 0.64 h (Kanninen 1973), so
@@ -33,11 +33,12 @@ STRENGTH = 10e6  # Pa; with it E G / f_t^2 is 3 mm
 FOUNDATION = 0.64 * HEIGHT
 SPEED, SETTLED, END = 0.08, 1e-3, 8.5e-3  # m/s of either end; s of its ramp, and of the whole
 SAMPLES = 500
-BEGUN, UNTIL = CUT + 4e-3, 50e-3  # m: lengths of the crack between which it is looked at
+BEGUN, UNTIL = CUT + 4e-3, 50e-3  # m: range of crack lengths that is evaluated
 SOURCE = "beam theory, Kanninen (1973)"
 
 
 def case_of(size: float) -> Case:
+    """Return the case with elements of a size [m]."""
     return Case.model_validate({
         "plane": "stress", "order": 4, "duration": END,
         "mesh": {
@@ -65,7 +66,7 @@ def case_of(size: float) -> Case:
 
 
 def opened(size: float) -> tuple[dict[str, np.ndarray], float]:
-    """Over time distance of the ends and length of the crack [m], force [N/m], energy of breaking [J/m]; closure."""
+    """Return histories of end distance [m], crack length [m], force [N/m], fracture energy [J/m]; and the closure."""
     case = case_of(size)
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -90,7 +91,7 @@ def opened(size: float) -> tuple[dict[str, np.ndarray], float]:
 
 
 def _tip(position: np.ndarray, damage: np.ndarray) -> float:
-    """Where half of the bond is left [m]."""
+    """Return the position at which the damage is one half [m]."""
     inside = np.flatnonzero((position > CUT * (1 + 1e-6)) & (damage < 0.5))
     ahead = int(inside[np.argmin(position[inside])])
     behind = int(np.argmin(np.where(position < position[ahead] * (1 - 1e-9), position[ahead] - position, np.inf)))
@@ -119,7 +120,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _locus(distance: np.ndarray) -> np.ndarray:
-    """Force while the crack grows [N/m]."""
+    """Return the force while the crack grows [N/m]."""
     stiff = YOUNG * HEIGHT**3
     return np.sqrt(8 * (ENERGY * stiff / 12) ** 1.5 / (stiff * np.maximum(distance, 1e-12)))
 

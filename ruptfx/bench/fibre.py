@@ -9,8 +9,8 @@ where lambda is twice and four times as long, must show; and whether it slides s
 length above which the bar does not.
 
 The glued fibre of `demos/fibre_debonding.toml`, without lateral contraction, too, is pulled out in explicit steps: the
-bond takes its energy times its area. Without friction, the force while a crack runs along a long fibre is that of any
-theory, as it only takes the strain of the free fibre: pi R^2 sqrt(4 E energy / R). Pulled at 0.05 m/s with the ageing
+bond dissipates its energy times its area. Without friction, the force while a crack runs along a long fibre is that of
+any theory, as it needs only the strain of the free fibre: pi R^2 sqrt(4 E energy / R). Pulled at 0.05 m/s with ageing
 law, it debonds, and then slides steadily or sticks and slips, as its length is below or above that of the bar.
 """
 
@@ -44,7 +44,7 @@ SOURCE = "shear lag, Cox (1952)"
 
 
 def bar(length: float, softer: float = 1.0) -> ShearLag:
-    """The fibre of the demo with another length [m], in a matrix that is softer by a factor."""
+    """Return the fibre of the demo with another length [m], in a matrix softer by a factor."""
     return ShearLag(1e-3, 5e-3, length, 70e9, 3.2e9 / 2 / softer)
 
 
@@ -84,14 +84,14 @@ def pull(length: float, duration: float, friction: Table, size: float, softer: f
 
 @cache
 def coulomb(size: float) -> tuple[ShearLag, Pull]:
-    """A fibre of 30 mm that slides over a longer and longer part of its length."""
+    """Pull a fibre of 30 mm whose sliding zone grows under Coulomb friction."""
     lag = bar(30e-3)
     return lag, pull(lag.length, 10.0, {"kind": "coulomb", "mu_d": MU}, size)
 
 
 @cache
 def short_of_bar(softer: float, size: float) -> float:
-    """By what part the force is below the bar's under Coulomb friction, where the bar slides over its decay length."""
+    """Return the relative deficit of the force against the bar, at a slip zone of one decay length."""
     decay = bar(1.0, softer).decay_length
     lag = bar(round(5 * decay, 3), softer)
     moved, force = lag.pulled(MU * STRESS, np.array([decay]))
@@ -101,7 +101,7 @@ def short_of_bar(softer: float, size: float) -> float:
 
 @cache
 def ageing(share: float, size: float) -> tuple[ShearLag, Pull]:
-    """A fibre of a share of the critical length under the ageing law."""
+    """Pull a fibre of a fraction `share` of the critical length under the ageing law."""
     critical = bar(1.0).critical_length(STRESS * (B - A) / D_C)
     lag = bar(share * critical)
     law = {"kind": "rate_and_state_ageing", "a": A, "b": B, "D_c": D_C, "f_0": MU, "V_0": SPEED, "theta_initial": 1.0}
@@ -110,7 +110,10 @@ def ageing(share: float, size: float) -> tuple[ShearLag, Pull]:
 
 @dataclass(frozen=True)
 class Debonding(Pull):
-    """Besides, how far the bond is broken [m], its energy and what was taken of it when it was broken [J]."""
+    """Pull of a glued fibre.
+
+    Besides: debonded length [m], energy of the whole bond and energy dissipated by debonding [J].
+    """
 
     broken: np.ndarray
     bond: float
@@ -118,7 +121,7 @@ class Debonding(Pull):
 
 
 def debonding(table: Table, size: float) -> tuple[ShearLag, Debonding]:
-    """A glued fibre whose bond breaks under friction; the table is what is other than in the demo."""
+    """Pull a glued fibre with friction; `table` holds the differences from the demo."""
     demo = tomllib.loads(files("ruptfx").joinpath("demos/fibre_debonding.toml").read_text())
     demo |= {"instruments": [], "output": {"figures": False}}
     length, fault = table.get("length", demo["mesh"]["length"]), demo["faults"]["main"]
@@ -154,19 +157,19 @@ def debonding(table: Table, size: float) -> tuple[ShearLag, Debonding]:
 
 @cache
 def rubbing(size: float) -> tuple[ShearLag, Debonding]:
-    """The fibre of the demo, 30 mm under Coulomb friction."""
+    """Pull the fibre of the demo, 30 mm under Coulomb friction."""
     return debonding({}, size)
 
 
 @cache
 def smooth(size: float) -> tuple[ShearLag, Debonding]:
-    """The same without friction, until its bond is broken."""
+    """Pull the same fibre without friction, until it is debonded."""
     return debonding({"friction": {"kind": "coulomb", "mu_d": 0.0}, "duration": 130e-6}, size)
 
 
 @cache
 def weakening(length: float) -> tuple[ShearLag, Debonding]:
-    """A glued fibre under the ageing law, pulled slowly."""
+    """Pull a glued fibre slowly under the ageing law."""
     law = {
         "kind": "rate_and_state_ageing", "a": A, "b": B, "D_c": D_C, "f_0": MU, "V_0": SLOWLY,
         "theta_initial": D_C / SLOWLY,
@@ -176,18 +179,18 @@ def weakening(length: float) -> tuple[ShearLag, Debonding]:
 
 
 def crack_force(lag: ShearLag) -> float:
-    """Force that drives a crack along a long fibre without friction [N]."""
+    """Return the force that drives a crack along a long fibre without friction [N]."""
     return pi * lag.radius**2 * sqrt(4 * lag.young_modulus * ENERGY / lag.radius)
 
 
 def swing(pulled: Pull) -> float:
-    """Largest over smallest force of the last third, less one."""
+    """Return largest over smallest force of the last third, minus one."""
     late = pulled.force[pulled.time > pulled.time[-1] * 2 / 3]
     return float(late.max() / late.min() - 1)
 
 
 def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
-    """The same on every rank."""
+    """Run the benchmark; every rank returns the same checks."""
     size = 0.5e-3 if fine else 1e-3
     lag, sliding = coulomb(size)
     friction = 2 * pi * lag.radius * MU * STRESS
@@ -226,7 +229,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def figure(size: float) -> Figure:
-    """Force against displacement of the four fibres."""
+    """Draw force against displacement of the four fibres."""
     from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled

@@ -1,4 +1,4 @@
-"""Flat blocks that slide over nodes that do not match, and one that slides off the end of the other.
+"""Flat blocks that slide over non-matching nodes, and a block that slides off the end of the other.
 
 The blocks of the benchmark `rubbing` without their waves, both of 5.3 GPa, in a damped state: what is noise of the
 method must not be lost in the vibration that friction excites between elastic bodies. While all slides the ratio of
@@ -20,7 +20,7 @@ DAMPED = {"mass": 3e5, "kelvin_voigt": {"fraction": 0.1}}
 
 
 def blocks(order: int, friction: float, way: float, right: float) -> Blocks:
-    """Of any order, with nodes about 50 um apart."""
+    """Return blocks of any order, with nodes about 50 um apart."""
     return Blocks(
         0.05e-3 * order, order, way, amplitude=0.0, moduli=(5.3e9, 5.3e9), friction=friction, press=25e-6, ramp=20e-6,
         damping=(DAMPED, DAMPED), ends=(-0.3e-3, right),
@@ -28,7 +28,7 @@ def blocks(order: int, friction: float, way: float, right: float) -> Blocks:
 
 
 class _Watch:
-    """Forces, and pressures in the middle half, of every step from some time on.
+    """Forces, and pressures in the middle half, of every step after a time.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ class _Watch:
         self.pressures.append(fault["normal_stress"][middle])
 
     def ratio(self) -> float:
-        """Of the mean forces."""
+        """Return shear over normal force, both averaged."""
         normal, shear = parallel.total(self._comm, [self.normal, self.shear])
         return float(abs(shear) / normal)
 
     def noise(self) -> float:
-        """Root mean square, over time and points, of the pressure about its mean over time at a point, over that."""
+        """Return the RMS over time and points of the pressure about its time average, relative to that average."""
         pressure = np.array(self.pressures)
         away = pressure.var(axis=0) if len(pressure) else np.zeros(0)
         square, mean, points = parallel.total(
@@ -72,7 +72,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     way = 0.5e-3 if fine else 0.25e-3
     for order in (1, 2, 4) if fine else (2,):
         given = blocks(order, 0.3, way, 3.3e-3)
-        # The last three quarters of the way at full speed.
+        # Evaluate the last three quarters of the sliding at full speed.
         watch = _Watch(comm, given.case().duration - 0.75 * way / SPEED)
         found, name = rub(given, comm, watch), f"order {order}"
         checks += [

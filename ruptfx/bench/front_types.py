@@ -1,4 +1,4 @@
-"""Fronts and precursors of a block on a rigid base, which slow loading alone starts.
+"""Fronts and precursors of a block on a rigid base, started by slow loading alone.
 
 The demos `sheared_block` and `pushed_block`. Static friction is 0.6, 0.5 or 0.55 at random, velocity weakening has a
 length. Published of PMMA blocks, in words: fronts run the faster the larger the shear over normal stress they run into;
@@ -51,7 +51,7 @@ THRESHOLD = (STATIC + 1.77 * 0.3) / 2.77  # of tau / sigma, S = 1.77: no supersh
 
 @cache
 def loaded(name: str, *changes: str) -> tuple[xarray.Dataset, list[SlipEvent]]:
-    """Record of the interface of a demo with changes, and its events; the same on every rank."""
+    """Return the interface record of a demo with changes, and its events; the same on every rank."""
     case = read_case(str(files("ruptfx").joinpath(f"demos/{name}.toml")), [*changes, "output.figures=false"])
     assert isinstance(case, Case)
     comm = fem.MPI.COMM_WORLD
@@ -65,11 +65,12 @@ def loaded(name: str, *changes: str) -> tuple[xarray.Dataset, list[SlipEvent]]:
 
 
 def linear(normal: list[float]) -> str:
+    """Return the override of a normal stress that varies linearly along the block."""
     return f'faults.main.initial_stress.normal={{ kind = "table", positions = [0.0, {LENGTH}], values = {normal} }}'
 
 
 def chain(seed: int = 1) -> SpringBlock:
-    """The chain of the block, a metre deep, a block and a contact for each cell."""
+    """Return the spring-block chain of the block, one metre deep, a block and a contact per cell."""
     return SpringBlock(
         blocks=CELLS, contacts=1, mass=RHO * LENGTH * HEIGHT, stiffness=E * HEIGHT / LENGTH,
         interface_ratio=3 * LENGTH**2 / (2 * (1 + NU) * HEIGHT**2 * CELLS), strength=STATIC * PRESSURE * LENGTH,
@@ -79,7 +80,7 @@ def chain(seed: int = 1) -> SpringBlock:
 
 
 def first_slip(data: xarray.Dataset, beyond: float = 0.0) -> tuple[float, float]:
-    """Where slip begins, and where shear over normal stress peaked before [m]; not left of `beyond`."""
+    """Return the position of first slip and that of the previous peak of tau / sigma [m]; x >= `beyond` only."""
     away = data.position.values >= beyond
     slid = (data.slip.values > 1e-9) & away
     record = int(np.argmax(slid.any(axis=1)))
@@ -90,7 +91,7 @@ def first_slip(data: xarray.Dataset, beyond: float = 0.0) -> tuple[float, float]
 
 
 def speeds(runs: list[tuple[xarray.Dataset, list[SlipEvent]]]) -> tuple[np.ndarray, np.ndarray]:
-    """Shear over normal stress and front speed [m/s] in all windows of all events."""
+    """Return shear over normal stress and front speed [m/s] in all windows of all events."""
     found = [
         np.array(speed_against_ratio(each, data.position.values, WINDOW, 2 * SPREAD))
         for data, events in runs for each in events
@@ -100,38 +101,38 @@ def speeds(runs: list[tuple[xarray.Dataset, list[SlipEvent]]]) -> tuple[np.ndarr
 
 
 def record_lengths(events: list[SlipEvent]) -> tuple[np.ndarray, np.ndarray]:
-    """Force [N/m] and reach [m] of the precursors that run farther than all before them."""
+    """Return force [N/m] and reach [m] of precursors that run farther than all before them."""
     force, reach = (np.array([getattr(each, name) for each in events]) for name in ("force", "reach"))
     longest = farther(reach)
     return force[longest], reach[longest]
 
 
 def before_whole(events: list[SlipEvent]) -> list[SlipEvent]:
-    """The precursors of the first slip of the whole block."""
+    """Return the precursors of the first slip of the whole block."""
     whole = [each.start for each in events if each.reach > WHOLE * LENGTH]
     return [each for each in events if each.start < min(whole, default=np.inf)]
 
 
 def quarter_force(events: list[SlipEvent]) -> float:
-    """Force at which precursors reach a quarter of the block [N/m]."""
+    """Return the force at which precursors reach a quarter of the block [N/m]."""
     forces, lengths = record_lengths(before_whole(events))
     return float(np.interp(0.25 * LENGTH, lengths, forces))
 
 
 def farther(reach: np.ndarray) -> np.ndarray:
-    """Which run farther than all before them."""
+    """Return which precursors run farther than all before them, as booleans."""
     return reach > np.append(0, np.maximum.accumulate(reach)[:-1])
 
 
 def first_break(model: SpringBlock) -> float:
-    """Force at which the first contact of the chain breaks, without scatter [N per metre of depth]."""
+    """Return the force at the first contact failure of the chain, without scatter [N per metre of depth]."""
     springs, contacts = (model.blocks - 1) * model.stiffness, model.interface_ratio * model.stiffness
     stretch = model.strength / model.blocks / contacts
     return (springs * (1 - model.decay) + contacts) * stretch
 
 
 def slipped(speed: float, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Part of the block that has slipped against the motion of its top [m], with velocity weakening alone.
+    """Return the slipped part of the block against the motion of its top [m], with velocity weakening alone.
 
     alpha_s = 0.1 s/m, which is V_w = 10 m/s, contact without springs, explicit steps; the first 2.3 MPa are given.
     """
@@ -159,7 +160,7 @@ def slipped(speed: float, size: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def run(fine: bool, comm: fem.MPI.Comm) -> list[Check]:
-    """The same on every rank."""
+    """Run the benchmark; every rank returns the same checks."""
     del comm
     size = 5e-3 if fine else 10e-3
     runs = {
@@ -178,10 +179,12 @@ def run(fine: bool, comm: fem.MPI.Comm) -> list[Check]:
 
 
 def pushed_at(size: float, changes: tuple[str, ...]) -> tuple[xarray.Dataset, list[SlipEvent]]:
+    """Return record and events of `pushed_block` with elements of a size [m]."""
     return loaded("pushed_block", f"mesh.element_size={size}", "output.interface_steps=10", *changes)
 
 
 def start_checks(runs: dict[str, list[tuple[xarray.Dataset, list[SlipEvent]]]]) -> list[Check]:
+    """Return the checks of where slip begins."""
     corner = max(first_slip(data)[0] for data, _ in runs["even"])
     away = [abs(events[0].origin - first_slip(data, 0.1 * LENGTH)[1]) for data, events in runs["falls"]]
     peak = min(first_slip(data, 0.1 * LENGTH)[1] for data, _ in runs["falls"])
@@ -193,6 +196,7 @@ def start_checks(runs: dict[str, list[tuple[xarray.Dataset, list[SlipEvent]]]]) 
 
 
 def speed_checks(runs: list[tuple[xarray.Dataset, list[SlipEvent]]], fine: bool) -> list[Check]:
+    """Return the checks of front speed against tau / sigma."""
     ratio, speed = speeds(runs)
     attrs, order = runs[0][0].attrs, spearmanr(ratio, speed)
     fast, slow = speed > attrs["c_s"], speed < 0.5 * attrs["c_R"]
@@ -210,6 +214,7 @@ def speed_checks(runs: list[tuple[xarray.Dataset, list[SlipEvent]]], fine: bool)
 
 
 def edge_checks(events: list[SlipEvent], fine: bool) -> list[Check]:
+    """Return the checks of the precursors of `pushed_block`."""
     model = chain()
     data = model.run()
     through = np.flatnonzero(data.event_large.values.astype(bool))
@@ -235,6 +240,7 @@ def edge_checks(events: list[SlipEvent], fine: bool) -> list[Check]:
 
 
 def spread_check(size: float) -> Check:
+    """Return the check that the slipped part follows the load, at two speeds."""
     one, two = (slipped(speed, size) for speed in (20e-3, 40e-3))
     motion = np.linspace(5e-6, 25e-6, 41)
     differs = float(np.abs(np.interp(motion, *one) - np.interp(motion, *two)).max())

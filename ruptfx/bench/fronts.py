@@ -44,7 +44,10 @@ POINTS = 40  # of half the length, and of the height, of the box round PLACE of 
 
 @dataclass(frozen=True)
 class Loading:
-    """Speed aimed at [c_R], process zone, element size and distance of gauges [m].
+    """Target speed [c_R], process zone, element size and distance of gauges [m].
+
+    Also: exponent with which toughness grows with distance, stress drop [Pa] if it does not follow from the speed, and
+    speed of the far side [m/s].
 
     And with what power of the distance toughness grows, stress drop [Pa] where the speed does not tell it, and speed of
     the far side [m/s].
@@ -60,12 +63,12 @@ class Loading:
 
     @property
     def gauges(self) -> list[tuple[float, float]]:
-        """Their places [m]."""
+        """Positions of the gauges [m]."""
         return [(PLACE + x, y) for x in (-self.apart, 0.0, self.apart) for y in HEIGHTS]
 
     @property
     def box(self) -> float:
-        """Half the length, and the height, of the box of the J integral [m]."""
+        """Half-length, and height, of the box of the J integral [m]."""
         return min(8e-3, 8 * self.zone)
 
     @property
@@ -81,17 +84,17 @@ FINE = [SLOW, *COARSE, Loading(0.95, 0.4e-3, 0.4e-3)]
 
 @dataclass(frozen=True)
 class Passage:
-    """What a run left: gauges, and the interface at PLACE.
+    """Result of a run: gauge traces, and the interface at PLACE.
 
     Attributes
     ----------
     traces : list of Trace
     speed, arrival : float
-        Of the front at PLACE, from where slip begins [m/s], [s].
+        Speed [m/s] and arrival [s] of the front at PLACE, from the onset of slip.
     time, traction, slip : ndarray
-        Of the interface at PLACE.
+        Histories at PLACE.
     moment : Moment
-        When the front is at PLACE.
+        Fields when the front is at PLACE.
     """
 
     traces: list[Trace]
@@ -104,7 +107,7 @@ class Passage:
 
 
 def table(load: Loading) -> Table:
-    """The case."""
+    """Return the case of a loading."""
     speed = load.fraction * MEDIUM.c_R
     length = fracture.half_length_at(speed, MEDIUM.c_p, MEDIUM.c_s)
     drop = load.drop or float(np.sqrt(GAMMA * MEDIUM.modulus * length / (np.pi * PLACE)))
@@ -143,7 +146,7 @@ def table(load: Loading) -> Table:
 
 
 def passage(load: Loading) -> Passage:
-    """Run it."""
+    """Run a loading and return gauges, front and interface at PLACE."""
     case = Case.model_validate(table(load))
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
@@ -176,7 +179,7 @@ def passage(load: Loading) -> Passage:
 
 
 def _traces(load: Loading, time: Array, gradient: Array) -> list[Trace]:
-    """With noise; gradients have the shape (times, gauges, derivative, component)."""
+    """Return the gauge traces with noise; gradients have the shape (times, gauges, derivative, component)."""
     noise = NOISE * float(np.abs(gradient[..., 0, 0]).max())
     random = np.random.default_rng(1)
     parts = {
@@ -189,7 +192,7 @@ def _traces(load: Loading, time: Array, gradient: Array) -> list[Trace]:
 
 
 class _Box:
-    """Points above the interface around PLACE, and what they see in two steps."""
+    """Sample points above the interface around PLACE, with their fields in two steps."""
 
     def __init__(self, model: Model, half: float) -> None:
         size = half / POINTS
@@ -206,7 +209,7 @@ class _Box:
         )  # fmt: skip
 
     def moment(self, dt: float, drop: float) -> energy_release.Moment:
-        """Velocities are half a step before displacements: of the first look."""
+        """Return the fields of the first step; velocities are half a step before displacements."""
         (gradient, before), (_, after) = self.seen
         gradient = gradient.copy()
         gradient[:, 1, 0] += drop / MEDIUM.shear_modulus
@@ -215,7 +218,7 @@ class _Box:
 
 
 def _speed(position: Array, arrival: Array) -> float:
-    """Of the front near PLACE [m/s]: a line through what has slid within 6 mm of it."""
+    """Return the speed of the front near PLACE [m/s], a line fit to arrivals within 6 mm."""
     near = (np.abs(position - PLACE) < 6e-3) & np.isfinite(arrival)
     return float(1 / np.polyfit(position[near], arrival[near], 1)[0])
 
@@ -251,7 +254,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _williams(height: float) -> dict[str, float]:
-    """Extreme strains of the field at rest [1], from its stresses."""
+    """Return the extreme strains of the field at rest [1], from its stresses."""
     angle = np.linspace(1e-3, np.pi - 1e-3, 100001)
     half, other = angle / 2, 3 * angle / 2
     scale = fracture.stress_intensity(2.5, MEDIUM.modulus) * np.sqrt(np.sin(angle) / (2 * np.pi * height))
@@ -270,13 +273,13 @@ def _draw(drawn: list[tuple[str, Passage, FrontFit]]) -> Figure:
 
     figure, axes = new_figure(1, len(drawn), 3.4, 3.6 * len(drawn))
     for ax, (label, seen, found) in zip(axes[0], drawn, strict=True):
-        trace = seen.traces[4]  # 3.5 mm above PLACE
+        trace = seen.traces[4]  # the gauge 3.5 mm above PLACE
         ahead = trace.x - found.tip(trace.time)
         near = np.abs(ahead) < 12e-3
         field = mode_II(ahead, np.full_like(ahead, trace.y), found.speed, MEDIUM, found.K_II, zone=found.process_zone)
         for colour, name in enumerate(COMPONENTS):
             singular = getattr(field, name)
-            # The uniform stresses are left out of the field: by their mean.
+            # The singular field has no uniform stress; subtract the mean difference.
             shift = float(np.mean((trace.strain[name] - singular)[near]))
             ax.plot(1e3 * ahead[near], 1e6 * trace.strain[name][near], f"C{colour}", lw=0.6)
             ax.plot(1e3 * ahead[near], 1e6 * (singular + shift)[near], "k--", lw=0.9)

@@ -1,4 +1,4 @@
-"""Two elastic bars that meet: when, at which pressure and for how long, and how they leave.
+"""Two elastic bars collide: time, pressure and duration of contact, and their speed afterwards.
 
 E = 900 Pa, rho = 1 kg/m3, 10 m long, 10 m/s each, 10 m apart, of different elements; each is the mirror image of the
 other, so that either does what a bar does that meets a rigid wall (Doyen, Ern, Piperno 2011): with c = 30 m/s contact
@@ -37,7 +37,7 @@ SPRINGS = {"kind": "compliant", "C_n": 1e4, "C_s": 1e4}  # 3 cm at the pressure,
 
 
 def case(size: float, contact: Table, damping: Table) -> Case:
-    """Elements of some size in the upper bar [m]; the lower one has one more across."""
+    """Return the case with elements of some size in the upper bar [m]; the lower one has one more across."""
     bar = {"length": WIDTH, "height": LENGTH}
     made = parse_case({
         "plane": "stress", "order": 4, "duration": 1.6,
@@ -60,7 +60,7 @@ def case(size: float, contact: Table, damping: Table) -> Case:
 
 @dataclass
 class Impact:
-    """What came of one.
+    """Result of an impact.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Impact:
     leaves : float
         Mean speed of the upper bar at the end [m/s].
     change : float
-        Of the energy of bodies and contact over what there was, without sign.
+        Absolute change of the energy of bodies and contact over the initial energy.
     """
 
     time: Floats
@@ -79,6 +79,7 @@ class Impact:
 
 
 def collide(given: Case, comm: fem.MPI.Comm) -> Impact:
+    """Run a case and return its pressure history and final speed; collective."""
     model = Model(given, comm)
     motion, state, face = given.stepper.bind(model), model.initial_state(), model.faults[0].interface
     upper = model.layout.body == 0

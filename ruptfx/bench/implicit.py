@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 SOURCE = "aim, one core"
 TIMED = 3
-MOST = 400  # steps until an interface slides
+MOST = 400  # steps, limit until an interface slides
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is measured: a case, the slip rate [m/s] at which, and what a step may take then [s] with `--fine`."""
+    """A case to measure, the slip rate [m/s] from which on, and the largest time of a step [s] with `--fine`."""
 
     name: str
     case: Case
@@ -49,17 +49,17 @@ class Problem:
 
 
 def demo(name: str, element_size: float, stepper: Table | None = None) -> Case:
-    """A demo on another mesh with another stepper; without one, with the slow one of its hybrid."""
+    """Return a demo on another mesh with another stepper, by default the slow one of its hybrid stepper."""
     table = tomllib.loads(files("ruptfx").joinpath(f"demos/{name}.toml").read_text())
     table["mesh"] |= {"element_size": element_size}
     stepper = stepper or table["stepper"]["slow"]
-    if stepper["kind"] == "quasi_static":  # waves, and what damps them, are those of the demo's fast steps
+    if stepper["kind"] == "quasi_static":  # damping acts on waves, which only the demo's fast steps have
         table.pop("damping", None)
     return Case.model_validate(table | {"stepper": stepper, "output": {"figures": False}})
 
 
 class Measured:
-    """One problem, step by step; what was timed is told as it comes, in processor seconds."""
+    """One problem, run step by step; every timing is printed in processor seconds."""
 
     def __init__(self, problem: Problem, comm: MPI.Comm) -> None:
         self.name, self.model = problem.name, Model(problem.case, comm)
@@ -67,7 +67,7 @@ class Measured:
         self.state.unseen = True
 
     def timed(self, what: str, action: Callable[[], object]) -> float:
-        """Processor time of the slowest rank [s]; collective."""
+        """Time an action: processor time of the slowest rank [s]; collective."""
         began = time.process_time()
         action()
         seconds = parallel.largest(self.model.comm, time.process_time() - began)
@@ -75,10 +75,11 @@ class Measured:
         return seconds
 
     def step(self) -> None:
+        """Advance by one step."""
         self.motion.step(self.state)
 
     def until(self, fast: float) -> int:
-        """Step until some point slides that fast [m/s]; the number of steps; collective."""
+        """Step until some point reaches the slip rate `fast` [m/s]; return the number of steps; collective."""
         for steps in range(MOST):
             if parallel.largest(self.model.comm, np.abs(self.state.faults["main"]["slip_rate"]).max(initial=0)) > fast:
                 return steps
@@ -86,14 +87,14 @@ class Measured:
         raise RuptfxError(f"{self.name}: no point slides at {fast:g} m/s after {MOST} steps")
 
     def whole(self) -> Callable[[State], None]:
-        """Steps of the whole system, of the same motion; the condensed ones are over then."""
+        """Return the step of the whole system of the same motion; condensed steps end with this call."""
         name = "equilibrium" if hasattr(self.motion, "equilibrium") else "_equilibrium"
         radiation = {fault: answer.radiation for fault, answer in getattr(self.motion, name).answers.items()}
         setattr(self.motion, name, Equilibrium(self.model, radiation=radiation, condensed=False))
         return self.motion.step
 
     def difference(self, theirs: State) -> float:
-        """Of displacement and slip of another state, over the largest value; collective."""
+        """Return the largest relative difference of displacement and slip from another state; collective."""
         ours = self.state
         pairs = [(ours.displacement, theirs.displacement), (ours.faults["main"]["slip"], theirs.faults["main"]["slip"])]
         return max(
@@ -104,7 +105,7 @@ class Measured:
 
 
 def checks(problem: Problem, fine: bool, comm: MPI.Comm) -> list[Check]:
-    """Of one problem; collective."""
+    """Return the checks of one problem; collective."""
     run = Measured(problem, comm)
     first = run.timed("the first step", run.step)
     run.timed(f"until {problem.fast:g} m/s", lambda: run.until(problem.fast))

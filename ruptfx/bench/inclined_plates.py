@@ -1,4 +1,4 @@
-"""Inclined plates of `demos/inclined_plates.toml`: how long the interface slips, and what velocimeters see of it.
+"""Inclined plates of `demos/inclined_plates.toml`: duration of slip, and signals of velocimeters.
 
 The interface carries P cos^2 and P sin cos of the pressure P. Published, in this order: a narrow pulse at 20 degrees,
 a wider one at 25, a crack at 30. The constants are ours, chosen so that it comes out; what is checked is that it does,
@@ -41,7 +41,7 @@ FINE = {20: 9.6e-6, 25: 19.4e-6}  # s, on elements of 2.5 mm
 
 
 def plates(angle: int, size: float) -> Case:
-    """The demo at another inclination [degrees], on elements of another size [m]."""
+    """Return the demo at another inclination [degrees], on elements of another size [m]."""
     path = Path(str(files("ruptfx").joinpath("demos/inclined_plates.toml")))
     case = read_case(path, overrides=[f"mesh.inclination={np.radians(angle)}", f"mesh.element_size={size}",
                                       "instruments=[]"])  # fmt: skip
@@ -50,7 +50,7 @@ def plates(angle: int, size: float) -> Case:
 
 
 def carried(angle: int, size: float) -> tuple[float, float]:
-    """Largest errors of the normal and shear stress before anything happens, over P cos^2 and P sin cos."""
+    """Return the largest errors of the initial normal and shear stress, over P cos^2 and P sin cos."""
     fault = Model(plates(angle, size), fem.MPI.COMM_SELF).faults[0]
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     normal, shear = fault.normal_stress_0 / (PRESSURE * c**2), np.abs(fault.shear_traction_0) / (PRESSURE * s * c)
@@ -59,12 +59,12 @@ def carried(angle: int, size: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Passage:
-    """What a run left.
+    """Result of a run.
 
     Attributes
     ----------
     time, seen_at : ndarray, shape (times,)
-        Of slip rates, and of velocimeters [s].
+        Times of slip rates, and of velocimeters [s].
     away : ndarray, shape (points,)
         Distance of points from the wire along the interface, positive on the side of the velocimeters [m].
     rate : ndarray, shape (times, points)
@@ -80,35 +80,35 @@ class Passage:
     seen: Array
 
     def at(self, away: float) -> Array:
-        """Slip rate of the nearest point [m/s], shape (times,)."""
+        """Return the slip rate of the nearest point [m/s], shape (times,)."""
         return self.rate[:, int(np.argmin(np.abs(self.away - away)))]
 
     def first_slip(self, away: float) -> float:
-        """How long a point is faster than a part of its largest rate before the first stop [s], or until the end."""
+        """Return how long a point slips faster than PART of its peak before its first stop, or the end [s]."""
         rate = self.at(away)[self.time < MEETS_ENDS]
         fast = rate > PART * rate.max()
         start = int(np.argmax(fast))
-        # The wire makes the rate swing in the beginning.
+        # The wire makes the rate oscillate at first.
         stopped = ~fast & (self.time[: len(fast)] > self.time[start] + SWINGS)
         end = int(np.argmax(stopped)) if stopped.any() else len(fast) - 1
         return float(self.time[end] - self.time[start])
 
     def speed(self) -> float:
-        """Of the front around AWAY [m/s]."""
+        """Return the speed of the front around AWAY [m/s]."""
         near = np.abs(self.away - AWAY) < 5e-3
         arrival = self.time[np.argmax(self.rate[:, near] > PART * self.at(AWAY).max(), axis=0)]
         return float(1 / np.polyfit(self.away[near], arrival, 1)[0])
 
 
 def lasting(time: Array, rate: Array) -> float:
-    """How long it is above a part of its largest value [s], infinite without end."""
+    """Return how long a rate is above PART of its peak [s], infinite if until the end."""
     fast = np.flatnonzero(rate > PART * rate.max())
     return np.inf if fast[-1] == len(time) - 1 else float(time[fast[-1]] - time[fast[0]])
 
 
 @cache
 def passage(angle: int, size: float) -> Passage:
-    """Run it, with the velocimeters."""
+    """Run the case with the velocimeters."""
     along = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     place, across = np.array([75e-3, 75e-3]) + AWAY * along, HEIGHT * np.array([-along[1], along[0]])
     pair = {
@@ -123,7 +123,7 @@ def passage(angle: int, size: float) -> Passage:
 
 
 def steady(time: Array, rate: Array, speed: float, height: float) -> Array:
-    """Velocity of a pair of points above and below a slip rate that runs along at a speed [m/s], shape (times,)."""
+    """Return the velocity of a pair of points above and below a steadily moving slip rate [m/s], shape (times,)."""
     c_p, c_s, _ = plates(20, 2.5e-3).materials["default"].wave_speeds("stress")
     a_p, a_s = fracture.slowness_factors(speed, c_p, c_s)
     even = np.linspace(time[0], time[-1], len(time))
@@ -134,7 +134,7 @@ def steady(time: Array, rate: Array, speed: float, height: float) -> Array:
 
 
 def run(fine: bool, comm: fem.MPI.Comm) -> list[Check]:
-    """The same on every rank."""
+    """Run the benchmark; every rank returns the same checks."""
     del comm
     size = 2.5e-3 if fine else 3.75e-3
     runs = [passage(angle, size) for angle in (20, 25, 30)]

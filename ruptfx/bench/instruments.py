@@ -64,7 +64,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def plates(changes: Table) -> Case:
-    """Two plates of Homalite, glued, that stand on rollers."""
+    """Return two plates of Homalite, glued, on rollers."""
     return Case.model_validate({
         "plane": "stress", "order": 3,
         "mesh": {"kind": "two_plates", "length": LENGTH, "height": HEIGHT, "element_size": 2e-3},
@@ -78,12 +78,12 @@ def plates(changes: Table) -> Case:
 
 
 def kept(case: Case, folder: Path) -> Record:
-    """The record of a run of this rank."""
+    """Run a case on this rank and return its record."""
     return simulate(case, folder, MPI.COMM_SELF, progress=False)
 
 
 def _pressed(folder: Path) -> list[Check]:
-    """Pressed from above, at rest: every number is that of the uniform pressure."""
+    """Check plates pressed from above, at rest: every number is that of the uniform pressure."""
     case = plates({
         "duration": 1.0, "stepper": {"kind": "quasi_static", "first_step": 0.25, "largest_step": 0.25},
         "boundaries": [
@@ -104,7 +104,7 @@ def _pressed(folder: Path) -> list[Check]:
         orders, shear = fringe_orders(record, 1e-3).isel(time=-1), max_shear(record, 1e-3).isel(time=-1)
         light = {}
         for field in ("dark", "light"):
-            # Half a fringe from snapshot to snapshot is what it follows.
+            # Fringe counting needs less than half a fringe between snapshots.
             film = Camera(4.0, 1e-3, 1e-3, field).film(record, fringe_constant=8 * FRINGE)
             light[field] = film.isel(time=-1)
         moment = float(film.time[-1]) + 0.5e-3
@@ -132,9 +132,9 @@ def _pressed(folder: Path) -> list[Check]:
 
 
 def _bent(folder: Path) -> list[Check]:
-    """A beam under moments at its ends, which tractions on every row of elements make: sigma_xx = M y / I.
+    """Check a beam under end moments, applied as tractions on every row of elements: sigma_xx = M y / I.
 
-    How they are spread over the ends is forgotten within its height.
+    The distribution over the ends has no influence beyond one height from them (Saint-Venant).
     """
     length, height, size = 40e-3, 5e-3, 1e-3
     rows = (np.arange(-5, 5) + 0.5) * size
@@ -149,7 +149,7 @@ def _bent(folder: Path) -> list[Check]:
             *({"kind": "traction", "edge": f"{'upper' if y > 0 else 'lower'}.{side}", "traction": [sign * part, 0.0],
                "y_range": [y - 0.4 * size, y + 0.4 * size], "ramp": 1.0}
               for y, part in zip(rows, pull, strict=True) for side, sign in (("left", -1.0), ("right", 1.0))),
-            # For reasons of symmetry nothing acts there along x.
+            # By symmetry these supports carry no force along x.
             {**held, "edge": "lower.bottom", "component": "x"}, {**held, "edge": "upper.top", "component": "x"},
             {**held, "edge": "lower.bottom", "component": "y"},
         ],
@@ -173,7 +173,7 @@ def _bent(folder: Path) -> list[Check]:
 
 @dataclass(frozen=True)
 class Line:
-    """Fringe orders across the load over the largest, at parts of the radius, and on the whole disc."""
+    """Fringe orders across the load relative to the largest, at fractions of the radius, and on the whole disc."""
 
     place: np.ndarray
     found: np.ndarray
@@ -182,7 +182,7 @@ class Line:
 
 
 def _disc(folder: Path, size: float) -> tuple[list[Check], Line]:
-    """Pressed on its flats, at rest."""
+    """Check a disc pressed on its flats, at rest."""
     half = np.radians(0.5 * FLAT)
     width = DIAMETER * np.sin(half)
     held = {"kind": "driven", "velocity": 0.0, "x_range": [-0.55 * size, 0.55 * size]}
@@ -195,7 +195,7 @@ def _disc(folder: Path, size: float) -> tuple[list[Check], Line]:
         "boundaries": [
             {"kind": "traction", "edge": "specimen.top", "traction": [0.0, -LOAD / width], "ramp": 1.0},
             {"kind": "traction", "edge": "specimen.bottom", "traction": [0.0, LOAD / width], "ramp": 1.0},
-            # A few nodes, on which nothing acts for reasons of symmetry, hold it.
+            # The disc is supported at a few nodes, where the reaction is zero by symmetry.
             {**held, "edge": "specimen.bottom", "component": "x"}, {**held, "edge": "specimen.top", "component": "x"},
             {**held, "edge": "specimen.bottom", "component": "y"},
         ],
@@ -221,7 +221,7 @@ def _disc(folder: Path, size: float) -> tuple[list[Check], Line]:
 
 
 def _wave(folder: Path, size: float) -> tuple[list[Check], Traces]:
-    """A plane wave from the top, between rollers, in plane strain; it has not come back from the bottom."""
+    """Check a plane wave from the top, between rollers, in plane strain, before it returns from the bottom."""
     at = [0.4 * LENGTH, HEIGHT - DEEP]
     gauge = {"kind": "strain_gauge", "interval": 1e-7, "point": at, "angles": ["90 deg"]}
     case = plates({
@@ -253,7 +253,7 @@ def _wave(folder: Path, size: float) -> tuple[list[Check], Traces]:
     passing, force = ramp(fine - DEEP / c), found["cell"].force_y - found["cell"].force_y[0]
     offsets = np.linspace(-0.5, 0.5, 201) * GAUGE / c
     mean = np.mean([ramp(fine - DEEP / c + each) for each in offsets], axis=0)
-    # What was measured over its largest value, and what it should be, by what it is called.
+    # Measured signal over its largest value, and exact signal, by name.
     seen = {
         "gauge at a point": (found["point"].extension_1 * -c / SPEED, passing),
         "gauge 4 mm long": (found["long"].extension_1 * -c / SPEED, mean),
@@ -274,13 +274,13 @@ def _wave(folder: Path, size: float) -> tuple[list[Check], Traces]:
 
 
 def _one_pole(time: np.ndarray, signal: np.ndarray, bandwidth: float) -> np.ndarray:
-    """An amplifier by its convolution with an exponential."""
+    """Return the output of an amplifier, by convolution with an exponential."""
     kernel = np.exp(-2 * np.pi * bandwidth * time)
     return np.asarray(np.convolve(signal, kernel / kernel.sum())[: len(time)])
 
 
 def _correlation() -> tuple[list[Check], tuple[np.ndarray, np.ndarray]]:
-    """Pictures that are stretched, that do not move, and whose halves slip by a pixel."""
+    """Check pictures that are stretched, that do not move, and whose halves slip by a pixel."""
     shape, middle = (240, 320), np.s_[45:-45, 45:-45]
     y, x = np.indices(shape).astype(float)
     image, still = dic.speckle(shape, 4.0), np.zeros(shape)

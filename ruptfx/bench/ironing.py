@@ -1,4 +1,4 @@
-"""A curved body that is pressed on a flat one and dragged along it: forces without the noise of elements that pass.
+"""A curved body is pressed on a flat one and dragged along it: forces without element noise.
 
 A cylinder of 5 mm (upper, 5.3 GPa) on a plane (lower, 3.392 GPa) in plane strain, pressed by the motion of its top
 until contact is about 0.4 mm wide, then dragged at constant height with friction 0.3 over two elements of the plane.
@@ -28,13 +28,13 @@ RADIUS, DEPTH, FRICTION = 5e-3, 12e-6, 0.3
 HELD = [{"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"]
 PRESS, RAMP, SPEED = 20e-6, 15e-6, 10.0
 WAY = 2 * RATIO * SIZE
-SETTLED = 0.2e-3  # way after which forces are looked at [m]
+SETTLED = 0.2e-3  # sliding distance before the evaluation of forces [m]
 
 Floats = NDArray[np.float64]
 
 
 def case(order: int) -> Case:
-    """Explicit steps: pressed, damped to rest, dragged at 10 m/s."""
+    """Return the explicit case: pressed, damped to rest, dragged at 10 m/s."""
 
     def edges(speed: tuple[float, float], ramp: float) -> list[Table]:
         return [*HELD, *(
@@ -54,7 +54,7 @@ def case(order: int) -> Case:
 
 
 def implicit(order: int) -> Case:
-    """Equilibria: pressed within a second, dragged by a twentieth of an element in every step."""
+    """Return the implicit case: pressed within a second, dragged by a twentieth of an element per step."""
     step = 0.05
     speed = RATIO * SIZE / (20 * step)
     moves = {"y": ("displacement", [0.0, 1.0], [0.0, -DEPTH]), "x": ("velocity", [1.0, 1.1], [0.0, speed])}
@@ -95,7 +95,7 @@ def _case(order: int, contact: str, table: Table) -> Case:
 
 
 def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:
-    """Way of the top since it has settled [m], and force along y and x on the lower body [N/m], over two elements."""
+    """Return the way of the top [m] and the force along y and x on the lower body [N/m], over two elements."""
     model = Model(given, comm)
     motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
     end = given.duration
@@ -114,14 +114,14 @@ def forces(given: Case, comm: fem.MPI.Comm) -> tuple[Floats, Floats]:
 
 
 def _way(given: Case, time: float) -> float:
-    """How far the top has been dragged [m]."""
+    """Return the distance by which the top has been dragged [m]."""
     if given.stages:
         return SPEED * (time - PRESS - 0.5 * RAMP)
     return (SETTLED + WAY) * (time - 1.05) / (given.duration - 1.05)
 
 
 def noise(way: Floats, force: Floats) -> float:
-    """Peak to peak over the mean, about a parabola."""
+    """Return peak to peak over the mean, after subtraction of a parabola."""
     return float(np.ptp(force - np.polyval(np.polyfit(way / WAY, force, 2), way / WAY)) / force.mean())
 
 

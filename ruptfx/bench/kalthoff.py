@@ -1,6 +1,6 @@
-"""A crack leaves a notch under an edge impact at some 70 degrees: the plate of Kalthoff and Winkler (1988).
+"""A crack grows from a notch under edge impact at some 70 degrees: the plate of Kalthoff and Winkler (1988).
 
-The demo, and the same with facets that are rigid until their strength; fine, the median of three meshes. The path is a
+The demo, and the same with extrinsic facets; with `--fine`, the median of three meshes. The path is a
 line through the middles of failed facets at y = 27 to 70 mm, weighted with their lengths. One mesh is to be within 56
 to 75 degrees, the median of three within 60 to 72, the band of the experiment, about 70, and of published computations.
 On coarser cells the path is a matter of the mesh: with springs 56, 65 and 56 degrees on cells of 1.8, 2 and 2.2 mm, 63
@@ -50,7 +50,7 @@ def _checks(kind: str, found: list[Broken]) -> list[Check]:
 
 
 def _angle(found: Broken) -> float:
-    """Of the path to the line of the notch [degrees]."""
+    """Return the angle between the path and the line of the notch [degrees]."""
     x, y = found.events["x"], found.events["y"]
     path = (y > LOW) & (y < HIGH) & (x > NOTCH)
     if path.sum() < 5:

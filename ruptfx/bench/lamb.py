@@ -36,7 +36,7 @@ SOURCE = "Lamb (1904); de Hoop (1960)"
 
 
 def case(size: float, kind: str = "strip") -> Table:
-    """Right half of the problem and of the force, two glued plates so long and deep that echoes come too late."""
+    """Return the right half of the problem and of the force: two glued plates so large that echoes come too late."""
     left = [
         {"kind": "driven", "edge": f"{body}.left", "component": "x", "velocity": 0.0} for body in ("upper", "lower")
     ]
@@ -58,7 +58,7 @@ def case(size: float, kind: str = "strip") -> Table:
 
 
 def exact(x: float, time: np.ndarray, half_width: float = HALF_WIDTH) -> np.ndarray:
-    """Displacement (right, up) of the surface at x, shape (times, 2) [m]."""
+    """Return the displacement (right, up) of the surface at x, shape (times, 2) [m]."""
     # As high above the axis as the wavelet, which grows there as exp((pi f x Im p)^2), allows; down to p = 0 at the
     # left, on to where the wavelet has not begun at the right.
     height, end = 1.5 / (np.pi * FREQUENCY * x), (time[-1] + DELAY) / (x - half_width)
@@ -78,7 +78,7 @@ def exact(x: float, time: np.ndarray, half_width: float = HALF_WIDTH) -> np.ndar
 
 
 def surface(size: float, kind: str = "strip") -> tuple[np.ndarray, np.ndarray, float]:
-    """Times, displacement at the receivers, shape (times, receivers, 2) [m], and energy closure."""
+    """Return times, displacement at the receivers, shape (times, receivers, 2) [m], and energy closure."""
     problem = Case.model_validate(case(size, kind))
     model = Model(problem, fem.MPI.COMM_SELF)
     motion, state = problem.stepper.bind(model), model.initial_state()

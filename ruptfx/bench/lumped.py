@@ -54,39 +54,42 @@ CHAIN_SEEDS = (1, 2, 3)
 
 
 def timed(work: Callable[[], object]) -> tuple[Any, float]:
-    """A result and the processor time it took [s], which other work on the machine does not change."""
+    """Return a result and the processor time of its computation [s]."""
     start = time.process_time()
     return work(), time.process_time() - start
 
 
 def run_time(what: str, most: float, seconds: float) -> Check:
-    """A limit of processor time."""
+    """Return the check of a limit of processor time."""
     return Check(what, most, seconds, unit="s", relation="at most", timing=True)
 
 
 @cache
 def ensembles() -> tuple[xarray.Dataset, float]:
+    """Return the results of the Maxwell-slip ensembles, and the processor time [s]."""
     return timed(MaxwellSlip(alphas=list(PILOT), surfaces=SURFACES).run)
 
 
 @cache
 def modulation() -> xarray.Dataset:
+    """Return the response of the slider to a modulated normal load."""
     slider = pmma(2 * K_C, interface_length=0.4e-6)
     return ModulatedLoad(amplitudes=list(MODULATION), critical=False).run(slider, silent)
 
 
 def pmma(stiffness: object, mass: float = 0.0, interface_length: float = 0.0) -> Slider:
-    """A slider with the constants of PMMA near room temperature."""
+    """Return a slider with the constants of PMMA near room temperature."""
     law = RateAndStateAgeing(a=A, b=B, D_c=D_C, f_0=0.36, V_0=1e-6)
     return Slider(law, WEIGHT, stiffness, mass, interface_length)
 
 
 def run(fine: bool = False, comm: MPI.Comm | None = None) -> Outcome:
-    """All checks of the lumped models; the same at any resolution and on any number of ranks."""
+    """Return all checks of the lumped models; the same at any resolution and on any number of ranks."""
     return Outcome([*roughness_checks(), *chain_checks(), *slider_checks(), *asperity_checks()], figure)
 
 
 def roughness_checks() -> list[Check]:
+    """Return the checks of the Maxwell-slip ensemble."""
     data, seconds = ensembles()
     low, high = ContactLayer().critical(22, 0.3)
     right = int((data.verdict == data.observed).sum())
@@ -117,7 +120,7 @@ def roughness_checks() -> list[Check]:
 
 
 def wave_speed() -> float:
-    """Speed [blocks/s] at which a smooth pulse crosses an undamped chain without contacts."""
+    """Return the speed [blocks/s] of a smooth pulse in an undamped chain without contacts."""
     model, blocks = SpringBlock(), 400
     chain = Chain(
         mass=model.mass / model.blocks, damping=0.0, spring=(model.blocks - 1) * model.stiffness, drive_stiffness=0.0,
@@ -126,11 +129,11 @@ def wave_speed() -> float:
     )
     pulse = Integrator(chain, 0.5 * chain.stable_step(), seed=0)
     block = np.arange(blocks)
-    # Two equal halves of a Gaussian ten blocks wide part at rest; the one to the right reaches 200 and 300.
+    # A Gaussian ten blocks wide, at rest, splits into two pulses; the right one passes blocks 200 and 300.
     pulse.x[:] = pulse.x_old[:] = 1e-6 * np.exp(-0.5 * ((block - 100) / 10) ** 2)
     times, centres = np.empty(2), np.empty(2)
     for number, crossings in enumerate((100, 200)):
-        # The crossing time at the expected speed; a wrong speed shows in where the pulse then is.
+        # Run for the crossing time at the expected speed; a wrong speed moves the pulse.
         pulse.advance(round(crossings / model.chain_speed / pulse.dt) - pulse.steps, History())
         half = np.where(block > 150, pulse.x, 0)
         times[number], centres[number] = pulse.time, (half * block).sum() / half.sum()
@@ -138,13 +141,14 @@ def wave_speed() -> float:
 
 
 def dropping_correlation(data: xarray.Dataset) -> float:
-    """Correlation of length and force of the precursors that a force drop shows, as experiments see them."""
+    """Return the correlation of length and force of precursors with a visible force drop."""
     first = int(data.event_large.values.argmax())
     seen = data.event_drop.values[:first] > 0
     return float(np.corrcoef(data.event_force.values[:first][seen], data.event_reach.values[:first][seen])[0, 1])
 
 
 def chain_checks() -> list[Check]:
+    """Return the checks of the spring-block chain."""
     smooth = SpringBlock(scatter=0.0, duration=0.33, large_events=1)
     data = smooth.run()
     first = float(data.first_break_time)
@@ -184,6 +188,7 @@ def chain_checks() -> list[Check]:
 
 
 def slider_checks() -> list[Check]:
+    """Return the checks of the rate-and-state slider."""
     slow, slow_omega = onset(pmma(K_C), 1e-6)
     mass, fast = WEIGHT / 9.81, 1e-4
     heavy, heavy_omega = onset(pmma(K_C, mass), fast)
@@ -219,7 +224,7 @@ def slider_checks() -> list[Check]:
 
 
 def asperity_checks() -> list[Check]:
-    """The population against itself when infinite, and the laws fitted to its velocity steps against it."""
+    """Compare the population with its infinite limit, and the fitted laws with its velocity steps."""
     model = AsperityPopulation()
     data, seconds = timed(model.run)
     steps = np.flatnonzero(np.diff(data.slip_rate)) + 1
@@ -250,7 +255,7 @@ def asperity_checks() -> list[Check]:
 
 
 def figure() -> Figure:
-    """Amplitude against alpha, and mean friction against load amplitude, with the expected numbers."""
+    """Draw amplitude against alpha, and mean friction against load amplitude, with the expected numbers."""
     from ruptfx.figure_style import STEADY, STICK_SLIP, letter, new_figure, styled
 
     @styled

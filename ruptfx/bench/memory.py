@@ -1,4 +1,4 @@
-"""Memory of the largest rank on 1, 2, 4 and 8 ranks: nothing that grows with the mesh comes together on one of them.
+"""Memory of the largest rank on 1, 2, 4 and 8 ranks: no array that grows with the mesh is gathered on one rank.
 
 Two plates of order 4 with an interface all along; the mesh, the model, one explicit step and the numbering of the nodes
 that records and checkpoints use. What Python and its libraries take before that is shown, not counted. The aim of 1.3
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 RANKS = (1, 2, 4, 8)
 SLACK = 1.3
-# Of every rank: largest resident memory [MB] with all libraries, the C code and MPI at work, and at the end.
+# Largest resident memory [MB] of every rank: after libraries, C code and MPI have been used once, and at the end.
 PROGRAM = """
 import resource, sys
 from ruptfx import fem
@@ -37,7 +37,7 @@ def one_step(nodes, comm):
     return model
 
 one_step(500, fem.MPI.COMM_SELF)
-one_step(1000 * fem.MPI.COMM_WORLD.size, fem.MPI.COMM_WORLD)  # and what MPI takes for its first messages
+one_step(1000 * fem.MPI.COMM_WORLD.size, fem.MPI.COMM_WORLD)  # includes the buffers of the first MPI messages
 memory = [resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]
 model = one_step(int(sys.argv[1]), fem.MPI.COMM_WORLD)
 model.layout.numbering
@@ -65,7 +65,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _measured(ranks: int, nodes: int) -> tuple[float, float, int]:
-    """Memory of the largest rank beyond that of the libraries, and that of the libraries [MB], and nodes."""
+    """Return memory of the largest rank beyond the libraries, that of the libraries [MB], and the number of nodes."""
     command = [launch.find_mpiexec(), "-n", str(ranks), sys.executable, "-c", PROGRAM, str(nodes)]
     done = subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=3600, env=launch.mpi_environment(ranks)

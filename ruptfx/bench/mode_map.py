@@ -1,4 +1,4 @@
-"""The time of the sliding-mode map: 180 runs of the impact demo on two cores, as `ruptfx study` makes them.
+"""Time of the sliding-mode map: 180 runs of the impact demo on two cores with `ruptfx study`.
 
 The study of ``demos/mode_map.toml`` from nothing, pictures of its page included. In short, 8 of its runs, whose time
 per run and core is compared.
@@ -56,7 +56,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _study(fine: bool, folder: Path) -> Path:
-    """The file of the study, or of a short one."""
+    """Return the file of the study, or of a shortened one."""
     if fine:
         return STUDY
     table: Table = read_study(STUDY, []).model_dump(mode="json", exclude_none=True)

@@ -1,6 +1,6 @@
 """Mode I growth under uniform tension against the equation of motion of a bilateral crack.
 
-The twin of `growth` on an interface that cohesion holds. The energy release of the self-similar crack balances the
+The counterpart of `growth` on a cohesive interface. The energy release of the self-similar crack balances the
 fracture energy: a / a_c = (G F / G*)^2 A_I (`ruptfx.analysis.fracture.half_length_at`), a_c = Gamma E' / (pi sigma^2).
 A crack that opens at once would send out waves of its own. Here Gamma grows linearly from the middle to the half-length
 at which a crack of that Gamma runs at 0.4 c_R, so that it runs that fast from nearly nothing; from there on Gamma is
@@ -84,7 +84,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def front(position: np.ndarray, time: np.ndarray, opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Half-length [a_c] and speed of the front [m/s], where a part of the opening at failure is reached."""
+    """Return half-length [a_c] and speed of the front [m/s], where a part of the opening at failure is reached."""
     level = 0.1 * OPENING
     reached = opening > level
     first = np.argmax(reached, axis=0)

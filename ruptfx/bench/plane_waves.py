@@ -30,6 +30,7 @@ HEIGHT = 40e-3
 
 
 def column(upper: dict, lower: dict, size: float, height: float) -> Table:
+    """Return mesh, materials and fault of a column of two bodies."""
     return {
         "mesh": {"kind": "two_plates", "length": 4 * size, "height": height, "element_size": size},
         "materials": {"upper": upper, "lower": lower}, "faults": {"main": {"contact": {"kind": "split_node"}}},
@@ -37,7 +38,7 @@ def column(upper: dict, lower: dict, size: float, height: float) -> Table:
 
 
 def shear(upper: dict, lower: dict, size: float, stress_0: float) -> tuple[Rupture, float]:
-    """S wave from below; the run and the exact slip rate."""
+    """Return the run of an S wave from below and the exact slip rate."""
     z = [np.sqrt(m["density"] * m["young_modulus"] / (2 * (1 + m["poisson_ratio"]))) for m in (lower, upper)]
     table = column(upper, lower, size, HEIGHT) | {"plane": "antiplane", "duration": 1.7 * HEIGHT / 1255.0}
     if lower is SLOW:
@@ -45,7 +46,7 @@ def shear(upper: dict, lower: dict, size: float, stress_0: float) -> tuple[Ruptu
     table["faults"]["main"] |= {
         "friction": {"kind": "coulomb", "mu_d": FRICTION}, "initial_stress": {"normal": SIGMA, "shear": stress_0},
     }  # fmt: skip
-    # Drag the lower end against the slip that the initial stress drives: slip is plus minus minus.
+    # Drag the lower end against the slip that the initial stress drives: slip = u(plus) - u(minus).
     table["boundaries"] = [
         {"kind": "driven", "edge": "lower.bottom", "component": "z", "velocity": -TAU_I / z[0], "ramp": 2e-6},
         {"kind": "absorbing", "edge": "upper.top"},
@@ -55,7 +56,7 @@ def shear(upper: dict, lower: dict, size: float, stress_0: float) -> tuple[Ruptu
 
 
 def gap(size: float) -> tuple[Rupture, dict[str, float], tuple[np.ndarray, np.ndarray]]:
-    """Triangular tensile pulse from below: rise to A in T_1, back to zero at T_2."""
+    """Run a triangular tensile pulse from below: rise to A in T_1, back to zero at T_2."""
     rise, end, load = 8e-6, 16e-6, 18e6
     height, c_p = 60e-3, 2200.0
     z = FAST["density"] * c_p

@@ -1,4 +1,4 @@
-"""How sliding starts: the force rises while all sticks, slip begins in several places, then ramps and drops.
+"""Onset of sliding: the force rises while all points stick, slip starts in several places, ramps and drops follow.
 
 The demo `sliding_start`, a rough block that is pressed and sheared over another body with rate and state friction,
 and what Di Bartolomeo et al. (ESDA2010-25247, Fig. 8 to 12) say of larger, smooth bodies with Coulomb friction: a first
@@ -80,7 +80,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _stuck(comm: fem.MPI.Comm) -> tuple[float, np.ndarray]:
-    """The same bodies in equilibrium, pressed alike, with friction that nothing overcomes.
+    """Load the same bodies in equilibrium, pressed alike, with friction that is never overcome.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def _stuck(comm: fem.MPI.Comm) -> tuple[float, np.ndarray]:
 
 
 def _stack(case: Case) -> float:
-    """Shear stress per motion of the top, of two wide layers [Pa/m]."""
+    """Return the shear stress per motion of the top, of two wide layers [Pa/m]."""
     assert isinstance(case.mesh, RoughPlates)
     compliance = 0.0
     for name, plate in (("upper", case.mesh.upper), ("lower", case.mesh.lower)):

@@ -54,7 +54,7 @@ def _draw(names: list[str], differences: list[float]) -> Figure:
 
 
 def difference(one: Path, other: Path) -> float:
-    """Largest difference of all fields of the interface, relative to the largest value of each."""
+    """Return the largest difference of all fields of the interface, relative to the largest value of each."""
     worst = 0.0
     with h5py.File(one / "interface.h5") as a, h5py.File(other / "interface.h5") as b:
         for name, data in a.items():

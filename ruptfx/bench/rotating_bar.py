@@ -1,4 +1,4 @@
-"""A bar that spins about its middle: strains of a body that turns by any angle, exact in one dimension.
+"""A bar that spins about its middle: strains under large rotations, exact in one dimension.
 
 A bar of length L and density rho that turns at omega has the stress rho omega^2 (L^2 / 4 - x^2) / 2 and is longer by
 rho omega^2 L^3 / (12 E), and so across; without contraction (nu = 0) that is the whole solution for small strains, here
@@ -27,7 +27,7 @@ NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e9, "G_IIc": 1e9}
 
 
 def bar(size: float, broken: bool) -> Case:
-    """Of triangles of a size [m]."""
+    """Return the case with triangles of a size [m], as one body or with intrinsic facets."""
     table: dict[str, Any] = {
         "plane": "stress", "order": 1, "duration": TURNS * 2 * np.pi / OMEGA, "large_rotations": True,
         "mesh": {"kind": "specimen", "shape": {"kind": "rectangle", "width": LENGTH, "height": HEIGHT},
@@ -44,7 +44,7 @@ def bar(size: float, broken: bool) -> Case:
 
 
 def spin(case: Case, comm: fem.MPI.Comm) -> dict[str, float]:
-    """Angle over omega t, relative changes of momentum and energy, and the mean extension over the exact one."""
+    """Return angle over omega t, relative changes of momentum and energy, and mean extension over the exact one."""
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
     x, mass = model.coordinates[:, :2], model.mass.reshape(-1, 2)[:, :1]

@@ -1,4 +1,4 @@
-"""A rupture that jumps from contact to contact: as fast as the P wave of the stiff body, to both sides alike.
+"""A rupture jumps from contact to contact, as fast as the P wave of the stiff body, symmetrically.
 
 The demo of that name: two bodies of 5.3 and 3.392 GPa touch at the crests of opposed waves; friction fails on one
 contact, and the outermost points of the next ones slip when the P wave of the stiff body comes (Di Bartolomeo et al.,
@@ -26,7 +26,7 @@ from ruptfx.nucleation.friction_drop import FrictionDrop
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FAST = 0.3  # m/s, above what the slow loading leaves
+FAST = 0.3  # m/s, above the slip rates of the slow loading
 SWITCH = 0.05e-6  # s; damping ends when friction fails, and edges of contacts slip for 10 ns then, by themselves
 NEAR = {-1: 3, 1: 2}  # contacts to the left and to the right that the P wave of the stiff body makes slip
 SOURCE = "c_p of the stiff body"
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 
 def arrivals(case: Case, patch: FrictionDrop, comm: fem.MPI.Comm) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Positions [m], whether closed when friction fails, and first fast slip since then [s]; in order, on all ranks."""
+    """Return positions [m], closed flags when friction fails, first fast slip since then [s]; sorted, on all ranks."""
     model = Model(case, comm)
     motion, state, face = stages.bind(model), model.initial_state(), model.faults[0].interface
     fault = state.faults["main"]
@@ -76,7 +76,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _first_point(position: Floats, first: Floats, contact: Asperity) -> float:
-    """Where a contact slips first [m]."""
+    """Return the position at which a contact slips first [m]."""
     return float(position[contact.points][np.nanargmin(first[contact.points])])
 
 

@@ -1,11 +1,11 @@
-"""Two rough bodies that rub: the work of the normal stress, which ought to vanish, over that of friction.
+"""Two rough bodies slide on each other: work of the normal stress, which should vanish, over that of friction.
 
 Opposed waves of 10 um and 0.6 mm on bodies of 5.3 and 3.392 GPa (plane strain) whose elements differ by a factor of
 1.37, friction 0.3, pressed with 5 MPa and damped for 15 us, then driven at 10 m/s without damping. Normal and friction
 work are counted from there. What is left is the plastic impact of nodal masses that meet, of first order in the size
-of elements, and what comes from updates of who faces whom; frames of the wrong surface, or coupling by collocation,
-give percents. The budget of all energies closes to round-off, with springs in contact as well. What these hold changes
-at every update, by the gap between the surfaces as they are against that of the frozen frames: it is taken from them,
+of elements, and the effect of updates of the mortar pairing; frames of the wrong surface, or coupling by collocation,
+give percents. The budget of all energies closes to round-off, with contact springs as well. Their energy changes
+at every update, as the gap of the current surfaces replaces that of the frozen frames; this change is the column
 `facing` in the budget, and vanishes to first order in `follow` and in the size of elements.
 """
 

@@ -28,7 +28,7 @@ REACH = 0.6  # m, half-length of the crack at the end
 
 
 def crack(plane: str, fraction: float, spacing: float) -> Rupture:
-    """Half of a half: symmetric about x = 0 too, where nothing moves across (mode II)."""
+    """Run a quarter of the problem: symmetric about x = 0 too, where the normal motion is zero (mode II)."""
     speed = fraction * C_S
     duration = REACH / speed
     # Far enough for no reflection to come back.
@@ -53,7 +53,7 @@ def crack(plane: str, fraction: float, spacing: float) -> Rupture:
 
 
 def misfit(result: Rupture, plane: str, fraction: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Largest relative error of slip over the inner 80 % of the crack; slip and exact slip [m]."""
+    """Return largest relative slip error over the inner 80 % of the crack, slip and exact slip [m]."""
     speed = fraction * C_S
     factor = (
         fracture.self_similar_factor_III(speed, C_S) if plane == "antiplane"

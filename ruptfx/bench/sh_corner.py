@@ -35,7 +35,7 @@ SOURCE = "Aki and Richards (2002), images"
 
 
 def case(size: float, kind: str) -> Table:
-    """A quarter space, so large that echoes of its far ends come too late; its two plates are glued."""
+    """Return a quarter space so large that echoes of its far ends come too late; its two plates are glued."""
     glued = {
         "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 1.0},
         "initial_stress": {"normal": 1e7},
@@ -52,7 +52,7 @@ def case(size: float, kind: str) -> Table:
 
 
 def exact(kind: str, receiver: tuple[float, float], time: np.ndarray) -> np.ndarray:
-    """Displacement of a receiver [m], shape (times,)."""
+    """Return the displacement of a receiver [m], shape (times,)."""
     if kind == "point_force":
         return 1e6 * line_force(PLACE, receiver, time)
     x, y = PLACE
@@ -63,7 +63,7 @@ def exact(kind: str, receiver: tuple[float, float], time: np.ndarray) -> np.ndar
 
 
 def line_force(place: tuple[float, float], receiver: tuple[float, float], time: np.ndarray) -> np.ndarray:
-    """Displacement of a receiver [m] by a unit force and its images, shape (times,)."""
+    """Return the displacement of a receiver [m] by a unit force and its images, shape (times,)."""
     nodes, weights = np.polynomial.legendre.leggauss(400)
     result = np.zeros(len(time))
     for side in (1, -1):
@@ -77,7 +77,7 @@ def line_force(place: tuple[float, float], receiver: tuple[float, float], time: 
 
 
 def seismograms(size: float, kind: str) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times, displacement of the receivers, shape (times, receivers) [m], and energy closure."""
+    """Return times, displacement of the receivers, shape (times, receivers) [m], and energy closure."""
     problem = Case.model_validate(case(size, kind))
     model = Model(problem, fem.MPI.COMM_SELF)
     motion, state = problem.stepper.bind(model), model.initial_state()

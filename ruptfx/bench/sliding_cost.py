@@ -1,4 +1,4 @@
-"""The cost of an interface that slides: rigid contact over the whole step, and finding again who faces whom.
+"""Cost of sliding contact: rigid contact over the whole step, and an update of the mortar pairing.
 
 Two plates of 20 mm in plane strain, elements of order 4, 400 on 390, 0.39 million nodes, 1600 points, Coulomb friction;
 all of them closed while waves cross the interface, and then opposed waves pressed so that about an eighth touches.
@@ -28,7 +28,7 @@ SOURCE = "aim, one core"
 
 
 def case(touching: bool) -> Case:
-    """All points closed, or waves of which a part touches."""
+    """Return the case with all points closed, or with opposed waves that touch in part."""
     sides: dict[str, Any] = {}
     for name, side, elements in (("upper", 1, ELEMENTS), ("lower", -1, ELEMENTS - 10)):
         sides[name] = {"length": LENGTH, "height": HEIGHT, "element_size": LENGTH / elements}
@@ -60,7 +60,7 @@ def case(touching: bool) -> Case:
 
 
 class _Timed:
-    """Something that is called in every step, and the processor time it takes."""
+    """A wrapped call that measures its processor time in every step."""
 
     def __init__(self, inner: Any) -> None:
         self._inner, self.seconds = inner, 0.0
@@ -86,7 +86,7 @@ class _Timed:
 
 
 def measure(touching: bool, comm: fem.MPI.Comm) -> tuple[float, float, float, float]:
-    """Contact over step, an update over a step, that per point [s], and the part of the points that are closed."""
+    """Return contact over step, update over step, update per point [s], and the part of the points that are closed."""
     given = case(touching)
     model = Model(given, comm)
     motion: Any = given.stepper.bind(model)

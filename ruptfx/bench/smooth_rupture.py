@@ -33,8 +33,8 @@ RATIO = 0.93  # of shear to normal stress; between 0.90 and 0.96, ends of the le
 SPACINGS = (25e-6, 12.5e-6)  # m
 PATCH, LARGE_PATCH = 0.125e-3, 0.5e-3  # m, whole
 LEFT, RIGHT = 1, -1
-FAST = 0.05  # m/s, above what the waves behind the fronts leave
-WAVES = (0.4e-6, 1.2e-6)  # s, when P waves are looked for
+FAST = 0.05  # m/s, above the slip rates of the waves behind the fronts
+WAVES = (0.4e-6, 1.2e-6)  # s, times at which P waves are located
 EVERY = 0.2e-6  # s, between the slips of the figure
 SOURCE = "Di Bartolomeo et al. (2010)"
 
@@ -82,7 +82,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _run(spacing: float, patch: float, duration: float) -> Rupture:
-    """From uniform stress; waves do not come back from the edges to where something is looked at."""
+    """Run from uniform stress; waves from the edges do not reach the evaluated part."""
     table = smooth.case(spacing, smooth.COULOMB, duration)
     table["mesh"] |= {"length": 12e-3, "left": -6e-3, "height": 3e-3}
     fault = table["faults"]["main"]
@@ -92,7 +92,7 @@ def _run(spacing: float, patch: float, duration: float) -> Rupture:
 
 
 def _p_front(result: Rupture, body: str) -> tuple[float, float]:
-    """How far from the centre half of the amplitude of the P wave has come [m], and when [s].
+    """Return the distance that half of the P-wave amplitude has reached [m], and the time [s].
 
     From 45 to 75 degrees from the interface, the mean over narrow angles: on the interface there is none, and up to 37
     degrees in the soft body the head wave of the stiff one is ahead.
@@ -110,27 +110,27 @@ def _p_front(result: Rupture, body: str) -> tuple[float, float]:
 
 
 def _reach(result: Rupture, side: int) -> tuple[Floats, Floats]:
-    """Distances from the centre to one side [m], increasing, and when slip came there [s]."""
+    """Return distances from the centre to one side [m], increasing, and arrival times of slip [s]."""
     distance = side * result.position
     order = np.argsort(distance)[np.sort(distance) > 0]
     return distance[order], result.rupture_time(FAST)[order]
 
 
 def _end(result: Rupture, side: int) -> float:
-    """Where a front ends [m]."""
+    """Return the position at which a front ends [m]."""
     distance, arrival = _reach(result, side)
     return float(distance[np.isfinite(arrival)].max())
 
 
 def _front(result: Rupture, side: int, near: float, far: float) -> float:
-    """Speed of the first slip between two distances [m/s]."""
+    """Return the speed of the first slip between two distances [m/s]."""
     distance, arrival = _reach(result, side)
     part = (distance > near) & (distance < far) & np.isfinite(arrival)
     return float(np.polyfit(arrival[part], distance[part], 1)[0])
 
 
 def _peak(result: Rupture, side: int, near: float, far: float) -> float:
-    """Speed of the largest slip rate between two distances [m/s]."""
+    """Return the speed of the largest slip rate between two distances [m/s]."""
     distance = side * result.position
     part = (distance > near) & (distance < far)
     when = result.time[np.abs(result.slip_rate).argmax(axis=0)]
@@ -138,7 +138,7 @@ def _peak(result: Rupture, side: int, near: float, far: float) -> float:
 
 
 def _slip(result: Rupture, position: float) -> float:
-    """At the end [m]."""
+    """Return the slip at the end [m]."""
     return float(np.abs(np.interp(position, result.position, result.fields["slip"])))
 
 

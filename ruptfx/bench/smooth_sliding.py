@@ -1,4 +1,4 @@
-"""How smooth bodies begin to slide: the sliding test of a paper, on its nodes, and what may be missing, tried in turn.
+"""Onset of sliding of smooth bodies: the sliding test of a paper, on its nodes, and possible missing causes.
 
 Di Bartolomeo et al. (ESDA2010-25247, section 4, Fig. 8 to 12): two bodies of 20 x 5 mm, of 5.3 and 3.392 GPa, bilinear
 quadrilaterals, Coulomb friction, mu = 1, mass damping 10 1/s; they are pressed together, then the lower side of the
@@ -79,14 +79,14 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def _changed(change: Callable[[Table], None]) -> Table:
-    """A whole run on elements of 0.2 mm with one thing changed."""
+    """Return a whole run on elements of 0.2 mm with one thing changed."""
     table = case_table(CHANGED, 2 * COARSE)
     change(table)
     return table
 
 
 def _onset(mesh: str, slid: Slid, stiffness: float) -> list[Check]:
-    """As far as the first macro-slip."""
+    """Return the checks up to the first macro-slip."""
     return [
         Check(f"{mesh}: slope while all sticks over the stiffness", 1.0, slid.slope() / stiffness, 0.01, "1",
               "equilibrium"),
@@ -97,7 +97,7 @@ def _onset(mesh: str, slid: Slid, stiffness: float) -> list[Check]:
 
 
 def _first(mesh: str, slid: Slid) -> list[Check]:
-    """The first macro-slip."""
+    """Return the checks of the first macro-slip."""
     drop = slid.drops[0] if slid.drops else None
     ratio = slid.ratio(slid.first - 0.5 * WINDOW, slid.first + 0.5 * WINDOW)
     during = slid.within(drop.start, drop.end) if drop else slid.time < 0
@@ -111,7 +111,7 @@ def _first(mesh: str, slid: Slid) -> list[Check]:
 
 
 def _after(mesh: str, slid: Slid) -> list[Check]:
-    """Parts of the length at the end of a run that ends after a macro-slip."""
+    """Return the checks of the contact states at the end of a run that ends after a macro-slip."""
     row = slid.row(mesh)
     return [
         Check(f"{mesh}: sticking after {1e3 * slid.time[-1]:.2f} ms", 0.94, row["sticking_at_end"], 0.04, "1",
@@ -121,7 +121,7 @@ def _after(mesh: str, slid: Slid) -> list[Check]:
 
 
 def _sequence(mesh: str, slid: Slid) -> list[Check]:
-    """What follows, until 1.9 ms."""
+    """Return the checks of ramps and drops until 1.9 ms."""
     later = slid.time > (slid.drops[0].end if slid.drops else np.inf)
     sticks, slides = (averaged(slid.time, part, RAMP)[later] for part in (slid.sticking, slid.sliding))
     return [
@@ -138,7 +138,7 @@ def _sequence(mesh: str, slid: Slid) -> list[Check]:
 
 
 def _back(what: str, slid: Slid) -> list[Check]:
-    """Whether there are ramps and drops, and T grows towards N."""
+    """Return the checks that ramps and drops occur, and that T grows towards N."""
     published = sum(time < slid.time[-1] for time in (0.5e-3, 1.1e-3, 1.7e-3))
     growth = slid.ratio(*LATE) - slid.ratio(*EARLY)
     return [
@@ -156,7 +156,7 @@ def _back(what: str, slid: Slid) -> list[Check]:
 
 
 def case_table(duration: float, size: float = COARSE) -> Table:
-    """Square elements, Coulomb friction, no viscosity.
+    """Return the case: square elements, Coulomb friction, no viscosity.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _edges(along: float, down: float) -> list[Table]:
 
 
 def use_nodes_of_the_paper(table: Table, folder: Path, comm: fem.MPI.Comm) -> None:
-    """Write the mesh of the paper, as far as its interface goes, and let a case use it; collective."""
+    """Write the mesh with the interface nodes of the paper, and use it in a case; collective."""
     path = folder / "paper.msh"
     if comm.rank == 0:
         meshio.write(path, _mesh(), file_format="gmsh22")
@@ -230,7 +230,7 @@ def _mesh() -> meshio.Mesh:
 
 
 def _line(fine: float, end: float) -> Floats:
-    """From zero, by fine spacings, growing ones, and coarse ones."""
+    """Return coordinates from zero, with fine, growing, and coarse spacings."""
     sizes = [FINE] * round(fine / FINE)
     while (size := sizes[-1] * GROWTH) < COARSE:
         sizes.append(size)
@@ -266,7 +266,7 @@ CAUSES: dict[str, Callable[[Table], None]] = {
 
 @dataclass(frozen=True)
 class Slid:
-    """What a run left; times are since the lower body moves.
+    """Result of a run; times count from the start of motion of the lower body.
 
     Attributes
     ----------
@@ -292,7 +292,7 @@ class Slid:
 
     @classmethod
     def read(cls, out: Path) -> Slid:
-        """A run, also one that was ended."""
+        """Read a run, also one that was stopped early."""
         with Record(out) as record:
             table, contact = record.forces.load(), record.interface.contact.load()
         time = table.time.values - PRESSED
@@ -307,42 +307,42 @@ class Slid:
 
     @property
     def first(self) -> float:
-        """When the first macro-slip begins, abrupt or not [s]."""
+        """Time at which the first macro-slip begins, abrupt or not [s]."""
         return self.drops[0].start if self.drops else np.nan
 
     @property
     def macro_slips(self) -> list[Drop]:
-        """Drops that are abrupt."""
+        """Abrupt drops."""
         return [drop for drop in self.drops if drop.end - drop.start < ABRUPT]
 
     def within(self, begin: float, end: float) -> NDArray[np.bool_]:
-        """Which records are."""
+        """Return which records lie between two times, as booleans."""
         return (self.time > begin) & (self.time < end)
 
     def ratio(self, begin: float, end: float) -> float:
-        """Mean of T/N over some time; NaN where the run does not go as far."""
+        """Return the mean of T/N between two times; NaN where the run is shorter."""
         part = self.within(begin, end)
         return float(np.mean(self.shear[part] / self.normal[part])) if end < self.time[-1] + 2e-6 else np.nan
 
     def slope(self) -> float:
-        """Of the shear force over the motion of the lower side, from when waves of the start are over [N/m per m]."""
+        """Return the slope of shear force over motion of the lower side, after the initial waves [N/m per m]."""
         slides = np.flatnonzero(self.sliding > 0.02)
         part = self.within(20e-6, float(self.time[slides[0] if len(slides) else -1]))
         return float(np.polyfit(self.time[part], self.shear[part], 1)[0]) / SPEED if part.any() else np.nan
 
     def zones(self) -> int:
-        """Largest number that slide at once before the first macro-slip."""
+        """Return the largest number of zones that slide at once before the first macro-slip."""
         before = (self.state_time > 0) & ~(self.state_time >= self.first)
         slides = np.pad(self.states[before] == SLIDING, ((0, 0), (1, 0)))
         return int(np.max(np.sum(np.diff(slides.astype(int), axis=1) == 1, axis=1), initial=0))
 
     def order(self) -> float:
-        """Rank correlation of the sizes of macro-slips and the ramps after them; NaN with fewer than three pairs."""
+        """Return the rank correlation of macro-slips and the ramps after them; NaN with fewer than three pairs."""
         pairs = [(drop.size, after.ramp) for drop, after in zip(self.drops[:-1], self.drops[1:], strict=True)]
         return float(spearmanr(*zip(*pairs, strict=True)).statistic) if len(pairs) > 2 else np.nan
 
     def row(self, what: str) -> Table:
-        """What is told of a cause; None where the run does not go as far, or nothing drops."""
+        """Return the summary of a tried cause; None where the run is too short or has no drop."""
         largest = max(self.drops, key=lambda drop: drop.size, default=Drop(np.nan, np.nan, 0.0, np.nan))
         typical, end = float(np.median(self.normal)), self.time > self.time[-1] - RAMP
         found = {
@@ -371,7 +371,7 @@ def slide(table: Table, comm: fem.MPI.Comm, paper: bool = False) -> Slid:
 
 
 def _stiffness(comm: fem.MPI.Comm) -> float:
-    """Shear force per motion of the lower side, of the same bodies in equilibrium, stuck [N/m per m]."""
+    """Return shear force per motion of the lower side, of the same bodies in equilibrium, stuck [N/m per m]."""
     table = case_table(ONSET, 2 * COARSE)
     way, far = DOWN * 0.5 * PRESSED, 1e-6
     moved = {("upper.top", "y"): [0.0, way, way], ("lower.bottom", "x"): [0.0, 0.0, far]}

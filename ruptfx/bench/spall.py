@@ -1,11 +1,11 @@
-"""A compressive pulse comes back from the free end of a bar as tension and breaks off its end: spalling.
+"""A compressive pulse returns from the free end of a bar as tension and breaks its end off: spalling.
 
 Without lateral contraction waves are plane: P = sigma - rho c v keeps its value along dx/dt = c, Q = sigma + rho c v
 along dx/dt = -c. At a plane that may break, with P from the left and Q from the right,
 
     d(delta)/dt = (Q + P - 2 T) / (rho c),
 
-and T is what holds it together, no more than its strength f_t (1 - delta / delta_c). On a lattice with steps of dx / c
+and T is the cohesive traction, at most the strength f_t (1 - delta / delta_c). On a lattice with steps of dx / c
 that is exact but for the opening, of first order in dx = 0.01 mm. The pulse rises in 0.4 us and falls for 6 us. Behind
 the front of the reflected pulse the tension is 2 sigma_0 x / (c t_fall) at the distance x from the end, f_t at 4.5 mm.
 Two planes may break, 8 and 16 mm from the end; nothing else does. What is off is the dispersion of steep waves.
@@ -40,7 +40,7 @@ SOURCE = "characteristics"
 
 @dataclass(frozen=True)
 class Spalled:
-    """What is left of the bar.
+    """Result of a run.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Spalled:
     openings : ndarray, shape (planes,)
         At the end of the run, by their distance from the free end [m].
     scab : float
-        Mean velocity of what is beyond the first plane, then [m/s].
+        Mean velocity at the end of the part beyond the first plane [m/s].
     closure : float
     """
 
@@ -61,12 +61,12 @@ class Spalled:
 
 
 def pulse(time: np.ndarray | float) -> np.ndarray:
-    """Pressure on the loaded end over its largest value."""
+    """Return the pressure on the loaded end over its largest value."""
     return np.asarray(np.interp(time, [0.0, RISE, RISE + FALL], [0.0, 1.0, 0.0]))
 
 
 def exact(step: float = 1e-5) -> Spalled:
-    """Along characteristics, on a lattice [m]."""
+    """Return the solution along characteristics, on a lattice of spacing `step` [m]."""
     count, dt, impedance = round(LENGTH / step), step / SPEED, DENSITY * SPEED
     at = count - np.round(APART * np.arange(1, PLANES + 1) / step).astype(int)  # nodes of the planes
     right, left = np.zeros(count), np.zeros(count)  # P at the left end of every cell, Q at the right end
@@ -97,7 +97,7 @@ def exact(step: float = 1e-5) -> Spalled:
 
 
 def bar(size: float) -> Case:
-    """The case, with springs between all cells."""
+    """Return the case with intrinsic facets."""
     planes = [0.5 * LENGTH - APART * (i + 1) for i in range(PLANES)]
     never = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
     bond = {"kind": "linear", "f_t": STRENGTH, "c": 1e9, "G_Ic": ENERGY, "G_IIc": 1e6}
@@ -124,7 +124,7 @@ def bar(size: float) -> Case:
 
 
 def spalled(case: Case) -> Spalled:
-    """Run it in memory."""
+    """Run a case in memory."""
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     y, mass = model.coordinates[:, 1], model.mass.reshape(-1, 2)[:, 1]

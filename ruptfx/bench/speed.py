@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 SAMPLES = 9
 SOURCE = "aim, 8-lane processor with two 512-bit pipes"
-# dimension, order, geometry, nodes, ranks; the first set is for every day, the second for the release table.
+# dimension, order, geometry, nodes, ranks; the first set is the default, the second that of the release table.
 ROWS = [
     (2, 1, "affine", 600_000, 1), (2, 4, "affine", 350_000, 1), (2, 5, "affine", 350_000, 1),
     (2, 4, "general", 350_000, 1), (3, 4, "affine", 300_000, 1),
@@ -88,12 +88,12 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def describe(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> str:
-    """A row of the table in words."""
+    """Return a row of the table as text."""
     return f"{dim}D order {order} {geometry}, {nodes / 1e6:.2g} M nodes" + f", {ranks} ranks" * (ranks > 1)
 
 
 def _of_steps(rows: list[Table]) -> list[Check]:
-    """The numbers that are aimed at."""
+    """Return the checks of all aims of steps."""
     checks = []
 
     def at_least(quantity: str, aim: float, found: float, unit: str = "1") -> None:
@@ -120,12 +120,12 @@ def _of_steps(rows: list[Table]) -> list[Check]:
 
 
 def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> Table:
-    """One row, measured in processes of its own.
+    """Measure one row in separate processes.
 
     Raises
     ------
     RuptfxError
-        When these fail, with what they said.
+        If these processes fail, with their output.
     """
     arguments = [str(value) for value in (dim, order, geometry, nodes)]
     command = [sys.executable, "-m", "ruptfx.bench.speed", *arguments]
@@ -140,7 +140,7 @@ def measure_row(dim: int, order: int, geometry: str, nodes: int, ranks: int) -> 
 
 
 def _compare_ranks(rows: list[Table]) -> None:
-    """Speed-up of the last row over the row of one rank on the same problem."""
+    """Add the speed-up of the last row over the row of one rank on the same problem."""
     last = rows[-1]
     last["efficiency"] = last["independent_efficiency"] = None
     independent = last.pop("independent", None)
@@ -166,7 +166,7 @@ def show(rows: list[Table]) -> None:
 
 
 class BentPlates(MeshSource):
-    """Two plates of quadrilaterals none of which is a parallelogram."""
+    """Two plates of non-parallelogram quadrilaterals."""
 
     length: float
     height: float
@@ -208,7 +208,7 @@ class TwoBoxes(MeshSource):
 
 
 def problem(dim: int, order: int, geometry: str, nodes: int) -> Case:
-    """Bodies that slide everywhere: the interface costs what it can cost."""
+    """Return bodies that slide everywhere, so that the interface has its largest cost."""
     if dim == 2:
         columns = max(2, round(np.sqrt(nodes) / order))
         plates = BentPlates if geometry == "general" else TwoPlates
@@ -234,7 +234,7 @@ def problem(dim: int, order: int, geometry: str, nodes: int) -> Case:
 
 
 def median_time(function: Callable[[], object], least: float = 0.05, samples: int = SAMPLES) -> float:
-    """Median processor time of a call [s], each sample long enough to be seen by the clock."""
+    """Return the median processor time of a call [s], each sample long enough for the clock."""
     began = time.process_time()
     function()
     count = max(1, int(least / max(time.process_time() - began, 1e-9)))
@@ -248,7 +248,7 @@ def median_time(function: Callable[[], object], least: float = 0.05, samples: in
 
 
 def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
-    """Measure one row on the ranks of this job; the row on rank 0, None elsewhere."""
+    """Measure one row on the ranks of this job; return it on rank 0, None elsewhere."""
     comm = fem.MPI.COMM_WORLD
     model, motion, state, step = timed_steps(problem(dim, order, geometry, nodes), comm)
     row: Table = {
@@ -275,7 +275,7 @@ def work(dim: int, order: int, geometry: str, nodes: int) -> Table | None:
 
 
 def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Any, Any, float]:
-    """Model, motion and state after some steps, and the processor time of one [s], the longest of all ranks."""
+    """Return model, motion, state after some steps, and the processor time of one [s], the longest of all ranks."""
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
     # The same number of steps on all ranks, which wait for each other.
@@ -293,14 +293,14 @@ def timed_steps(case: Case, comm: MPI.Comm) -> tuple[Model, Any, Any, float]:
 
 
 def held_bytes(model: Model, motion: Motion, state: State) -> float:
-    """What a step reads or writes: vectors, inverse mass, and the operator's own arrays."""
+    """Return the memory that a step reads or writes [bytes]: vectors, inverse mass, arrays of the operator."""
     vectors = (state.displacement, state.velocity, state.force)
     per_node = 8.0 * model.nodes
     return sum(vector.nbytes for vector in vectors) + per_node + getattr(model.operator, "nbytes", 0)
 
 
 def interface_share(motion: LeapfrogMotion, state: State) -> float:
-    """Of the processor time of steps, what the fault takes in them: memory is as the bodies leave it."""
+    """Return the share of the fault in the processor time of steps, with caches as the bodies leave them."""
     plain, inside = FaultStep.__call__, []
 
     def timed(step: FaultStep, *given: Any) -> float:
@@ -315,7 +315,7 @@ def interface_share(motion: LeapfrogMotion, state: State) -> float:
 
 
 def bandwidth() -> float:
-    """Bytes per second of y += a x on 200 MB."""
+    """Measure the bytes per second of y += a x on 200 MB."""
     library = native.load("axpy", AXPY)
     x, y = np.ones(12_500_000), np.ones(12_500_000)
     import ctypes
@@ -326,7 +326,7 @@ def bandwidth() -> float:
 
 
 def ufl_step(model: Model, state: State, dt: float, jit_options: Table) -> float:
-    """Processor time of the same bulk step with the reference operator [s]."""
+    """Measure the processor time of the same bulk step with the reference operator [s]."""
     reference = UflForm(model.bulk, jit_options)
     inverse_mass = dt / model.mass
 
@@ -340,7 +340,7 @@ def ufl_step(model: Model, state: State, dt: float, jit_options: Table) -> float
 
 
 def petsc_product(dim: int, order: int) -> float:
-    """Processor time of a matrix product per node [s], on a mesh whose matrix is larger than the caches."""
+    """Measure the time of a matrix product per node [s], on a mesh whose matrix is larger than the caches."""
     case = problem(dim, order, "affine", 150_000 if dim == 2 else 30_000)
     model = Model(case, fem.MPI.COMM_SELF)
     ufl, u = fem.ufl, fem.dolfinx.fem.Function(model.space)

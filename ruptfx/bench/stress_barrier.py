@@ -1,4 +1,4 @@
-"""A front that runs into a stress barrier: its speed and where it stops, against the equation of motion.
+"""A front runs into a stress barrier: its speed and arrest position against the equation of motion.
 
 The crack of `demos/stress_barrier.toml` has one tip, for which the equation is exact until waves come back from the
 ends: K = sqrt(2 / pi) int drop(x) / sqrt(l - x) dx at rest, G = g(v) K^2 / E' (Freund 1990, section 7.4). Linear slip
@@ -37,20 +37,20 @@ Array = np.ndarray
 BARRIER = 30e-3  # m, from where it is
 MU_D, SIGMA, STRENGTH, D_C = 0.2, 5e6, 0.62 * 5e6, 1.6129e-6  # of the demo; Pa, Pa above the residual stress, m
 REACH = 2e-3  # m, on either side of a place, of lines through arrivals
-OWN = 4e-3  # m beyond where it is forced, from where speeds are compared: three process zones
+OWN = 4e-3  # m beyond the forced part, three process zones: start of the comparison of speeds
 SLIDES = 1e-3  # m/s
 FREUND = "Freund (1990)"
 
 
 def one_tip(*overrides: str) -> Case:
-    """The demo."""
+    """Return the case of the demo."""
     case = read_case(Path(str(files("ruptfx").joinpath("demos/stress_barrier.toml"))), overrides=overrides)
     assert isinstance(case, Case)
     return case
 
 
 def two_tips(*overrides: str) -> Case:
-    """The same barrier on both sides of a patch of 60 mm: the right half, the rest are mirror images."""
+    """Return the same barrier on both sides of a patch of 60 mm; only the right half is modelled."""
     middle = "{kind='driven', edge='upper.left', component='y', velocity=0.0}"
     return one_tip(
         "mesh.left=0.0", "mesh.length=0.13", "mesh.height=0.13", f"boundaries.0={middle}", "duration=120e-6",
@@ -59,20 +59,21 @@ def two_tips(*overrides: str) -> Case:
 
 
 def medium(case: Case) -> Medium:
+    """Return elastic constants and wave speeds of the material."""
     material = case.materials["default"]
     assert isinstance(material, IsotropicElastic)
     return Medium.of(material, case.plane)
 
 
 def forced(case: Case) -> float:
-    """To where the front is forced [m]."""
+    """Return the position up to which the front is forced [m]."""
     start = case.faults["main"].nucleation[0]
     assert isinstance(start, ForcedRupture)
     return start.radius
 
 
 def predicted(case: Case, shape: Shape) -> FrontMotion:
-    """Equation of motion of a case, from where nothing is forced."""
+    """Return the equation of motion of a case, from the end of forcing on."""
     stress = case.faults["main"].initial_stress
     return front_motion(
         np.linspace(forced(case), 80e-3, 2000), stress_drop=lambda x: evaluate(stress.shear, x) - MU_D * SIGMA,
@@ -82,16 +83,16 @@ def predicted(case: Case, shape: Shape) -> FrontMotion:
 
 @dataclass(frozen=True)
 class Front:
-    """Of a run.
+    """Front of a run.
 
     Attributes
     ----------
     place, speed : ndarray, shape (n,)
-        Of the front beyond where it is forced [m], [m/s].
+        Position [m] and speed [m/s] of the front beyond the forced part.
     time : ndarray, shape (n,)
-        When it is there, from where nothing is forced on [s].
+        Arrival at these positions, counted from the end of forcing [s].
     stopped : float
-        Where [m].
+        Arrest position [m].
     """
 
     place: Array
@@ -101,7 +102,7 @@ class Front:
 
     @classmethod
     def of(cls, case: Case, position: Array, arrival: Array) -> Front:
-        """From when points began to slide [s], NaN where they did not."""
+        """Return the front from the times of first slip, NaN where there is none."""
         radius = forced(case)
         own = (position > radius) & np.isfinite(arrival)
         position, arrival = position[own], arrival[own]
@@ -110,7 +111,7 @@ class Front:
         return cls(place, np.array(speed), np.interp(place, position, arrival) - arrival[0], float(position[-1]))
 
     def caught_up(self, case: Case) -> float:
-        """Where the shear waves of the start of the other tip of a bilateral crack catch up with it [m]."""
+        """Return where shear waves from the start of the other tip of a bilateral crack reach it [m]."""
         late = self.time > (self.place + forced(case)) / medium(case).c_s
         return float(self.place[np.argmax(late)]) if late.any() else np.inf
 
@@ -121,7 +122,7 @@ def _front(case: Case) -> tuple[Front, Rupture]:
 
 
 def _worst(front: Front, theory: FrontMotion, until: float) -> float:
-    """Largest difference of the speeds [m/s] away from the jump of the stress, which lines through arrivals blur."""
+    """Return the largest speed difference [m/s], without the surroundings of the stress jump."""
     there = (front.place > theory.length[0] + OWN) & (front.place < until) & (abs(front.place - BARRIER) > 1.5 * REACH)
     return float(np.abs(front.speed - np.interp(front.place, theory.length, theory.speed))[there].max())
 

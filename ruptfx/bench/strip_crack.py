@@ -1,6 +1,6 @@
 """A crack runs along a weak plane of a strip between fixed grips, and stays below the Rayleigh wave.
 
-Far ahead of the tip the strip of the height 2 H holds W = sigma^2 H / M per length, M the modulus without lateral
+Far ahead of the tip the strip of the height 2 H stores W = sigma^2 H / M per length, M the modulus without lateral
 contraction, and far behind it nothing. A crack of the fracture energy G < W cannot be steady below c_R: it would take
 up all of W. It has W - G to speed up with, and comes the closer to c_R the larger W / G is (Marder 1991; Goldman, Livne
 and Fineberg 2010). Bounds of the mean speed in the last third of the way: never c_R, 0.75 c_R at W = 2 G, 0.88 at 4
@@ -33,7 +33,7 @@ SOURCE = "energy balance, Marder (1991)"
 
 
 def front(ratio: float, fine: bool) -> tuple[np.ndarray, np.ndarray, Check]:
-    """Place [m] and time [s] of the front, and the energy check."""
+    """Return position [m] and time [s] of the front, and the energy check."""
     energy = TENSION**2 * HALF / MODULUS / ratio
     zone = ZONE * min(1.0, 4 / ratio) * HALF
     strength = float(np.sqrt(MODULUS * energy / zone))

@@ -78,7 +78,7 @@ FIELDS_OF_STEPS = ("mean_slip_rate", "opening", *(monitor.name for monitor in MO
 
 
 def plates(law: Table, contact: Table, steps: int) -> Table:
-    """Two plates under a growing shear traction and pressure; the interface is at the limit of sticking."""
+    """Return two plates under growing shear traction and pressure; the interface is at the limit of sticking."""
     table: Table = {
         "plane": "stress", "order": 2, "duration": DURATION,
         "mesh": {"kind": "two_plates", "length": 12e-3, "height": 4e-3, "element_size": 2e-3},
@@ -100,7 +100,7 @@ def plates(law: Table, contact: Table, steps: int) -> Table:
 def fields(
     law: Table, contact: Table, steps: int, stepper: Table | None = None
 ) -> dict[str, np.ndarray]:
-    """Fields of the interface at the end."""
+    """Return the fields of the interface at the end."""
     table = plates(law, contact, steps)
     case = Case.model_validate({**table, "stepper": {**table["stepper"], **(stepper or {})}})
     model = Model(case, fem.MPI.COMM_SELF)
@@ -114,19 +114,19 @@ def orders(
     law: Table, contact: Table, steps: tuple[int, int, int] = STEPS,
     stepper: Table | None = None,
 ) -> dict[str, float]:  # fmt: skip
-    """Observed order of every field: the difference from the shortest step makes 2.02 of second order."""
+    """Return the observed order of every field; the error of the shortest step makes 2.02 of second order."""
     coarse, middle, fine = (fields(law, contact, number, stepper) for number in steps)
 
     def error(run: dict[str, np.ndarray], name: str) -> float:
         return float(np.linalg.norm(run[name] - fine[name]))
 
-    # A field that does not change, like the clock of a law, has no error to fall.
+    # A field that does not depend on the step, like the clock of a law, has no error and hence no order.
     moving = [name for name in fine if error(coarse, name) > 1e-11 * np.linalg.norm(fine[name])]
     return {name: float(np.log2(error(coarse, name) / error(middle, name))) for name in moving}
 
 
 def ageing_rupture(factor: float, step: float | None = None) -> Rupture:
-    """A rupture with the ageing law that overstress starts at once, `factor` times as short as the step [s]."""
+    """Run a rupture with the ageing law, started by overstress, in steps of `step` / `factor` [s]."""
     table = {
         "plane": "strain", "order": 4, "duration": 1.2,
         "mesh": {"kind": "half_plate", "length": 8e3, "height": 3.2e3, "element_size": 400.0},
@@ -156,7 +156,9 @@ def ageing_rupture(factor: float, step: float | None = None) -> Rupture:
 def slip_law_rupture(
     duration: float, length: float, height: float, step: float | None = None, contact: Table | None = None
 ) -> Rupture:
-    """An antiplane rupture with the slip law, parameters of Kaneko, Lapusta and Ampuero (2008), elements of 1/6 km.
+    """Run an antiplane rupture with the slip law, elements of 1/6 km.
+
+    Parameters of Kaneko, Lapusta and Ampuero (2008).
 
     A patch of 1.5 km, stressed above the rest, starts it at once; D_c / V at the front is about one step.
     """
@@ -180,14 +182,14 @@ def slip_law_rupture(
 
 
 def misfit(found: Rupture, expected: Rupture, position: float) -> float:
-    """Misfit of the slip rate at a position [m], over its size."""
+    """Return the misfit of the slip rate at a position [m], over its size."""
     rates = [np.abs(r.slip_rate[:, r.at(position)]) for r in (found, expected)]
     resampled = np.interp(expected.time, found.time, rates[0])
     return float(np.linalg.norm(resampled - rates[1]) / np.linalg.norm(rates[1]))
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
-    """Orders of all laws; arrival, slip rate and peak of two ruptures."""
+    """Check the orders of all laws; arrival, slip rate and peak of two ruptures."""
     del fine, comm
     checks = []
     for kind, contact in CONTACTS.items():
@@ -210,7 +212,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         Check("ageing rupture: peak at 3 km", rates[1].max(), rates[0].max(), 0.05, "m/s", own, relative=True),
         usual.budget(),
     ]
-    box = 2.0, 10e3, 7.5e3  # s, m: nothing comes back from its ends
+    box = 2.0, 10e3, 7.5e3  # s, m: reflections of the ends come too late
     slips = slip_law_rupture(*box)
     step = float(slips.time[2] - slips.time[1])
     finest = slip_law_rupture(*box, step / 16)

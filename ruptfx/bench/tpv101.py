@@ -36,11 +36,12 @@ DURATION = 6.0
 
 
 def case(spacing: float) -> Table:
+    """Return the case with nodes `spacing` [m] apart."""
     return line(spacing, {**LAW, "a": {**TAPER, "inside": 0.008, "outside": 0.016}}, 75e6, 25e6, DURATION)
 
 
 def line(spacing: float, law: Table, shear: float, extra: float, duration: float) -> Table:
-    """A rate-and-state benchmark of this family: a half model, symmetric about x = 0 too."""
+    """Return a rate-and-state benchmark of this family: a half model, symmetric about x = 0 too."""
     return {
         "plane": "strain", "order": 4, "duration": duration,
         "mesh": {
@@ -62,13 +63,13 @@ def line(spacing: float, law: Table, shear: float, extra: float, duration: float
 def converge(
     make: Callable[[float], Table], state: str, value: float, source: str, fine: bool
 ) -> tuple[list[Check], list[Rupture]]:
-    """Initial state; rupture time at 12 km, front speed and peak slip rates on three meshes."""
+    """Check the initial state, and the convergence of rupture time, front speed and peaks on three meshes."""
     spacings = (50.0, 25.0, 12.5) if fine else (100.0, 50.0, 25.0)
     runs = [rupture(make(h), energies=4) for h in spacings]
     initial = runs[0].model.faults[0].initial_state()[state]
     checks = [Check(f"initial {state}", value, float(initial[0]), 1e-14, "", source, relative=True)]
     numbers = [facts(r) for r in runs]
-    # Closely behind the nucleation a spacing of 100 m is too coarse for a ratio.
+    # Near the nucleation a spacing of 100 m is too coarse for a ratio.
     near = "peak slip rate at 9 km"
     for name, (limit, unit) in {
         "rupture time at 12 km": (5e-3, "s"), "front speed, 5 to 12 km": (0.01 if fine else 0.03, "m/s"),
@@ -86,6 +87,7 @@ def converge(
 
 
 def facts(result: Rupture) -> dict[str, float]:
+    """Return rupture time, front speed and peak slip rates of a run, by name."""
     arrival, x = result.rupture_time(1e-1), result.position
     part = (x > 5e3) & (x < 12e3) & np.isfinite(arrival)
     speed = np.polyfit(arrival[part], x[part], 1)[0] if part.sum() > 10 else np.nan
@@ -112,6 +114,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def draw(runs: list[Rupture]) -> Figure:
+    """Draw rupture times and slip-rate histories of the three meshes."""
     from ruptfx.figure_style import new_figure
 
     figure, ((left, right),) = new_figure(1, 2, 3.2, 8)

@@ -29,6 +29,7 @@ DURATION = 6.0
 
 
 def case(spacing: float) -> Table:
+    """Return the case with nodes `spacing` [m] apart."""
     law = {**LAW, "a": {**TAPER, "inside": 0.01, "outside": 0.02}, "V_w": {**TAPER, "inside": 0.1, "outside": 1.0}}
     return line(spacing, law, 40e6, 45e6, DURATION)
 

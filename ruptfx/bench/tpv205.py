@@ -46,7 +46,7 @@ TIME_LIMIT = 15.0  # s, one core
 
 
 def case(spacing: float, duration: float = 12.0, half: float = HALF, height: float = HALF) -> Table:
-    """The problem with nodes that far apart [m], as a half model: equal bodies, antisymmetric motion.
+    """Return the problem with nodes `spacing` [m] apart, as a half model with antisymmetric motion.
 
     Order 5, so that at 100 m the edges of all patches are edges of elements; a node there carries the mean stress.
     """
@@ -78,7 +78,7 @@ def case(spacing: float, duration: float = 12.0, half: float = HALF, height: flo
 
 
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
-    """Stations, speed at 100 m, and convergence."""
+    """Check stations, speed at 100 m, and convergence."""
     main = rupture(case(100.0), comm=comm)
     x = main.position
     arrival = main.rupture_time(1e-3)
@@ -106,17 +106,17 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
 
 
 def _sampled_peak(rate: np.ndarray, every: int) -> tuple[float, float]:
-    """Smallest and largest peak among samples of a slip rate that are some steps apart, by where the first one is."""
+    """Return the smallest and largest peak among samples every `every` steps, over all first samples."""
     peaks = [float(np.abs(rate[first::every]).max()) for first in range(every)]
     return min(peaks), max(peaks)
 
 
 def _convergence(fine: bool) -> Table:
-    """Fronts, peak rates and slips of coarse runs against a fine one, on a smaller model up to 4.6 s."""
+    """Compare fronts, peak rates and slips of coarse runs with a fine one, on a smaller model up to 4.6 s."""
     half, duration = 18e3, 4.6
     spacings = [100.0, 50.0, 25.0, 12.5] if fine else [100.0, 50.0, 25.0]
     stations = np.arange(-14.5e3, 14.501e3, 0.5e3)  # corners of elements in all meshes
-    # Away from the nucleation, and not on the edge of a patch, where a node carries the mean of two stresses.
+    # Outside the nucleation, and not on the edge of a patch, where a node carries the mean of two stresses.
     stations = stations[(np.abs(stations) > 3e3) & ~np.isin(np.abs(stations), (6e3, 9e3))]
     columns = []
     for spacing in spacings:

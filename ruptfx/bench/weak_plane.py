@@ -31,14 +31,14 @@ WEAKENING = 50e-3  # m of slip; a thousandth of it is used
 
 
 def strength(c: float, pressure: float) -> float:
-    """sigma_1 [Pa]."""
+    """Return sigma_1 [Pa]."""
     return float(pressure + 2 * (c + MU * pressure) / ((1 - MU / np.tan(BETA)) * np.sin(2 * BETA)))
 
 
 def curve(
     c: float, pressure: float, size: float, alpha: float, kind: str = "everywhere"
 ) -> tuple[np.ndarray, np.ndarray, Check]:
-    """Strain and axial stress [Pa], and the energy check."""
+    """Return strain and axial stress [Pa], and the energy check."""
     strong = {"kind": "linear", "f_t": 1e9, "c": 1e9, "G_Ic": 1e6, "G_IIc": 1e6}
     bond = {"kind": "linear", "f_t": 20e6, "c": c, "G_Ic": 1e3, "G_IIc": 0.5 * c * WEAKENING} if c else None
     across, along = 0.5 * WIDTH, 0.5 * WIDTH * float(np.tan(BETA))

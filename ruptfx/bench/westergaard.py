@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 
 
 def exact(x: Floats, share: float) -> Floats:
-    """Pressure at x, for a mean pressure over p* [Pa]."""
+    """Return the pressure at x, for a mean pressure over p* [Pa]."""
     psi = np.pi * x / WAVELENGTH
     if share >= 1:
         return FULL * (share + np.cos(2 * psi))
@@ -50,7 +50,7 @@ def exact(x: Floats, share: float) -> Floats:
 
 
 def case(shares: tuple[float, ...]) -> Case:
-    """Explicit steps, damped to rest at each share of p*."""
+    """Return explicit steps, damped to rest at each share of p*."""
     return _case({
         "duration": HOLD * len(shares), "damping": {"mass": 3e6}, "stages": [
             {"duration": HOLD, "boundaries": [*HELD, _pressed(share, 3e-6)]} for share in shares
@@ -59,7 +59,7 @@ def case(shares: tuple[float, ...]) -> Case:
 
 
 def implicit(share: float, step: float) -> Case:
-    """Equilibria while the pressure grows to a share of p* within a second, `step` of that at a time."""
+    """Return equilibria while the pressure grows to a share of p* within a second, in steps of `step`."""
     stepper = {"kind": "quasi_static", "first_step": step, "largest_step": step}
     return _case({
         "duration": 1.0, "stepper": stepper, "boundaries": [*HELD, _pressed(share, 1.0)],
@@ -115,7 +115,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 
 def pressures(model: Model, state: State) -> tuple[Floats, Floats, Floats]:
-    """Place [m], length [m] and normal stress [Pa] of all points; collective."""
+    """Return position [m], length [m] and normal stress [Pa] of all points; collective."""
     face = model.faults[0].interface
     rows = np.column_stack([face.points[:, 0], face.weight, state.faults["main"]["normal_stress"]])[face.owned]
     x, weight, pressure = parallel.share_rows(model.comm, rows).T

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def suits(name: str, record: Files) -> bool:
-    """Whether a figure is drawn for a run: the run has the data, and the figure would show something of it."""
+    """Return whether a figure is drawn for a run: the data exist and the figure is not empty."""
     try:
         return bool(_FILES[name].suits(record))
     except MissingFileError:
@@ -41,7 +41,7 @@ def suits(name: str, record: Files) -> bool:
 
 
 def set_up(record: Files) -> None:
-    """What pictures of the bodies share, before they are drawn; a run that has its mesh is enough."""
+    """Prepare what all body pictures share; the mesh of the run suffices."""
     from ruptfx.plots._panels import raster_of
 
     if record.bulk["points"].shape[1] == 2:
@@ -49,7 +49,7 @@ def set_up(record: Files) -> None:
 
 
 def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, Figure]:
-    """Every figure that suits the run, by name, or those of them that are asked for."""
+    """Return every figure that suits the run, by name, or only the requested ones."""
     return {name: FIGURES[name](record) for name in only or FIGURES if suits(name, record)}
 
 
@@ -63,7 +63,7 @@ def save_all(
     ----------
     record : Record or Files
     directory : path, optional
-        Where to; default is ``figures`` in the run directory.
+        Output directory; default is ``figures`` in the run directory.
     formats : sequence of str
         File types, for example ``("png", "pdf")``.
     only : sequence of str, optional

@@ -1,4 +1,4 @@
-"""The statistics of a catalogue of events in one figure."""
+"""Statistics of a catalogue of events in one figure."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def catalogue_statistics(
     catalogue: Catalogue, b: BValue | RuptfxError, D: FractalDimension | RuptfxError | None,
     p: Omori | RuptfxError | None = None, failure_time: float | None = None,
 ) -> Figure:
-    """Where events are, how large, how they gather, and how their rate grows.
+    """Draw positions, magnitudes, spatial correlation and rate of events.
 
-    An estimate that cannot be made comes as its error, whose message takes the place of the fit.
+    A failed estimate is passed as its exception, whose message replaces the fit.
 
     Parameters
     ----------
     catalogue : Catalogue
         Seismic events.
-    b, D, p : estimates, or why there is none
+    b, D, p : estimates, or the exceptions of failed ones
     failure_time : float, optional
-        To which times are counted [s]; without it the rate is that over the whole record.
+        Reference time of the rate [s]; without it the rate is that over the whole record.
     """
     figure, axes = new_figure(2, 2, 5.6)
     places(axes[0, 0], catalogue)
@@ -46,7 +46,7 @@ def catalogue_statistics(
 
 
 def places(ax: Axes, catalogue: Catalogue) -> None:
-    """Where events are; circles grow with magnitude."""
+    """Draw the positions of events; circles grow with magnitude."""
     size, unit = scale(np.concatenate([catalogue.x, catalogue.y]), "m")
     M = catalogue.magnitude
     span = max(float(np.ptp(M)), 1.0)
@@ -56,7 +56,7 @@ def places(ax: Axes, catalogue: Catalogue) -> None:
 
 
 def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
-    """How many events there are of at least a magnitude; b against the magnitude of completeness as an inset."""
+    """Draw the number of events above each magnitude; inset: b against the magnitude of completeness."""
     M = np.sort(catalogue.magnitude)
     ax.semilogy(M, np.arange(len(M), 0, -1), ".", color="#1a1a1a", ms=2.5)
     ax.set(xlabel="Magnitude M", ylabel="Number of events ≥ M")
@@ -77,7 +77,7 @@ def sizes(ax: Axes, catalogue: Catalogue, b: BValue | RuptfxError) -> None:
 
 
 def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:
-    """Correlation integral, and its slope."""
+    """Draw the correlation integral and its slope."""
     ax.set(xlabel="Distance r (m)", ylabel="Fraction of pairs < r")
     if D is None or isinstance(D, RuptfxError):
         _why(ax, D or "not asked for")
@@ -88,7 +88,7 @@ def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:
     centre = np.exp(np.mean(np.log(D.radius)))
     ax.loglog(D.radius / size, middle * (D.radius / centre) ** D.D, color=GUIDE, label=f"D = {D.D:.2f} ± {D.error:.2f}")
     ax.set_xlabel(f"Distance r ({unit})")
-    for axis in (ax.xaxis, ax.yaxis):  # less than two decades: powers of ten alone would be too few
+    for axis in (ax.xaxis, ax.yaxis):  # less than two decades: powers of ten alone are too few labels
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
@@ -96,7 +96,7 @@ def pairs(ax: Axes, D: FractalDimension | RuptfxError | None) -> None:
 
 
 def rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure_time: float | None) -> None:
-    """Events per second before the failure, or over the whole record."""
+    """Draw events per second before the failure, or over the whole record."""
     if failure_time is None:
         size, unit = scale(catalogue.time, "s")
         counts, limits = np.histogram(catalogue.time, 40)
@@ -123,9 +123,10 @@ def rates(ax: Axes, catalogue: Catalogue, p: Omori | RuptfxError | None, failure
 
 
 def _why(ax: Axes, error: RuptfxError | str) -> None:
+    """Write the reason of a missing estimate into a panel."""
     note(ax, _folded(error))
 
 
 def _folded(error: RuptfxError | str) -> str:
-    """The reason of an error in lines that fit a panel."""
+    """Return the message of an error, wrapped to the width of a panel."""
     return fill(str(error), 38)

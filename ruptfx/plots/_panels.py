@@ -26,10 +26,10 @@ def panels(
     unit: str = "",
     **look: object,
 ) -> Figure:
-    """One panel per time, in two columns if there are several, with one common scale.
+    """Draw one panel per time, in two columns if there are several, with one common colour scale.
 
-    Interfaces are drawn with the colour `line`, and what slides of them, if that is given, with that of `marks`. Values
-    of a `unit` get a prefix.
+    Interfaces have the colour `line`, and their sliding points, if it is given, the colour `marks`. Values
+    with a `unit` get a prefix.
     """
     bulk = record.bulk
     saved = bulk["time"].values
@@ -54,11 +54,11 @@ def panels(
     lines = -(-len(rows) // columns)
     width = (WIDTH - 0.6) / columns
     height = lines * (0.3 + width * raster.shape[0] / raster.shape[1]) + 0.9
-    height += 0.35 * (len(rows) % columns)  # labels below a panel that has none under it
+    height += 0.35 * (len(rows) % columns)  # an incomplete last row needs axis labels above it
     figure, axes = new_figure(lines, columns, height, sharex=True, sharey=True)
     extent = [value / x_size for value in raster.extent]
     for ax, row, image in zip(axes.ravel(), rows, images, strict=False):
-        ax.set_facecolor("#dbe4ec")  # what has no value is no shade of the picture
+        ax.set_facecolor("#dbe4ec")  # pixels without a value differ from every colour of the map
         shown = ax.imshow(image, origin="lower", extent=extent, interpolation="antialiased", **look)
         for data in record.interfaces.values():
             x, y = data["x"].values, data["y"].values
@@ -86,7 +86,7 @@ def panels(
 
 
 def raster_of(record: Files) -> Raster:
-    """The pixels of a run, set up once for all figures of the same mesh: runs of a study often share theirs."""
+    """Return the pixel raster of a run, cached for all figures of the same mesh."""
     mesh = record.bulk["points"].values, record.bulk["cells"].values
     if not _last or not all(map(np.array_equal, mesh, _last[0][:2])):
         _last[:] = [(*mesh, Raster(*mesh))]
@@ -94,7 +94,7 @@ def raster_of(record: Files) -> Raster:
 
 
 def _displaced(record: Files, rows: Array) -> list[Raster] | None:
-    """Pixels of every row where pieces move or slide far, all of the same part of the plane; else None."""
+    """Return the raster of every row on the same window if bodies move or slide far; else None."""
     far = record.case.get("large_rotations") or any(map(slides_far, record.interfaces.values()))
     if not far or "displacement" not in record.bulk:
         return None
@@ -105,5 +105,5 @@ def _displaced(record: Files, rows: Array) -> list[Raster] | None:
 
 
 def without(text: str) -> Figure:
-    """The figure where there is nothing to show."""
+    """Return an empty figure with a message."""
     return empty_figure(text, "x (m)", "y (m)")

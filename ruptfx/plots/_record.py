@@ -1,4 +1,4 @@
-"""What figures of a record ask of it: wave speeds to compare with, labels along the interface, times to show."""
+"""Shared queries of figures to a record: reference wave speeds, labels along the interface, default times."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ruptfx.analysis.modes import LEVEL
 from ruptfx.figure_style import Array
 from ruptfx.record import Data, Files
 
-STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # of the bodies they belong to
+STYLES = {"--": "dashed", ":": "dotted", "-.": "dash-dotted"}  # one line style per body
 
 
 class Guide(NamedTuple):
-    """A wave speed to compare with: what to call it, the speed [m/s], the line style of its body."""
+    """Reference wave speed: symbol, speed [m/s], line style of its body."""
 
     symbol: str
     speed: float
@@ -23,9 +23,9 @@ class Guide(NamedTuple):
 
 
 def guides(record: Files, *wanted: str) -> list[Guide]:
-    """Wave speeds, of those wanted (``c_R c_s Eshelby c_p``; default all) the ones that exist.
+    """Return the reference wave speeds (``c_R c_s Eshelby c_p``; default all) that exist for the bodies.
 
-    Antiplane motion knows only c_s. Where bodies differ these are c_s and c_p of each, in a line style of its own:
+    Antiplane motion has only c_s. If bodies differ, these are c_s and c_p of each, in a line style of its own:
     neither the Rayleigh nor the Eshelby speed of one body is a speed of the interface.
     """
     attrs = record.interface.attrs
@@ -51,7 +51,7 @@ def guides(record: Files, *wanted: str) -> list[Guide]:
 
 
 def _bodies_by_speeds(record: Files) -> dict[tuple[float, float], list[str]]:
-    """Names of the bodies that share c_p and c_s [m/s]."""
+    """Return the names of the bodies that share c_p and c_s [m/s]."""
     attrs = record.interface.attrs
     columns = [np.atleast_1d(attrs.get(name, [])) for name in ("bodies", "c_p_of_bodies", "c_s_of_bodies")]
     groups: dict[tuple[float, float], list[str]] = {}
@@ -61,7 +61,7 @@ def _bodies_by_speeds(record: Files) -> dict[tuple[float, float], list[str]]:
 
 
 def along(record: Files, size: float, unit: str) -> str:
-    """Label of an axis along the first interface: x, or from where positions are measured."""
+    """Return the label of an axis along the first interface: x, or the origin of positions."""
     attrs = record.interface.attrs
     if attrs.get("position_measure") == "x":
         return f"x ({unit})"
@@ -72,12 +72,12 @@ def along(record: Files, size: float, unit: str) -> str:
 
 
 def sliding(data: Data, time: float) -> Array:
-    """Points of an interface that slide, closed and faster than `rupture_threshold`, at the saved time nearest to one.
+    """Return the points that are closed and slip faster than `rupture_threshold`, at the nearest saved time.
 
     Parameters
     ----------
     data : Data
-        Of the interface.
+        Data of the interface.
     time : float
         [s]
 
@@ -96,9 +96,9 @@ def sliding(data: Data, time: float) -> Array:
 
 
 def open_faces(data: Data, rows: Array | slice = slice(None)) -> Array:
-    """Points of an interface that do not touch at some saved times, shape (times, points) of bool.
+    """Return the open points of an interface at some saved times, shape (times, points) of bool.
 
-    A bond that is stretched carries tension, and is closed.
+    A stretched cohesive point carries tension and counts as closed.
     """
     if slides_far(data):
         return np.isin(data["contact"].isel(time=rows).values, (OPEN, UNCOVERED))
@@ -109,7 +109,7 @@ def open_faces(data: Data, rows: Array | slice = slice(None)) -> Array:
 
 
 def not_resolved(record: Files) -> str:
-    """Return what the summary of a run calls not resolved, as a sentence below a figure; empty where it does not."""
+    """Return the resolution warning of the summary as a sentence for a figure; empty if there is none."""
     summary = record.summary or {}
     reasons = [str(summary["not_resolved"])] if summary.get("not_resolved") else []
     if summary.get("peak_slip_rate_resolved") is False:
@@ -118,13 +118,13 @@ def not_resolved(record: Files) -> str:
 
 
 def end_time(record: Files) -> float:
-    """Last saved time [s], or the planned end where nothing but the start was saved."""
+    """Return the last saved time [s], or the planned end if only the start was saved."""
     last = record.interface["time"].values[-1:]
     return float(last[0]) if last.sum() > 0 else float(record.case.get("duration", 1.0))
 
 
 def whose_speeds(record: Files) -> str:
-    """Which line style is which body's, where their wave speeds differ."""
+    """Return text that assigns line styles to bodies with different wave speeds."""
     groups = [", ".join(names) for names in _bodies_by_speeds(record).values()]
     if len(groups) < 2:
         return ""
@@ -132,21 +132,21 @@ def whose_speeds(record: Files) -> str:
 
 
 def turned(record: Files) -> str:
-    """Says so where figures turn the sign of slip and shear traction."""
+    """Return a remark if figures reverse the sign of slip and shear traction, else an empty text."""
     against = "Slip is against the tangent of the interface: signs of slip, slip rate and shear traction are turned."
     return against if direction(record) < 0 else ""
 
 
 def direction(record: Files) -> float:
-    """Sign of the slip: figures count slip and shear traction positive in its direction."""
+    """Return the sign of the slip; figures count slip and shear traction positive in its direction."""
     last = record.interface["slip"].isel(time=slice(-1, None)).values
     return -1.0 if last.sum() < 0 else 1.0
 
 
 def default_times(record: Files, saved: Array, count: int) -> Array:
-    """Indices of up to `count` saved times while the rupture runs.
+    """Return indices of up to `count` saved times during the rupture.
 
-    Where fewer were saved meanwhile, times from its begin on are taken, or of the whole run.
+    If fewer were saved during it, times from its start on are used, else times of the whole run.
     """
     tracked = [data["rupture_time"].values for data in record.interfaces.values() if "rupture_time" in data]
     arrival = np.concatenate([*tracked, np.array([])])
@@ -156,34 +156,34 @@ def default_times(record: Files, saved: Array, count: int) -> Array:
     running = np.flatnonzero((saved >= first) & (saved <= last))
     for since in (first, -np.inf):
         running = running if len(running) >= count else np.flatnonzero(saved >= since)
-    # Even steps back from the last, which shows most.
+    # Equal steps back from the last time, at which slip is largest.
     step = max(1, (len(running) - 1) // max(count - 1, 1))
     return running[::-step][:count][::-1]
 
 
 def nearest(saved: Array, wanted: Array) -> Array:
-    """Index of the saved time nearest to each wanted time."""
+    """Return the index of the saved time nearest to each wanted time."""
     return np.abs(np.asarray(saved)[None, :] - np.atleast_1d(wanted)[:, None]).argmin(axis=1)
 
 
 def rate_range(record: Files, rate: Array) -> tuple[float, float, bool]:
-    """Sliding threshold, largest slip rate but for a thousandth, and whether pulses call for a logarithmic scale."""
+    """Return sliding threshold, 99.9 % quantile of the slip rate, and whether to use a logarithmic scale."""
     low = LEVEL * (record.interface.attrs.get("V_imp") or rate.max())
     sliding = rate[rate > low]
     middle, high = np.quantile(sliding, [0.5, 0.999]) if len(sliding) else (low, rate.max())
     return float(low), float(high), bool(high > 10 * middle)
 
 
-UNEVEN = 100.0  # longest over shortest time between records from which on a run has phases
+UNEVEN = 100.0  # largest over median time between records above which a run counts as uneven
 
 
 def has_slip_rates(record: Files) -> bool:
-    """Whether it has an interface that slides."""
+    """Return whether the run has an interface with slip rates."""
     return bool(record.interfaces) and "slip_rate" in record.interface
 
 
 def slid(record: Files) -> bool:
-    """Whether the first interface slid in some record; where bodies slide far, in contact."""
+    """Return whether the first interface slipped in some record; in finite sliding, whether a closed point did."""
     if not has_slip_rates(record):
         return False
     data = record.interface
@@ -195,7 +195,7 @@ LEAST = 4  # points, for the speed of a front
 
 
 def has_front(record: Files) -> bool:
-    """Whether enough of the first interface begins to slide for a front: of rough bodies that slide far half of it."""
+    """Return whether enough of the first interface slipped for a front (in finite sliding, half of it)."""
     if not has_slip_rates(record):
         return False
     began = np.isfinite(record.interface["rupture_time"].values)
@@ -203,22 +203,22 @@ def has_front(record: Files) -> bool:
 
 
 def has_origin(record: Files) -> bool:
-    """Whether waves start from one place along the first interface: of a front, or where the case starts a rupture."""
+    """Return whether waves start at one position of the first interface: a front, or a nucleation of the case."""
     return has_front(record) or bool(np.isfinite(nucleation(record.interface)[1]))
 
 
 def is_uneven(record: Files) -> bool:
-    """Whether the records of a run are so unevenly spaced in time that fast phases would not be seen."""
+    """Return whether saved times are so uneven that fast phases would be invisible."""
     gaps = np.diff(record.interface["time"].values)
     return len(gaps) > 3 and float(gaps.max()) > UNEVEN * float(np.median(gaps[gaps > 0]))
 
 
 def is_quasi_static(record: Files) -> bool:
-    """Whether a run goes from equilibrium to equilibrium, without waves."""
+    """Return whether the run is quasi-static, without waves."""
     return bool(record.case.get("stepper", {}).get("kind") == "quasi_static")
 
 
 def has_pictures(record: Files, field: str) -> bool:
-    """Whether a field of the bodies was saved, in two dimensions."""
+    """Return whether a field of the bodies was saved, in two dimensions."""
     there = (record.path / "bulk.h5").is_file()
     return there and record.bulk["points"].shape[1] == 2 and field in record.bulk

@@ -1,4 +1,4 @@
-"""States of contact in figures: which there are, and their colours."""
+"""Contact states in figures: their names and colours."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ COLOURS = {"open": "#d9d9d9", "sticking": "#2a6099", "sliding": "#e07b39", "unco
 
 
 def has_states(record: Files) -> bool:
-    """Whether an interface of the run slides far."""
+    """Return whether the run has an interface with finite sliding and saved times."""
     return bool(record.interfaces) and slides_far(record.interface) and record.interface.sizes["time"] > 0
 
 
 def explain(ax: Axes, **options: Any) -> None:
-    """A legend of the colours."""
+    """Add a legend of the colours."""
     ax.legend(handles=[Patch(fc=colour, ec="#555555", lw=0.3, label=name) for name, colour in COLOURS.items()],
               ncols=len(COLOURS), **options)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The shear strength that the laws of a run give along its interface: what its shear traction comes up to."""
+"""Shear strength of the laws of a run along its interface, the upper limit of its shear traction."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from ruptfx.record import Files
 
 
 def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
-    """Shear strength at some saved times along the first interface [Pa].
+    """Return the shear strength at some saved times along the first interface [Pa].
 
-    From the law of the case, weakened as its nucleation does, at the saved slip rate, normal stress and state, and
-    from the cohesion that its damage has left. It is zero where the interface is open and broken.
+    Computed from the law of the case, weakened by its nucleation, at the saved slip rate, normal stress and state, and
+    from the remaining cohesion at the saved damage. It is zero where the interface is open and has failed.
 
     Parameters
     ----------
     record : Record or Files
     rows : ndarray of int, shape (times,)
-        Numbers of the saved times.
+        Indices of the saved times.
 
     Returns
     -------
     ndarray, shape (times, n), or None
-        None where the record does not tell it: its case is not there, names places by coordinates, or has a law of a
-        plug-in and is not trusted.
+        None if it cannot be computed: the record has no case, the case gives positions as coordinates, or its law is a
+        plug-in that is not trusted.
     """
     data = record.interface
     position = data["position"].values
@@ -41,7 +41,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
             law = nucleation.weaken(law, position)
         bond = fault.cohesion
         held = 0.0 if bond is None else bond.at(position).left_strength(data["damage"].isel(time=rows).values)
-    except (RuptfxError, TypeError):  # a place that is a point on the interface is no number
+    except (RuptfxError, TypeError):  # a position given as a point has no scalar coordinate
         return None
     states = law.all_state_fields()
     names = ["slip_rate", "normal_stress", *states]
@@ -55,7 +55,7 @@ def strength(record: Files, rows: np.ndarray) -> np.ndarray | None:
 
 
 def _fault(record: Files, name: str) -> FaultCase | None:
-    """Return the interface as its case has it, with the code of plug-ins only where the record is trusted."""
+    """Return the interface as its case defines it, with the code of plug-ins only if the record is trusted."""
     table = record.case.get("faults", {}).get(name)
     if table is None:
         return None

@@ -13,19 +13,19 @@ from ruptfx.record import Files
 
 
 def suits(record: Files) -> bool:
-    """Whether an interface slides far."""
+    """Return whether an interface has finite sliding."""
     return has_states(record)
 
 
 @styled
 def contact(record: Files, time_range: tuple[float, float] | None = None) -> Figure:
-    """What sticks, slides, is open and faces nothing, against position and time.
+    """Draw which points stick, slide, are open or uncovered, against position and time.
 
     Parameters
     ----------
     record : Record or Files
     time_range : (float, float), optional
-        What is shown of the run [s]. Default: all.
+        Time range of the figure [s]. Default: all.
     """
     data = record.interface
     position, time = data["position"].values, data["time"].values

@@ -1,4 +1,4 @@
-"""Figure of the cracks of a body that breaks, how fast they spread, and the force that it resisted."""
+"""Figure of the cracks of a body, their growth, and the resisting force."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ruptfx.record import Data, Files
 
 COLOURS = {"tensile": "#c0392b", "shear": "#2a6099", "mixed": "#8e44ad"}
 """Of events, by mode."""
-CROWDED = 500  # events, from which on their points are smaller
+CROWDED = 500  # number of events above which their points are smaller
 
 
 def suits(record: Files) -> bool:
-    """Whether bodies of the run may break, and facets were saved."""
+    """Return whether facets of cracked bodies were saved."""
     return (record.path / "cracks.h5").is_file() and record.cracks.sizes["time"] > 0
 
 
 @styled
 def cracks(record: Files) -> Figure:
-    """Facets that failed until the last snapshot, the force at the edge with the largest one, and how far cracks were.
+    """Draw failed facets until the last snapshot, the force at the edge with the largest one, and crack growth.
 
-    Failed facets have the colour of their mode, damaged ones are grey. Notches are black. Lines are where nothing has
-    moved yet. Points are distances of failed facets from the first one, when they failed; a front that runs from there
+    Failed facets have the colour of their mode, damaged ones are grey. Notches are black. Lines are at undisplaced
+    positions. Points are distances of failed facets from the first one, when they failed; a front that starts there
     at the Rayleigh wave speed of the slowest body is dashed. A panel that would be empty is left out.
     """
     data, events = record.cracks, record.events
@@ -62,7 +62,7 @@ def cracks(record: Files) -> Figure:
     speed = _front(panels["front"], record) if "front" in beside else None
     if speed is not None:
         handles.append(Line2D([], [], ls="--", color=GUIDE, lw=0.8, label=f"$c_R$ = {speed:.4g} m/s"))
-    if handles:  # outside of all panels: no letter and no point lies under it
+    if handles:  # outside of all panels, so that it covers no letter and no point
         figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     letter(panels.values())
     time = float(data["time"].values[-1])
@@ -73,12 +73,12 @@ def cracks(record: Files) -> Figure:
 
 
 def _at(events: Data) -> np.ndarray:
-    """Middles of the facets that failed, as lines of no length, shape (events, 1, 2)."""
+    """Return the midpoints of the failed facets, as lines of zero length, shape (events, 1, 2)."""
     return np.stack([events["x"].values, events["y"].values], axis=1)[:, None]
 
 
 def _strongest(record: Files) -> str | None:
-    """Column of `edges.csv` with the largest force; None where no edge bore a force."""
+    """Return the column of `edges.csv` with the largest force; None if no edge has a force."""
     edges = record.edges
     if edges.sizes["time"] < 2:
         return None
@@ -88,7 +88,7 @@ def _strongest(record: Files) -> str | None:
 
 
 def _force(ax: Axes, record: Files, name: str) -> None:
-    """Force against displacement at an edge, along the axis of that."""
+    """Draw force against displacement at an edge, along the axis of the force."""
     edges = record.edges
     force, moved = edges[name].values, edges[name.replace(".force_", ".displacement_")].values
     (x_size, x_unit), (y_size, y_unit) = scale(np.ptp(moved), "m"), scale(force, "N/m")
@@ -100,7 +100,7 @@ def _force(ax: Axes, record: Files, name: str) -> None:
 
 
 def _front(ax: Axes, record: Files) -> float | None:
-    """Distance of failed facets from the first one against the time since its failure; the speed of the front drawn."""
+    """Draw distance of failed facets from the first one against time since its failure; return the drawn speed."""
     x, y, when, mode = (record.events[name].values for name in ("x", "y", "time_of_failure", "mode"))
     first = int(np.argmin(when))
     away, since = np.hypot(x - x[first], y - y[first]), when - when[first]
@@ -109,7 +109,7 @@ def _front(ax: Axes, record: Files) -> float | None:
     order = np.random.default_rng(0).permutation(len(when))
     colours = [COLOURS.get(str(mode[number]), "#1a1a1a") for number in order]
     ax.scatter(since[order] / size, away[order] / far, 9.0 if len(when) < CROWDED else 1.5, c=colours, lw=0)
-    latest = max(float(since.max()), 1e-300)  # all at once is a front as well
+    latest = max(float(since.max()), 1e-300)  # positive if all facets fail at once
     ax.set(xlim=(-0.02 * latest / size, 1.05 * latest / size), ylim=(0, 1.1 * max(float(away.max()), 1e-300) / far))
     ax.set(xlabel=f"Time since the first failure ({unit})", ylabel=f"Distance from it ({far_unit})")
     speed = _rayleigh(record)
@@ -119,7 +119,7 @@ def _front(ax: Axes, record: Files) -> float | None:
 
 
 def _rayleigh(record: Files) -> float | None:
-    """Speed of the Rayleigh wave in the slowest body [m/s]; None where none is isotropic."""
+    """Return the Rayleigh wave speed of the slowest body [m/s]; None if no body is isotropic."""
     speeds = []
     for each in record.case.get("materials", {}).values():
         if each["kind"] == "isotropic_elastic":

@@ -1,4 +1,4 @@
-"""Figure of runs whose steps span decades: slow loading and ruptures in one picture."""
+"""Figure of runs whose time steps span decades: slow loading and ruptures in one picture."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SLOWEST = 1e-10  # m/s
 
 
 def suits(record: Files) -> bool:
-    """Whether the run has slow and fast phases."""
+    """Return whether the run has slow and fast phases."""
     return has_slip_rates(record) and is_uneven(record)
 
 
 def ruptures(record: Files) -> list[tuple[int, int]]:
-    """First and last record of every time the interface slides faster than the rupture threshold.
+    """Return first and last record of every period faster than the rupture threshold.
 
-    Pauses of up to a thousand times the shortest time between records are part of it.
+    Pauses of up to a thousand times the shortest time between records do not end a period.
     """
     data = record.interface
     time, peak = data["time"].values, np.abs(data["slip_rate"].values).max(axis=1)
@@ -37,9 +37,9 @@ def ruptures(record: Files) -> list[tuple[int, int]]:
 
 @styled
 def cycles(record: Files) -> Figure:
-    """Shear force, peak slip rate and slip rate along the interface in all phases, and the largest rupture.
+    """Draw shear force, peak slip rate, slip rate along the interface in all phases, and the largest rupture.
 
-    In (c) time is stretched where records are dense, so that every phase has its room.
+    In (c) time is stretched where records are dense, so that every phase is visible.
     """
     data = record.interface
     position, time = data["position"].values, data["time"].values
@@ -82,7 +82,7 @@ def cycles(record: Files) -> Figure:
 
 
 def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
-    """A time axis on which every record is as high as any other, with ticks where the ruptures begin."""
+    """Scale the time axis so that every record has the same height, with ticks where ruptures begin."""
     numbers = np.arange(len(times), dtype=float)
     ax.set_yscale("function", functions=(
         lambda time: np.interp(time, times, numbers), lambda number: np.interp(number, numbers, times),
@@ -99,13 +99,13 @@ def _stretch(ax: Axes, times: Array, found: list[int]) -> None:
 def _largest(
     ax: Axes, record: Files, found: list[tuple[int, int]], position: Array, x_unit: str, x_size: float
 ) -> None:
-    """The rupture with the most slip, against the time since it began, with lines at the wave speeds."""
+    """Draw the rupture with the most slip against the time since its start, with lines at the wave speeds."""
     data = record.interface
     slip = data["slip"].values
     first, last = max(found, key=lambda rows: float(np.abs(slip[rows[1]] - slip[rows[0]]).mean()))
     threshold = data.attrs.get("rupture_threshold", 1e-3)
     rate, time = np.abs(data["slip_rate"].values[first : last + 1]), data["time"].values[first : last + 1]
-    # The front crosses in the middle: what comes before is nucleation, what follows is ringing.
+    # Centre the passage of the front: nucleation comes before it, ringing after it.
     ahead = rate > max(threshold, 0.02 * rate.max())
     reached = ahead.argmax(axis=0)[ahead.any(axis=0)]
     began, crossed = time[reached.min()], time[reached.max()]

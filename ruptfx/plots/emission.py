@@ -1,4 +1,4 @@
-"""Figure of what a body emits while it breaks: with the load, in space, by size, in time and by direction."""
+"""Figure of the acoustic emission of a fracturing body: load, positions, magnitudes, times and directions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ruptfx.plots._catalogue import pairs, rates, sizes
 from ruptfx.plots.cracks import COLOURS
 from ruptfx.record import Files
 
-LEAST = 50  # events: statistics of fewer say nothing
+LEAST = 50  # events: the minimum for statistics
 LARGEST_MARK = 40.0  # points^2
 
 
@@ -25,13 +25,13 @@ def suits(record: Files) -> bool:
 
 @styled
 def emission(record: Files, found: Emission | None = None) -> Figure:
-    """Stress and events, their places, magnitudes, distances, rates and directions; no panel that would be empty.
+    """Draw stress and events, their positions, magnitudes, distances, rates and directions; no empty panel.
 
     Parameters
     ----------
     record : Record or Files
     found : Emission, optional
-        Statistics with other than the usual limits.
+        Statistics with other limits than the default.
     """
     found = emission_of(record) if found is None else found
     figure = blank_figure(WIDTH, 8.6)
@@ -69,7 +69,7 @@ def _remarks(found: Emission) -> list[str]:
 
 
 def _magnitudes(ax: Axes, found: Emission) -> None:
-    """Of clusters, with their b-value, and of single facets."""
+    """Draw the magnitudes of clusters, with their b-value, and of single facets."""
     if len(found.linked):
         sizes(ax, found.linked, found.of_clusters)
     else:
@@ -81,7 +81,7 @@ def _magnitudes(ax: Axes, found: Emission) -> None:
 
 
 def _load(ax: Axes, record: Files, found: Emission) -> None:
-    """Stress against strain, or time, and how many events there were."""
+    """Draw stress against strain, or time, and the number of events."""
     pressed = loading(record)
     count = np.arange(1, len(found.events) + 1)
     failed = np.asarray(record.events["time_of_failure"].values)
@@ -107,7 +107,7 @@ def _load(ax: Axes, record: Files, found: Emission) -> None:
 
 
 def _map(ax: Axes, record: Files, found: Emission) -> None:
-    """Events before the failure by mode; all facets that have failed until the end are grey."""
+    """Draw events before the failure by mode; all facets that failed until the end are grey."""
     data = record.cracks
     lines = data["points"].values[data["lines"].values]
     (size, unit) = scale(np.ptp(lines.reshape(-1, 2), axis=0), "m")
@@ -131,7 +131,7 @@ def _map(ax: Axes, record: Files, found: Emission) -> None:
 
 
 def _rose(ax: Axes, found: Emission) -> None:
-    """Length of failed facets by their direction, before the failure."""
+    """Draw the length of failed facets by their direction, before the failure."""
     limits, length = rose(found.inclination[found.before], found.length[found.before])
     (size, unit) = scale(length, "m") if length.any() else (1.0, "m")
     for turn in (0.0, 180.0):

@@ -12,23 +12,24 @@ from ruptfx.record import Files
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
     "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "collisions": "#332288",
-    "collision_loss": "#999933", "facing": "#7f7f7f", "turning": "#117733",
+    "collision_loss": "#999933",
+    "facing": "#7f7f7f", "turning": "#117733",
 }  # safe for colour-blind readers
-_ROUNDING = 100 * np.finfo(float).eps  # per cent: less cannot be told from nothing
-SEEN = 1e-3  # of the largest energy
-_TOLERANCE = 1e-3  # of the boundary work; what a sound run keeps
+_ROUNDING = 100 * np.finfo(float).eps  # per cent: rounding level, lower limit of the axis
+SEEN = 1e-3  # of the largest energy: smaller ones are not drawn
+_TOLERANCE = 1e-3  # of the boundary work: limit for a sound run
 
 
 def suits(record: Files) -> bool:
-    """Whether energies were saved."""
+    """Return whether energies were saved."""
     return (record.path / "energy.csv").is_file()
 
 
 @styled
 def energy_budget(record: Files) -> Figure:
-    """Energies against time, and the part of the boundary work that is not accounted for.
+    """Draw energies against time, and the unaccounted part of the boundary work.
 
-    Energies that are too small to be seen beside the largest are not drawn, but named.
+    Energies below a thousandth of the largest are named but not drawn.
     """
     energy = record.energy
     time = energy["time"].values

@@ -1,4 +1,4 @@
-"""Figure of the forces between two bodies that slide, and of what their interface does meanwhile."""
+"""Figure of the forces between two sliding bodies, and of the contact states of their interface."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from ruptfx.figure_style import empty_figure, letter, new_figure, note, remark, 
 from ruptfx.plots._states import COLOURS, explain
 from ruptfx.record import Files
 
-DROP, BEND = 0.05, 0.01  # of the normal force: what counts as a drop, and how closely broken lines follow
-MOST = 30  # drops that can be told from each other
+DROP, BEND = 0.05, 0.01  # of the normal force: smallest drop, and tolerance of the polyline
+MOST = 30  # largest number of drops that are drawn
 
 
 def suits(record: Files) -> bool:
-    """Whether an interface slides far."""
+    """Return whether an interface has finite sliding."""
     return any(record.path.glob("forces*.csv"))
 
 
 @styled
 def forces(record: Files, window: float | None = None) -> Figure:
-    """Normal and shear force against time with the drops and knees of the latter; parts of the interface by state.
+    """Draw normal and shear force against time with drops and knees, and the fractions of the contact states.
 
     Parameters
     ----------
     record : Record or Files
     window : float, optional
-        Time over which forces are averaged before drops are looked for [s]. Default: 1/200 of the run.
+        Averaging time of forces before drops are detected [s]. Default: 1/200 of the run.
     """
     table = record.forces
     time = table["time"].values

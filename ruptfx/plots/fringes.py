@@ -15,26 +15,26 @@ from ruptfx.plots._panels import panels, without
 from ruptfx.plots._record import has_pictures
 from ruptfx.record import Files
 
-MOST_FRINGES = 60  # that pixels of a figure show
+MOST_FRINGES = 60  # the pixels of a figure resolve no more
 
 
 class Plates:
-    """What makes fringes of stress: the fringe constants of the bodies and the thickness of the plates.
+    """Data for stress fringes: fringe constants of the bodies and thickness of the plates.
 
     Parameters
     ----------
     record : Record or Files
     fringe_constant, thickness : float, optional
-        For all bodies [N/m], and of the plates [m], instead of those of the case.
+        Constant of all bodies [N/m] and thickness of the plates [m], instead of those of the case.
 
     Attributes
     ----------
     constants : dict of str to float
-        By body [N/m]; NaN where it is not known.
+        Fringe constant by body [N/m]; NaN if unknown.
     thickness : float
-        [m], NaN where it is not known.
+        Thickness [m], NaN if unknown.
     missing : str
-        Why there are no fringes; empty where there are.
+        Reason why there are no fringes; empty otherwise.
     """
 
     def __init__(self, record: Files, fringe_constant: float | None = None, thickness: float | None = None) -> None:
@@ -54,12 +54,12 @@ class Plates:
             self.missing = "no fringes:\noutput.plate_thickness is not given"
 
     def order(self, row: int) -> Array:
-        """Fringe order at every point of a snapshot."""
+        """Return the fringe order at every point of a snapshot."""
         constant = np.array(list(self.constants.values()))[self._bulk["body"].values]
         return fringe_order(self._bulk["fringe"].isel(time=row).values, constant, self.thickness)
 
     def per_fringe(self) -> str:
-        """Stress of a fringe, of every body where they differ."""
+        """Return the stress of one fringe as text, for every body if they differ."""
         texts = {}
         for name, constant in self.constants.items():
             size, unit = scale(constant / self.thickness, "Pa")
@@ -71,7 +71,7 @@ class Plates:
 
 
 def most_fringes(record: Files) -> float:
-    """Largest fringe order at the last snapshot but for a hundredth of the points; 0 where there are none."""
+    """Return the 99 % quantile of the fringe order at the last snapshot; 0 without fringes."""
     plates = Plates(record)
     if plates.missing or not record.bulk.sizes["time"]:
         return 0.0
@@ -79,7 +79,7 @@ def most_fringes(record: Files) -> float:
 
 
 def suits(record: Files) -> bool:
-    """Whether there are fringes, and not too many to be seen."""
+    """Return whether there are fringes, and few enough to be resolved."""
     return has_pictures(record, "fringe") and 0 < most_fringes(record) < MOST_FRINGES
 
 
@@ -91,10 +91,10 @@ def fringes(
     thickness: float | None = None,
     field: str = "dark",
 ) -> Figure:
-    """Isochromatic fringes as a polariscope shows them, with the interface drawn.
+    """Draw isochromatic fringes as seen in a polariscope, with the interface.
 
     Bodies whose material has no fringe constant are left blank; without a constant or the thickness of the plates the
-    figure says what is missing. Where the initial stress of the bodies is assumed it says so, too.
+    figure states what is missing. If the initial stress of the bodies is an assumption, a remark says so.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def fringes(
     time : float or sequence of float, optional
         Times [s]; the nearest snapshots are drawn. Default: four while the rupture runs.
     fringe_constant, thickness : float, optional
-        Of all bodies [N/m], and of the plates [m]. Default: `fringe_constant` of the materials and
+        Constant of all bodies [N/m], thickness of the plates [m]. Default: `fringe_constant` of the materials and
         `output.plate_thickness` of the case.
     field : str
         "dark" or "light" field of the polariscope.

@@ -10,22 +10,22 @@ from ruptfx.figure_style import GUIDE, Array, letter, new_figure, note, remark, 
 from ruptfx.plots._record import along, end_time, guides, has_front, is_uneven, not_resolved, whose_speeds
 from ruptfx.record import Files
 
-SLOW = 0.02  # of the slowest wave: below, wave speeds are left out
-ROOM = 0.07  # of the height of a panel, for a label
+SLOW = 0.02  # of the slowest wave speed: slower fronts are drawn without wave speeds
+ROOM = 0.07  # height of a label over that of a panel
 
 
 def suits(record: Files) -> bool:
-    """Whether enough of the run slides for a front, and one scale of time shows it."""
+    """Return whether the run has a front and evenly saved times."""
     return has_front(record) and not is_uneven(record)
 
 
 @styled
 def front(record: Files) -> Figure:
-    """Arrival of the rupture and its local speed along the interface, with the wave speeds.
+    """Draw the arrival of the rupture and its local speed along the interface, with the wave speeds.
 
     The speed is the slope of a least-squares line through the arrivals in a window of 5 % of the interface, or of five
     points where that is more; a window with fronts in both directions, as around an inner origin, has none. A panel
-    without a speed says why. Fronts far slower than waves have no wave speeds beside them.
+    without a speed states why. Fronts far slower than waves are drawn without wave speeds.
     """
     data = record.interface
     position, arrival = data["position"].values, data["rupture_time"].values
@@ -66,7 +66,7 @@ def front(record: Files) -> Figure:
 
 
 def spread(heights: Array, room: float) -> Array:
-    """Heights of labels, in order, moved apart as little as they need to be to have their room."""
+    """Return the heights of labels, in order, moved apart by the least amount that avoids overlap."""
     order = np.argsort(heights)
     groups = [[float(height)] for height in heights[order]]
 
@@ -85,7 +85,7 @@ def spread(heights: Array, room: float) -> Array:
 
 
 def _both_ways(position: Array, arrival: Array, width: float) -> Array:
-    """Points about which, in a window, at least a tenth of the arrivals run against the others."""
+    """Return the points in whose window at least a tenth of the arrivals run against the others."""
     middle, step = (position[1:] + position[:-1]) / 2, np.diff(arrival)
     first, last = (np.searchsorted(middle, position + shift) for shift in (-width / 2, width / 2))
     later, earlier = (np.append(0, np.cumsum(way)) for way in (step > 0, step < 0))

@@ -1,4 +1,4 @@
-"""Figure of what the instruments measured."""
+"""Figure of the signals of the instruments."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from ruptfx.figure_style import known_unit, letter, new_figure, remark, scale, s
 from ruptfx.plots._panels import without
 from ruptfx.record import Files
 
-MOST = 12  # panels that one page takes
-LEGEND = 0.18  # of the height of a panel, for a line of its legend
-LABEL = 20  # letters that a panel is high
+MOST = 12  # largest number of panels of a figure
+LEGEND = 0.18  # height of a legend line over that of a panel
+LABEL = 20  # letters per line of an axis label
 LINES = ("-", "--", ":")
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
 
 def suits(record: Files) -> bool:
-    """Whether there were instruments."""
+    """Return whether the run has instruments with data."""
     return bool(record.case.get("instruments")) and (record.path / "instruments.h5").is_file()
 
 
 @styled
 def instruments(record: Files) -> Figure:
-    """Samples against time: a panel for every instrument, and one more for every further unit that it measures in.
+    """Draw samples against time: a panel per instrument and unit.
 
-    Where there are more panels than a page takes the figure says how many are left out.
+    If there are more panels than fit a page, a remark states how many are missing.
     """
     panels = []
     for name, data in record.instruments.items():
@@ -49,7 +49,7 @@ def instruments(record: Files) -> Figure:
         size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
         kinds = list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in channels))
         for channel, line in zip(channels, values, strict=True):
-            # An extension along x is the strain xx: both are seen.
+            # An extension along x equals the strain xx: line styles keep both visible.
             style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
             ax.plot(data["time"].values / t_size, line / size, style, label=channel.replace("_", " "))
         ax.set_ylabel(f"{fill(_common(channels), LABEL)}\n({printed})")
@@ -71,6 +71,6 @@ def instruments(record: Files) -> Figure:
 
 
 def _common(channels: list[str]) -> str:
-    """What the channels are called without their components, as a label."""
+    """Return the label of channels without their components."""
     words = list(dict.fromkeys(_COMPONENT.sub("", channel).replace("_", " ") for channel in channels))
     return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + words[-1:]).capitalize()

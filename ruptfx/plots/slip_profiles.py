@@ -17,7 +17,7 @@ JUMPS = {"slip": "Slip", "displacement_jump": "Displacement jump"}
 
 
 def suits(record: Files) -> bool:
-    """Return whether the run has an interface that has slid or was stretched."""
+    """Return whether the run has an interface with slip or a displacement jump."""
     if not has_slip_rates(record):
         return False
     data = record.interface
@@ -26,10 +26,10 @@ def suits(record: Files) -> bool:
 
 @styled
 def slip_profiles(record: Files, times: Sequence[float] | None = None) -> Figure:
-    """Total slip and displacement jump along the interface at successive times, coloured by time.
+    """Draw total slip and displacement jump along the interface at successive times, coloured by time.
 
     The jump contains the elastic stretch of a compliant interface, the slip does not; without stretch there is one
-    panel. Both are positive in the direction of the slip; where that turns their sign the figure says so.
+    panel. Both are positive in the direction of the slip; a remark states if that reverses their sign.
 
     Parameters
     ----------

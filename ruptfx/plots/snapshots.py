@@ -30,21 +30,21 @@ from ruptfx.plots._states import COLOURS
 from ruptfx.plots._strength import strength
 from ruptfx.record import Files
 
-FAR = 3.0  # times the largest traction: a strength beyond that is not shown whole
+FAR = 3.0  # times the largest traction: a higher strength is cut off
 
 
 def suits(record: Files) -> bool:
-    """Whether the run slides and one scale of time shows it."""
+    """Return whether the run has slip rates and evenly saved times."""
     return has_slip_rates(record) and not is_uneven(record)
 
 
 @styled
 def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
-    """Slip rate, shear traction and normal stress along the interface at several times, one row each.
+    """Draw slip rate, shear traction and normal stress along the interface at several times, one row each.
 
-    Thin vertical lines show how far c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
-    in the direction of the slip; where that turns their sign the figure says so. Dotted beside the shear traction is
-    the strength, where the record tells it. Slip rates have a logarithmic axis where narrow pulses ask for it, and gaps
+    Thin vertical lines: distances that c_s and c_l reach from the loaded end. Slip rate and shear traction are positive
+    in the direction of the slip; a remark states if that reverses their sign. The dotted line of the shear traction is
+    the strength, if it can be computed. Slip rates have a logarithmic axis if pulses are narrow, and gaps
     where faces are open. Axes of tractions leave out single values far beyond the others, as at corners.
 
     Parameters
@@ -115,7 +115,7 @@ def snapshots(record: Files, times: Sequence[float] | None = None) -> Figure:
 
 
 def _marks(ax: Axes, record: Files, time: float, x_size: float, named: bool) -> bool:
-    """How far waves have come; whether that is in sight."""
+    """Mark the distances that waves have travelled; return whether any is in view."""
     seen = False
     start, begin = rupture_origin(record)
     left, right = ax.get_xlim()

@@ -28,21 +28,21 @@ from ruptfx.plots._record import (
 from ruptfx.plots._states import COLOURS
 from ruptfx.record import Files
 
-WIDE, HIGH = 0.09, 0.05  # parts of the picture that a label takes
+WIDE, HIGH = 0.09, 0.05  # width and height of a label over those of the picture
 
 
 def suits(record: Files) -> bool:
-    """Whether the run slides and one scale of time shows it."""
+    """Return whether the run slipped and has evenly saved times."""
     return slid(record) and not is_uneven(record)
 
 
 @styled
 def space_time(record: Files) -> Figure:
-    """Slip rate against position and time, with lines that run from the loaded end at the wave speeds.
+    """Draw the slip rate against position and time, with lines from the loaded end at the wave speeds.
 
-    White is slower than the sliding threshold (2 % of the driven speed); where bodies slide far, white is what sticks.
-    Grey is what does not touch: open faces have no slip rate. Colours are logarithmic where narrow pulses are ten times
-    faster than the rest. Wave speeds that cannot be told from each other are left out.
+    White is slower than the sliding threshold (2 % of the driven speed); in finite sliding, white points stick.
+    Grey points are open and have no slip rate. Colours are logarithmic where narrow pulses are ten times
+    faster than the other points. Wave speeds that coincide in the picture are not drawn.
     """
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
@@ -90,9 +90,9 @@ def space_time(record: Files) -> Figure:
 
 
 def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> bool:
-    """Lines x = x_0 +- c (t - t_0), to both sides of an inner origin, labelled where they leave the picture.
+    """Draw labelled lines x = x_0 +- c (t - t_0), to both sides of an inner origin; return whether there are any.
 
-    Those for whose labels there is no room are left out, and all where they look alike. Returns whether there are any.
+    Lines without room for their label are left out, and all lines if they coincide.
     """
     start, begin = (value / size for value, size in zip(rupture_origin(record), (x_size, t_size), strict=True))
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
@@ -104,7 +104,7 @@ def _rays(ax: Axes, record: Files, x_size: float, t_size: float) -> bool:
     if max(room for _, room in sides) / slowest < HIGH * (top - bottom):
         return False
     halo = [withStroke(linewidth=1.5, foreground="white")]
-    labelled: list[tuple[float, float]] = []  # where, in parts of the picture
+    labelled: list[tuple[float, float]] = []  # positions of labels, as fractions of the picture
     for name, speed, style in speeds:
         slope = speed * t_size / x_size
         ends, at_side, at_left = [], [], []

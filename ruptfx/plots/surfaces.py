@@ -1,4 +1,4 @@
-"""Figure of pressure and state of contact on the deformed surfaces of an interface that slides."""
+"""Figure of pressure and contact state on the deformed surfaces of a sliding contact."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PANELS = 3  # times
 
 
 def suits(record: Files) -> bool:
-    """Whether an interface slides far."""
+    """Return whether an interface has finite sliding."""
     return has_states(record)
 
 
@@ -24,9 +24,9 @@ def suits(record: Files) -> bool:
 def surfaces(
     record: Files, times: Sequence[float] | None = None, x_range: tuple[float, float] | None = None
 ) -> Figure:
-    """Normal stress and shear traction, and below them both surfaces where they are, with the state of every point.
+    """Draw normal stress and shear traction, and below them both deformed surfaces with the contact states.
 
-    Heights are stretched; the facing surface is drawn where points face it.
+    Heights are stretched; the opposite surface is drawn where points are paired with it.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def surfaces(
     times : sequence of float, optional
         Times [s]; the nearest saved ones are drawn. Default: after a third, two thirds, and all of the run.
     x_range : (float, float), optional
-        What is shown of the deformed interface [m]. Default: all.
+        Range of the deformed interface [m]. Default: all.
     """
     data = record.interface
     saved = data["time"].values

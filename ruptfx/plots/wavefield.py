@@ -17,16 +17,16 @@ SLIDES = "#35d6c8"
 
 
 def suits(record: Files) -> bool:
-    """Whether there are pictures of the bodies, and waves in them: not at rest, and not where phases are slow."""
+    """Return whether pictures of the velocity exist and show waves: not quasi-static, and evenly saved times."""
     slow = is_quasi_static(record) or (has_slip_rates(record) and is_uneven(record))
     return has_pictures(record, "velocity") and not slow
 
 
 @styled
 def wavefield(record: Files, time: float | Sequence[float] | None = None) -> Figure:
-    """Particle speed in the two bodies, with the interface drawn: shear Mach fronts show as straight lines.
+    """Draw the particle speed in the two bodies with the interface; shear Mach fronts appear as straight lines.
 
-    Points of the interface that slide are marked.
+    Sliding points of the interface are marked.
 
     Parameters
     ----------
