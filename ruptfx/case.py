@@ -349,11 +349,15 @@ class Case(CaseFile):
             raise ValueError(f"plane = '{self.plane}': bodies break in plane stress and plane strain only")
         if self.order != 1:
             raise ValueError(f"order = {self.order}: with [fracture] the cells are of order 1")
-        if self.faults:
-            raise ValueError(
-                f"faults.{next(iter(self.faults))}: bodies that break have no interfaces of their own yet; make the "
-                "interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"] without cohesion"
-            )
+        for name, fault in self.faults.items():
+            for key in ("normal", "shear"):
+                value = getattr(fault.initial_stress, key)
+                if value is not None and (callable(value) or value != 0):
+                    raise ValueError(
+                        f"faults.{name}.initial_stress.{key}: with [fracture] the facets of the bodies carry the "
+                        "initial stress, too, and need all of it; give initial_stress.tensor, or load the bodies by "
+                        "boundaries"
+                    )
 
     def _check_axisymmetric(self) -> None:
         if self.plane != "axisymmetric":

@@ -12,8 +12,8 @@ SIGN CONVENTION (converted here and nowhere else)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -235,7 +235,8 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     Where interfaces follow each other the point they share belongs to the one that comes first in `bodies.interfaces`,
     with the area and the normal of both, as if they were one. Where an interface ends inside welded bodies its end has
     one node, hence no jump, and is not a point of it. Its two ends at tied edges are one point, with the area and the
-    normal of both.
+    normal of both. Where every cell has nodes of its own (`[fracture]`), the points are the ends of the facets, each in
+    the middle of the half facet that it stands for; a rank knows those that it owns.
 
     Parameters
     ----------
@@ -255,11 +256,25 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     def of_side(side: str) -> np.ndarray:
         return fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, bodies.facets.find(bodies.tags[side]))
 
-    plus, minus, error = _pair(coordinates, of_side(f"{name}.plus"), of_side(f"{name}.minus"), name)
+    ends = {side: _facet_ends(nodes, f"{name}.{side}") for side in ("plus", "minus")} if nodes.broken else {}
+    if ends:
+        places = {side: found.places for side, found in ends.items()}
+        sides = {side: found.nodes for side, found in ends.items()}
+    else:
+        sides = {side: of_side(f"{name}.{side}") for side in ("plus", "minus")}
+        places = {side: coordinates[found] for side, found in sides.items()}
+    plus, minus, error = _pair(
+        places["plus"], places["minus"], sides["plus"], sides["minus"], name, largest_extent(coordinates)
+    )
     parallel.raise_on_all(comm, error)
-    alike = [other for other in bodies.interfaces if (other in bodies.one_sided) == (name in bodies.one_sided)]
-    tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
-    normal, weight = _normals_and_weights(nodes, tags, minus)
+    if ends:
+        at = np.searchsorted(np.sort(ends["minus"].nodes), minus)
+        chosen = np.argsort(ends["minus"].nodes)[at]
+        normal, weight = ends["minus"].normal[chosen], ends["minus"].weight[chosen]
+    else:
+        alike = [other for other in bodies.interfaces if (other in bodies.one_sided) == (name in bodies.one_sided)]
+        tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
+        normal, weight = _normals_and_weights(nodes, tags, minus)
     if other_side != "meshed":
         normal = -normal  # that of the plus body points the other way
     if other_side in ("antisymmetric", "symmetric"):
@@ -267,10 +282,16 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     owned = plus < nodes.owned
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
-    points = np.round(coordinates[plus] / extent, 13) * extent + 0.0  # no minus zero
+    points = _rounded(places["plus"], extent)
     position, number, total, line = _order(comm, points, owned, normal)
+    if ends:  # the interface goes on by half of what its last points stand for
+        first, last = (
+            parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
+            for place in (0, total - 1)
+        )
+        line = replace(line, first=_rounded(line.first - first, extent), last=_rounded(line.last + last, extent))
     taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
-    for earlier in bodies.interfaces[: bodies.interfaces.index(name)]:
+    for earlier in () if nodes.broken else bodies.interfaces[: bodies.interfaces.index(name)]:
         taken |= np.isin(plus, of_side(f"{earlier}.plus"))
     taken |= np.isin(plus, nodes.copies)
     tied = np.concatenate([nodes.kept, nodes.copies])
@@ -290,19 +311,85 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     )  # fmt: skip
 
 
+def _rounded(values: Any, extent: float) -> Any:
+    """Lengths without their last digits [m], which depend on the partition."""
+    return np.round(values / extent, 13) * extent + 0.0  # no minus zero
+
+
+@dataclass(frozen=True)
+class _FacetEnds:
+    """Ends of the facets of one side of an interface, where every cell has nodes of its own.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (n,)
+        Local nodes; this rank owns them.
+    places : ndarray, shape (n, dim)
+        Middle of the half facet that an end stands for [m]: both ends at a vertex have places of their own.
+    normal : ndarray, shape (n, dim)
+        Unit normal out of the body.
+    weight : ndarray, shape (n,)
+        Half the length of the facet [m].
+    """
+
+    nodes: np.ndarray
+    places: np.ndarray
+    normal: np.ndarray
+    weight: np.ndarray
+
+
+def _facet_ends(nodes: Nodes, side: str) -> _FacetEnds:
+    """Find the ends of the facets of one side of an interface between bodies with nodes of their own in every cell.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks: a cell with two facets on the interface, whose common corner would have two partners.
+    """
+    mesh, bodies = nodes.space.mesh, nodes.bodies
+    mesh.topology.create_connectivity(1, 2)
+    facets = bodies.facets.find(bodies.tags[side])
+    cells = np.array([mesh.topology.connectivity(1, 2).links(facet)[0] for facet in facets], dtype=np.int64)
+    geometry = fem.geometry_dofmap(mesh)[cells]
+    of_facets = fem.dolfinx.mesh.entities_to_geometry(mesh, 1, facets).reshape(len(facets), 2)
+    on = (geometry[:, :, None] == of_facets[:, None, :]).any(axis=2)
+    corner = np.nonzero(on)[1].reshape(-1, 2)
+    inputs = mesh.geometry.input_global_indices[np.take_along_axis(geometry, corner, axis=1)]
+    # In the order of the input, so that rounding is the same on any number of ranks.
+    corner = np.take_along_axis(corner, np.argsort(inputs, axis=1), axis=1)
+    ends = mesh.geometry.x[:, :2][np.take_along_axis(geometry, corner, axis=1)]
+    opposite = mesh.geometry.x[:, :2][geometry[np.arange(len(cells)), 3 - corner.sum(axis=1)]]
+    along = ends[:, 1] - ends[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+    inward = np.sum(normal * (opposite - ends[:, 0]), axis=1) > 0
+    normal[inward] *= -1
+    found = np.take_along_axis(nodes.space.dofmap.list[cells], corner, axis=1)
+    middles = np.stack([0.75 * ends[:, i] + 0.25 * ends[:, 1 - i] for i in (0, 1)], axis=1)
+    _, first, count = np.unique(found, return_index=True, return_counts=True)
+    error = None
+    if np.any(count > 1):
+        x = ", ".join(f"{value:.6g}" for value in ends.reshape(-1, 2)[first[np.argmax(count)]])
+        error = RuptfxError(
+            f"interface '{side}' at ({x}) m: a triangle has two sides on it, and with [fracture] every corner has one "
+            "partner; refine the mesh there, or round the interface"
+        )
+    parallel.raise_on_all(nodes.comm, error)
+    return _FacetEnds(found.ravel(), middles.reshape(-1, 2), np.repeat(normal, 2, axis=0), np.repeat(0.5 * length, 2))
+
+
 def _pair(
-    x: np.ndarray, plus: np.ndarray, minus: np.ndarray, name: str
+    at_plus: np.ndarray, at_minus: np.ndarray, plus: np.ndarray, minus: np.ndarray, name: str, extent: float
 ) -> tuple[np.ndarray, np.ndarray, Exception | None]:
     """Nodes of the two sides at the same place."""
     if len(plus) == 0 and len(minus) == 0:
         return plus, minus, None
     if len(plus) == 0 or len(minus) == 0:
         return plus, minus, RuptfxError(f"interface '{name}': this rank has one side only (a fault of the partition)")
-    extent = largest_extent(x)
-    distance, partner = closest(x[plus], x[minus])
+    distance, partner = closest(at_plus, at_minus)
     lonely = int(np.argmax(distance))
     if distance[lonely] > 1e-8 * extent or len(plus) != len(minus):
-        where = ", ".join(f"{value:.6g}" for value in x[plus[lonely]])
+        where = ", ".join(f"{value:.6g}" for value in at_plus[lonely])
         return (
             plus,
             minus,

@@ -107,7 +107,8 @@ class Model:
         self.coordinates = self.layout.coordinates
         self.materials = self._materials()
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
-            self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations
+            self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
+            case.initial_tensor,
         )  # fmt: skip
         self.collisions = None if case.collisions is None or self.cracks is None else CollisionStep(
             self.cracks, self.bodies, case.collisions, self.materials, case.plane
@@ -432,6 +433,7 @@ class Model:
             preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
         if self.cracks is not None:
             held += self.cracks.stored(state.cracks, half * state.velocity, state.at_faults()[1])
+            preload += self.cracks.preload_work(state.displacement - half * state.velocity)
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {
             "kinetic": kinetic,

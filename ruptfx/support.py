@@ -320,8 +320,15 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
     if large in choices and not stepper.large_rotations:
         yield Refusal((large,), f"stepper.kind = '{stepper.kind()}' is for small ones", (("stepper",),), ((large,),))
     way = choices.get("fracture")
+    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
+    if way is not None and sliding:
+        yield Refusal(sliding, "with [fracture] interfaces join the facets that they begin with", drop=(sliding,))
     if way is not None and cast(type[Fracture], way).rigid:
         kind = cast(type[Fracture], way).kind()
+        faults = tuple(f"faults.{name}.contact" for name in _faults(choices, "contact"))
+        if faults:
+            reason = f"fracture.kind = '{kind}' has no interfaces of their own beside its facets"
+            yield Refusal(faults, reason, (("fracture",),))
         for key, why in ((large, "is for small ones"), ("collisions", "has no springs to go by")):
             if key in choices:
                 yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))

@@ -13,6 +13,7 @@ HERE = Path(__file__).parent
 GRANITE = {"kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25, "density": 2600.0}
 WEAK = {"kind": "linear", "f_t": 4e6, "c": 10e6, "G_Ic": 20.0, "G_IIc": 60.0}
 NEVER = {"kind": "linear", "f_t": 1e12, "c": 1e12, "G_Ic": 1e6, "G_IIc": 1e6}
+BRITTLE = {"kind": "linear", "f_t": 1e6, "c": 1.5e6, "G_Ic": 0.01, "G_IIc": 0.03}
 RUBS = {"kind": "coulomb", "mu_d": 0.6}
 
 
@@ -47,6 +48,25 @@ def meeting_blocks(changes: dict[str, Any] | None = None) -> dict[str, Any]:
         "initial_velocity": {"stone": [30.0, -60.0]},
         "boundaries": [{"kind": "driven", "edge": "plate.bottom", "component": "y", "velocity": 0.0}],
         "output": {"figures": False, "interface_interval": 2e-6, "bulk_interval": 1e-5},
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
+def faulted(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A fault between two blocks that ruptures from its middle at 4 us; the facets beside it may break."""
+    table = {
+        "plugins": [str(HERE / "crack_meshes.py")], "plane": "strain", "order": 1, "duration": 4e-6, "positions": "x",
+        "mesh": {"kind": "triangles", "width": 30e-3, "height": 20e-3, "element_size": 1e-3, "divide": 10e-3,
+                 "fault": True, "turn": 0.2},
+        "materials": {"default": GRANITE},
+        "faults": {"main": {
+            "contact": {"kind": "split_node"}, "initial_stress": {"tensor": [-10e6, -10e6, 5.5e6]},
+            "friction": {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.2, "D_c": 2e-6},
+            "nucleation": [{"kind": "overstress", "extra": {
+                "kind": "gaussian", "background": 0.0, "amplitude": 4e6, "center": 15e-3, "width": 4e-3}}],
+        }},
+        "fracture": {"kind": "everywhere", "unresolved": True, "default": {"cohesion": NEVER, "friction": RUBS}},
+        "output": {"figures": False, "interface_interval": 5e-7, "bulk_interval": 2e-6},
     }  # fmt: skip
     return merged(table, changes or {})
 

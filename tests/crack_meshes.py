@@ -18,6 +18,8 @@ class Triangles(MeshSource):
     """y of the border between the bodies `lower` and `upper`; all is `rock` where it is outside."""
     turn: float = 0.0
     """Of each square by up to this part of its size."""
+    fault: bool = False
+    """Whether the border is the interface `main`, with nodes of its own on either side, instead of facets."""
 
     def build(self) -> RawMesh:
         m, n = (max(1, round(length / self.element_size)) for length in (self.width, self.height))
@@ -44,6 +46,16 @@ class Triangles(MeshSource):
             return np.stack([line[:-1], line[1:]], axis=1)
 
         edges = {f"{bodies[0]}.bottom": chain(number[:, 0]), f"{bodies[-1]}.top": chain(number[:, -1])}
+        interfaces = {}
+        if self.fault:
+            minus = number[:, round(self.divide / self.height * n)]
+            plus = len(points) + np.arange(m + 1)
+            points = np.concatenate([points, points[minus]])
+            above = np.zeros(len(points), dtype=np.int64)
+            above[:] = np.arange(len(points))
+            above[minus] = plus
+            cells = np.where(cell_body[:, None] == 1, above[cells], cells)
+            interfaces["main"] = (chain(plus), chain(minus))
         if len(bodies) == 1:
             edges |= {"rock.left": chain(number[0]), "rock.right": chain(number[-1])}
-        return RawMesh("triangle", points, cells, bodies, cell_body, edges=edges)
+        return RawMesh("triangle", points, cells, bodies, cell_body, edges=edges, interfaces=interfaces)

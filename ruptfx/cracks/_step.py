@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, fem, native
+from ruptfx import RuptfxError, Table, fem, native, parallel
 from ruptfx.cracks import CrackLaws, Fracture
 from ruptfx.cracks._network import CrackNetwork
 from ruptfx.friction import FrictionLaw
@@ -81,6 +81,8 @@ class CrackStep:
     plane : str
     large_rotations : bool
         Whether facets turn with the cells on both sides.
+    initial_stress : ndarray, shape (2, 2), optional
+        Of the bodies, uniform, tension positive [Pa]; facets carry it before anything moves.
 
     Attributes
     ----------
@@ -100,6 +102,8 @@ class CrackStep:
         facets, change of the tractions at a vertex in the last sweep over their size.
     weight, half_length : ndarray, shape (facets,)
         Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
+    initial : ndarray, shape (facets, 2)
+        Normal and shear traction before anything moves, which the bodies are in equilibrium with [Pa].
 
     Raises
     ------
@@ -110,6 +114,7 @@ class CrackStep:
     def __init__(
         self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, fracture: Fracture,
         materials: Sequence[Material], plane: Plane, large_rotations: bool = False,
+        initial_stress: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         self.space, self.fracture, self.large_rotations = space, fracture, large_rotations
         self.residual, self._worst = 0.0, 0
@@ -148,6 +153,10 @@ class CrackStep:
         self.half_length = 0.5 * net.length[self.order]
         self.weight = self.half_length.copy()
         self.normal = net.normal[self.order]
+        self.initial = np.zeros((len(self.order), 2))
+        if initial_stress is not None:
+            traction = self.normal @ initial_stress
+            self.initial = np.stack([np.sum(traction * axis, axis=1) for axis in (self.normal, self.tangent)], axis=1)
         along = (net.ends[:, 1] - net.ends[:, 0])[self.order]
         self.along = np.sum(along * self.tangent, axis=1)  # length, with the sign of its sense along the tangent
         self._owned_nodes = space.dofmap.index_map.size_local
@@ -159,7 +168,38 @@ class CrackStep:
         self.law_states = {
             name: unit for group in self.groups for name, unit in group.laws.friction.all_state_fields().items()
         }
+        if initial_stress is not None:
+            self._require_admissible()
         self._prepare(space, bodies, plane)
+
+    def _require_admissible(self) -> None:
+        """Refuse initial stress that facets cannot carry; collective.
+
+        Raises
+        ------
+        CaseError
+            On all ranks: names the place, the tractions and the strengths.
+        """
+        error = None
+        for group in self.groups:
+            facets, laws = group.facets, group.laws
+            normal, shear = self.initial[facets].T
+            pressure = np.maximum(-normal, 0.0)
+            state = laws.friction.initial_state(pressure, np.abs(shear), np.zeros_like(pressure))
+            friction = np.where(pressure > 0, laws.friction.strength(np.zeros_like(pressure), pressure, state), 0.0)
+            bonded = np.where(self._open[facets], 0.0, 1.0) * (laws.cohesion is not None)
+            tensile, cohesion = (0.0, 0.0) if laws.cohesion is None else (laws.cohesion.f_t, laws.cohesion.c)
+            bad = (normal > tensile * bonded) | (np.abs(shear) > cohesion * bonded + friction)
+            if np.any(bad & self.owned[facets]):
+                first = int(np.flatnonzero(bad & self.owned[facets])[0])
+                x = ", ".join(f"{value:.6g}" for value in self.network.ends[self.order[facets]][first].mean(axis=0))
+                error = CaseError(
+                    f"initial_stress.tensor: the facet at ({x}) m would carry {normal[first]:.4g} Pa normal to it "
+                    f"(tension is positive) and {abs(shear[first]):.4g} Pa of shear, more than its strength "
+                    f"({tensile * bonded[first]:.4g} Pa and {cohesion * bonded[first] + friction[first]:.4g} Pa); "
+                    "reduce it, or make the facets stronger"
+                )
+        parallel.raise_on_all(self.network.comm, error)
 
     def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
         """Compile the step."""
@@ -169,6 +209,8 @@ class CrackStep:
         """Of all facets, before anything moves."""
         count = len(self.order)
         state: FaultState = {name: np.zeros((count, 2)) for name in (*ENDS, *self.law_states)}
+        state["normal_traction"] += self.initial[:, :1]
+        state["shear_traction"] += self.initial[:, 1:]
         for group in self.groups:
             zero = np.zeros(1)
             for name, value in group.laws.friction.initial_state(zero, zero, zero).items():
@@ -234,7 +276,7 @@ class CrackStep:
             Of that time [m]; where facets turn it says where they are.
         """
         normal, tangent = self._frame(displacement)
-        forces = self.weight[:, None, None] * self.tractions(state, normal, tangent)
+        forces = self.weight[:, None, None] * self._beyond_initial(state, normal, tangent)
         self._assemble(forces, -forces, force)
         if displacement is not None and self.large_rotations:
             pull = (0.5 * self._moment(state, displacement) / self._turned(displacement)[1])[:, None] * normal
@@ -275,6 +317,18 @@ class CrackStep:
         n, t = self.normal if normal is None else normal, self.tangent if tangent is None else tangent
         normal_part = state["normal_traction"][..., None] * n[:, None]
         return np.asarray(normal_part + state["shear_traction"][..., None] * t[:, None])
+
+    def _beyond_initial(self, state: FaultState, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+        """Tractions less the initial ones: the bodies are in equilibrium with these."""
+        initial = self.initial[:, :1] * normal + self.initial[:, 1:] * tangent
+        return np.asarray(self.tractions(state, normal, tangent) - initial[:, None])
+
+    def preload_work(self, displacement: np.ndarray) -> float:
+        """Work of the initial tractions on the jumps of a displacement, facets of this rank [J]."""
+        rows = displacement.reshape(-1, 2)
+        jump = (rows[self.corners[:, 1]] - rows[self.corners[:, 0]]).sum(axis=1)
+        initial = self.initial[:, :1] * self.normal + self.initial[:, 1:] * self.tangent
+        return float((self.owned * self.weight) @ np.sum(initial * jump, axis=1))
 
     def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tangents of the facets where they are now, the mean of both sides, and their lengths with the sense of it."""
@@ -324,6 +378,7 @@ class CrackStep:
         normal, shear, opened = (state[name] for name in ("normal_traction", "shear_traction", "inelastic_opening"))
         stiff = self.stiffness[:, None]
         density = 0.5 * (normal**2 + shear**2) / stiff + 0.5 * np.maximum(normal, 0.0) * opened
+        density -= 0.5 * np.sum(self.initial**2, axis=1, keepdims=True) / stiff
         rows = added.reshape(-1, 2)
         jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
         frame = self._frame(displacement)
@@ -381,6 +436,7 @@ class _Kernel:
         macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
         macros |= {
             "BONDED": int(group.laws.cohesion is not None), "LARGE_ROTATIONS": int(cracks.large_rotations),
+            "PRELOADED": int(cracks.initial.any()),
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
@@ -390,6 +446,7 @@ class _Kernel:
         fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))
         corners = cracks.corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
         rows = [*cracks.normal.T, cracks.weight, cracks.stiffness, *([cracks.along] * cracks.large_rotations)]
+        rows += [*cracks.initial.T] * int(cracks.initial.any())
         columns = np.stack([row[facets] for row in rows])[:, fill]
         self._node = np.ascontiguousarray(2 * corners.reshape(2, -1, 2 * width).transpose(1, 0, 2), np.int32)
         self._fixed = np.ascontiguousarray(columns.reshape(len(rows), -1, width).transpose(1, 0, 2))

@@ -5,11 +5,16 @@
 
 enum { STATES };  // STATE_normal_traction = 0, ...
 enum { FACETS };  // FACET_time_of_yield = 0, ...
+enum {
+    NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS,
 #if LARGE_ROTATIONS
-enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, ALONG, COLUMNS };  // along the tangent, length with the sign of its sense
-#else
-enum { NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS, COLUMNS };
+    ALONG,  // the tangent: length with the sign of its sense
 #endif
+#if PRELOADED
+    INITIAL_NORMAL, INITIAL_SHEAR,  // tractions before anything moves
+#endif
+    COLUMNS
+};
 
 // An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits.
 struct end { double open, jump, stiffness, damage, inelastic, largest, slip, cohesive, friction; };
@@ -222,7 +227,14 @@ void update(long facets, double since, double time, const int *node, const doubl
         turn_frames(minus, plus, &nx, &ny, &along);
 #endif
         const lanes x = plus[0] - minus[0], y = plus[1] - minus[1];
+#if PRELOADED
+        // The springs carry the initial tractions at the jump that belongs to these; the bodies feel what is beyond.
+        const lanes initial_normal = at_ends(fixed + INITIAL_NORMAL * LANES / 2);
+        const lanes initial_shear = at_ends(fixed + INITIAL_SHEAR * LANES / 2);
+        const lanes open = x * nx + y * ny + initial_normal / k, jump = x * ny - y * nx + initial_shear / k;
+#else
         const lanes open = x * nx + y * ny, jump = x * ny - y * nx;
+#endif
 #define AT_ENDS(name) (*(loose *)state[STATE_##name])
         lanes normal = k * open, shear = k * jump;
         const long_lanes fine = elastic(AT_ENDS(damage), normal, shear, number);
@@ -252,6 +264,9 @@ void update(long facets, double since, double time, const int *node, const doubl
                     listen(time, node, velocity, mass, state, facet, (first + l) / 2, l);
             normal = AT_ENDS(normal_traction), shear = AT_ENDS(shear_traction);
         }
+#if PRELOADED
+        normal -= initial_normal, shear -= initial_shear;
+#endif
         lanes at_minus[2] = {weight * (normal * nx + shear * ny), weight * (normal * ny - shear * nx)};
         lanes at_plus[2] = {-at_minus[0], -at_minus[1]};
 #if LARGE_ROTATIONS

@@ -66,6 +66,14 @@ class Faults(Mechanism):
         self._rates = [step.opening_rate(state.faults[step.fault.name], state.velocity) for step in steps]
 
     def after_kick(self, state: State, kick: Kick) -> None:
+        try:
+            self._project(state, kick)
+        finally:
+            # Other ranks know nodes of single cells, but not the points at them; where a point fails they wait.
+            if self.model.layout.broken:
+                self.model.layout.take_from_owners(state.velocity)
+
+    def _project(self, state: State, kick: Kick) -> None:
         for step, rate_old in zip(self.steps[kick.number], self._rates, strict=True):
             name, fields = step.fault.name, state.faults[step.fault.name]
             dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from crack_cases import block
+from crack_cases import BRITTLE, block, faulted
 from whole_runs import run_of, run_on, starts_jobs, stopped
 
 from ruptfx import fem
@@ -37,7 +37,10 @@ case_file, alone = run_of(*(
     })
     for kind, steps in STEPS.items()
     for mass in (0.0, 1e3)  # nodes are moved on by other loops where masses are damped
-))  # fmt: skip
+), faulted({
+    "fracture.default.cohesion": BRITTLE, "mesh.element_size": 0.5e-3, "output.checkpoint_steps": 200,
+    "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 0.1}],
+}))  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
