@@ -1,6 +1,6 @@
-"""Ways to make the bodies, one per file; the file name is the `kind` in a case.
+"""Mesh sources, one per file; the file name is the `kind` in a case.
 
-A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies` splits over the ranks; or it gives a `Lattice`, of
+A mesh source fills a `RawMesh` on rank 0, which `ruptfx.bodies` splits over the ranks; or it returns a `Lattice`, of
 which every rank makes its own part.
 """
 
@@ -35,7 +35,7 @@ class Base:
     profile : float or Profile
         Height by x [m].
     level : float
-        What is added to it [m].
+        Offset of the profile [m].
     ends : (float, float)
         x of both ends [m].
     """
@@ -45,7 +45,7 @@ class Base:
     ends: tuple[float, float]
 
     def points(self, x: np.ndarray) -> np.ndarray:
-        """Of the surface at x [m], shape (n, 2)."""
+        """Return points of the surface at x [m], shape (n, 2)."""
         return np.stack([x, self.level + evaluate(self.profile, x)], axis=1)
 
 
@@ -70,18 +70,18 @@ class RawMesh:
     interfaces : dict of str to (ndarray, ndarray)
         Facets of the plus and of the minus side in the same order, vertex by vertex at the same place.
     one_sided : dict of str to str
-        Interfaces whose minus side is not meshed (both facets are then those of the plus side), and what it is:
+        Interfaces whose minus side is not meshed (both facets are then those of the plus side), and its kind:
         ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
     facing : set of str
-        Interfaces whose sides have meshes of their own: their facets are unequal lists, each in any order.
+        Interfaces with non-matching sides: their facets are lists of different length, each in any order.
     bases : dict of str to Base
-        Of one-sided interfaces that slide, the rigid surface that the plus side faces.
+        Rigid surface of one-sided interfaces with finite sliding.
     open_facets : ndarray of int, shape (facets, 2)
-        Inner facets that are cracks from the start, where bodies may break.
+        Inner facets that are initial cracks, in bodies with `[fracture]`.
     joints : dict of str to ndarray of int, shape (facets, 2)
-        Inner facets with a name, which may have laws of their own, where bodies may break.
+        Named inner facets, which may have their own laws, in bodies with `[fracture]`.
     order : int
-        Of the polynomials that map the reference cell: above 1, cells are curved.
+        Order of the polynomials that map the reference cell: above 1, cells are curved.
     """
 
     cell: str
@@ -100,18 +100,18 @@ class RawMesh:
 
 
 class MeshSource(Alternative):
-    """The contract of a way to make the bodies."""
+    """Contract of a mesh source."""
 
     example: ClassVar[str] = ""
-    """How a case gives it, a few elements large; the contract tests make it. Files are those of `tests/data`."""
+    """Example table of a few elements, which the contract tests build; its files are in `tests/data`."""
 
     def build(self) -> RawMesh:
-        """The mesh; called on rank 0 only.
+        """Return the mesh; called on rank 0 only.
 
         Raises
         ------
         RuptfxError
-            A mesh that cannot be used, with what was found in it.
+            If the mesh is invalid, with the reason.
         """
         lattice = self.lattice()
         if lattice is None:
@@ -119,7 +119,7 @@ class MeshSource(Alternative):
         return lattice.build()
 
     def lattice(self) -> Lattice | None:
-        """What `build` would make, if it is a lattice; called on every rank, instead of it."""
+        """Return the lattice that `build` would make, or None; called on every rank, instead of `build`."""
         return None
 
 

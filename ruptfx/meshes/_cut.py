@@ -1,4 +1,4 @@
-"""Which cells the facets of a mesh belong to, and the mesh cut open along some of them."""
+"""Cells adjacent to the facets of a mesh, and the mesh cut open along some of its facets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Facets:
     vertices : ndarray of int, shape (facets, vertices per facet)
         Sorted.
     cells : ndarray of int, shape (facets, 2)
-        The cells they belong to; the second is -1 at the boundary.
+        The adjacent cells; the second is -1 at the boundary.
 
     Raises
     ------
@@ -43,7 +43,7 @@ class Facets:
         self.cells = np.stack([cell[first], np.where(count == 2, second, -1)], axis=1)
 
     def find(self, facets: np.ndarray) -> np.ndarray:
-        """Numbers of facets given by their vertices in any order, -1 where there is none."""
+        """Return the indices of facets given by their vertices in any order, -1 if unknown."""
         known = len(self.vertices)
         joined = np.concatenate([self.vertices, np.sort(facets, axis=1)])
         label = np.unique(joined, axis=0, return_inverse=True)[1].ravel()
@@ -52,7 +52,7 @@ class Facets:
         return number[label[known:]]
 
     def cut(self, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cells that share no vertex across some facets, unless they are connected around its end.
+        """Return cells that share no vertex across some facets, unless they are connected around the end of the cut.
 
         At every vertex of the cut, cells that can be reached from each other through facets that are not cut keep one
         vertex in common: a cut ends where it is not cut open, and may cross others.
@@ -66,7 +66,7 @@ class Facets:
         -------
         cells : ndarray of int, shape (cells, vertices per cell)
         origin : ndarray of int, shape (new vertices,)
-            Which vertex each of the added ones is a copy of.
+            The vertex of which each added one is a copy.
         """
         cells = self._mesh
         touched = np.zeros(cells.max() + 1, dtype=bool)
@@ -92,5 +92,5 @@ class Facets:
 
 
 def places(cells: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Where the vertices of facets are among those of their cells, shape of `facets`."""
+    """Return the local index of the vertices of facets in their cells, shape of `facets`."""
     return (cells[:, None, :] == facets[:, :, None]).argmax(axis=2)

@@ -1,8 +1,8 @@
-"""What a Gmsh script may do without being trusted: describe a geometry.
+"""Check that an untrusted Gmsh script only describes a geometry.
 
 Gmsh runs commands, writes files and ends the process when a script says so, already while it opens the file. The
 scanner knows comments and strings as Gmsh does (no escapes, no nesting, strings may go over several lines) and refuses
-by single words, whatever they mean where they stand.
+by single words, whatever their meaning in context.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _DATA = {".msh", ".step", ".stp", ".iges", ".igs", ".brep", ".stl"}
 
 
 def check(path: Path) -> None:
-    """Refuse a script that does more than to describe a geometry, with all the files that it reads.
+    """Refuse a script that does more than describe a geometry, with all the files that it reads.
 
     Parameters
     ----------
     path : Path
-        What it reads must be in the same directory, or below.
+        Script; the files that it reads must be in the same directory or below.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def check(path: Path) -> None:
     """
     directory = path.resolve().parent
     todo, seen = [path.resolve()], set()
-    options = path.with_name(path.name + ".opt")  # Gmsh reads it, too
+    options = path.with_name(path.name + ".opt")  # Gmsh reads this file, too
     if options.exists():
         todo.append(options.resolve())
     while todo:
@@ -48,7 +48,7 @@ def check(path: Path) -> None:
 
 
 def _scan(path: Path, directory: Path) -> list[Path]:
-    """The scripts that a script reads."""
+    """Scan a script and return the scripts that it reads."""
     text = path.read_bytes().decode("latin-1")
     found: list[Path] = []
 

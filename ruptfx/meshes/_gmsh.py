@@ -1,4 +1,4 @@
-"""Gmsh while something is meshed; as a program with the arguments SCRIPT MESH FOLDER it meshes a script in a folder."""
+"""A Gmsh session; run as a program with SCRIPT MESH FOLDER, it meshes a script in a folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from types import ModuleType
 
 @contextmanager
 def session() -> Iterator[ModuleType]:
-    """Gmsh, silent; ended whatever happens."""
+    """Open a silent Gmsh session, closed in any case."""
     import gmsh
 
     gmsh.initialize(interruptible=False)
@@ -22,12 +22,12 @@ def session() -> Iterator[ModuleType]:
     finally:
         gmsh.finalize()
         with suppress(ValueError):  # not the main thread
-            # It leaves the signal as the system has it: writing to a process that has ended would end this one.
+            # Gmsh resets SIGPIPE to the system default, with which a broken pipe would end this process.
             signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 def main(script: str, mesh: str) -> None:
-    """Mesh a script."""
+    """Mesh a script and write the mesh."""
     try:
         with session() as gmsh:
             gmsh.open(script)

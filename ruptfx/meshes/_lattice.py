@@ -1,4 +1,4 @@
-"""Rectangles of quadrilaterals on common columns, one on the other: any rank can make any part of them."""
+"""Stacked rectangles of quadrilaterals with common columns: any rank can make any part of them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ruptfx.meshes import RawMesh
 from ruptfx.schema import CaseError
 
 MOST_ELEMENTS = 100_000_000  # a mesh of 3e9 unknowns at order 4: more is a mistake
-FEWEST_ROWS = 3  # of a block: the two at an interface, and one that may be given away
+FEWEST_ROWS = 3  # of a block: the two at an interface, and one that may move to another rank
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Bodies in the form of rectangles, from the uppermost to the lowest, which meet in interfaces.
+    """Stacked rectangular bodies from top to bottom, with interfaces between them.
 
     Vertices are numbered body by body, in each of them column by column from below; cells likewise.
 
@@ -26,11 +26,11 @@ class Lattice:
     levels : dict of str to ndarray, shape (rows + 1,)
         Heights of the vertices of every body [m], increasing.
     interfaces : tuple of str
-        Names, one for each body after the first: between it and the body above.
+        Name of the interface above each body after the first.
     one_sided : dict of str to str
-        Of the interface under the lowest body, if there is one, as in `RawMesh`.
+        Kind of the interface below the lowest body, if there is one, as in `RawMesh`.
     chamfer : float
-        What is cut off the lower corners of the lowest body, as long as it is high [m]; a level of it, or zero.
+        Length and height cut off the lower corners of the lowest body [m]; a level of it, or zero.
     """
 
     x: np.ndarray
@@ -52,7 +52,7 @@ class Lattice:
 
     @property
     def rows(self) -> list[int]:
-        """Of every body."""
+        """Number of element rows of every body."""
         return [len(y) - 1 for y in self.levels.values()]
 
     @property
@@ -61,7 +61,7 @@ class Lattice:
 
     @property
     def _first_vertex(self) -> np.ndarray:
-        """Of every body, and what would be the next one's."""
+        """First vertex of every body, and the number of all vertices, shape (bodies + 1,)."""
         return np.concatenate([[0], np.cumsum([len(self.x) * (rows + 1) for rows in self.rows])])
 
     @property
@@ -78,7 +78,7 @@ class Lattice:
         return found | {f"{name}.plus": (last, "bottom") for name in self.one_sided}
 
     def points(self, vertices: np.ndarray) -> np.ndarray:
-        """Coordinates of vertices [m], shape (vertices, 2)."""
+        """Return coordinates of vertices [m], shape (vertices, 2)."""
         body, column, row = self._places(vertices)
         points = np.empty((len(vertices), 2))
         points[:, 0] = self.x[column]
@@ -90,7 +90,7 @@ class Lattice:
         return points
 
     def _drawn_in(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """x of vertices below the chamfer, which gives way to it within three times its length [m]."""
+        """Return x of vertices near the chamfer, compressed within three times its length [m]."""
         y = y - next(reversed(self.levels.values()))[0]
         left, right = self.x[0], self.x[-1]
         reach = min(3 * self.chamfer, 0.5 * (right - left))
@@ -99,11 +99,11 @@ class Lattice:
         return x + cut * (near_left - near_right)
 
     def body_of(self, vertices: np.ndarray) -> np.ndarray:
-        """Index of the body of every vertex."""
+        """Return the body index of every vertex."""
         return np.searchsorted(self._first_vertex, vertices, side="right") - 1
 
     def side_of(self, facets: np.ndarray) -> np.ndarray:
-        """Of every facet of the hull, shape (facets, 2), the place of its side in `sides`, -1 where it has no name."""
+        """Return the index in `sides` of every boundary facet, shape (facets, 2), -1 where it has no name."""
         body, column, row = (part.reshape(facets.shape) for part in self._places(facets.ravel()))
         top = np.array(self.rows, dtype=np.int64)[body]
         on = {"left": column == 0, "right": column == self.columns, "bottom": row == 0, "top": row == top}
@@ -113,24 +113,24 @@ class Lattice:
         return found
 
     def cells(self, body: int, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Vertices of the cells of all these columns and rows of a body in tensor order, shape (cells, 4)."""
+        """Return vertices of the cells of the given columns and rows in tensor order, shape (cells, 4)."""
         height = self.rows[body] + 1
         corner = (self._first_vertex[body] + columns[:, None] * height + rows).ravel()
         return np.stack([corner, corner + height, corner + 1, corner + height + 1], axis=1)
 
     def part(self, part: int, parts: int, wrapped: bool = False, upright: bool = False) -> np.ndarray:
-        """Vertices of the cells of one of several parts, shape (cells, 4).
+        """Return vertices of the cells of one of several parts, shape (cells, 4).
 
-        Parts have about the same size and short outlines, and hold both sides of an interface.
+        Parts have about the same size and short outlines, and contain both sides of an interface.
 
         Parameters
         ----------
         part, parts : int
-            Which of how many; there must be a column for each.
+            Index of the part and number of parts, at most one per column.
         wrapped : bool
-            The first and the last column are to be in the same part.
+            Put the first and the last column into the same part.
         upright : bool
-            Parts are as high as the bodies: the uppermost row is in the same one as the lowest below it.
+            Let every part span the full height, so that the uppermost and the lowest row are in the same part.
         """
         stack = list(range(len(self.levels)))[::-1]  # bodies from below
         first_row = np.concatenate([[0], np.cumsum([self.rows[body] for body in stack])])
@@ -150,7 +150,7 @@ class Lattice:
         return np.concatenate(found)
 
     def build(self) -> RawMesh:
-        """All of it."""
+        """Return the whole mesh."""
         lines = {name: self._side(number, side) for name, (number, side) in self.sides.items()}
         named = {name: np.stack([line[:-1], line[1:]], axis=1) for name, line in lines.items()}
         faces = [*self.interfaces, *self.one_sided]
@@ -167,13 +167,13 @@ class Lattice:
         return "plus" if interface in self.one_sided else "minus"
 
     def _side(self, body: int, side: str) -> np.ndarray:
-        """Vertices along a side."""
+        """Return the vertices along a side."""
         first, rows = self._first_vertex[body], self.rows[body]
         number = first + np.arange(len(self.x) * (rows + 1)).reshape(len(self.x), rows + 1)
         return {"left": number[0], "right": number[-1], "bottom": number[:, 0], "top": number[:, -1]}[side]
 
     def _places(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Body, column and row of vertices."""
+        """Return body, column and row of vertices."""
         body = self.body_of(vertices)
         height = np.array(self.rows, dtype=np.int64)[body] + 1
         column, row = np.divmod(vertices - self._first_vertex[body], height)
@@ -181,14 +181,14 @@ class Lattice:
 
 
 def split(parts: int, columns: int, most: int, rows: int) -> tuple[int, int]:
-    """Blocks along x and y, together as many as parts, with the shortest lines between them: at most `most` along y."""
+    """Return numbers of blocks along x and y with product `parts` and shortest cuts, at most `most` along y."""
     ways = [(parts // along, along) for along in range(1, min(parts, most) + 1) if parts % along == 0]
     fits = [(across, along) for across, along in ways if across <= columns]
     return min(fits, key=lambda way: (way[0] - 1) * rows + (way[1] - 1) * columns)
 
 
 def affordable(elements: float) -> int:
-    """A number of elements, rounded, if a mesh can have so many.
+    """Return a rounded number of elements; refuse a number beyond the limit.
 
     Raises
     ------
@@ -200,12 +200,12 @@ def affordable(elements: float) -> int:
 
 
 def columns_of(left: float, length: float, size: float) -> np.ndarray:
-    """Ends of columns of about the same width [m]."""
+    """Return the ends of columns of about the same width [m]."""
     return left + np.linspace(0, length, affordable(length / size) + 1)
 
 
 def row_levels(height: float, size: float, growth: float) -> np.ndarray:
-    """Heights of element rows that begin with `size` and grow by a factor, scaled to end at `height` [m]."""
+    """Return heights of element rows that begin with `size` and grow by a factor, scaled to end at `height` [m]."""
     if growth == 1:
         return np.linspace(0, height, affordable(height / size) + 1)
     # n rows are size (growth^n - 1) / (growth - 1) high together.

@@ -18,14 +18,14 @@ from ruptfx.units import Coordinate, Length, VaryingHeight
 
 
 class RoughBase(Part):
-    """A rigid base with a profile, on which the block stands and slides as far as it likes."""
+    """A rigid base with a profile, on which the block can slide any distance."""
 
     length: Length
     """Along x."""
     left: Coordinate = 0.0
     """x of the left end."""
     profile: VaryingHeight = 0.0
-    """Height by x; the base is put where its highest place under the block touches this."""
+    """Height by x; the base is shifted so that its highest point under the block touches it."""
 
 
 class BlockOnRigid(MeshSource):
@@ -48,9 +48,9 @@ class BlockOnRigid(MeshSource):
     left: Coordinate = 0.0
     """x of the left end."""
     chamfer: Annotated[float, Field(ge=0), Unit("m")] = 0.0
-    """What is cut off the two corners at the interface, along and across it: sharp corners carry most of the load."""
+    """Length and height cut off the two corners at the interface: sharp corners carry most of the load."""
     base: RoughBase | None = None
-    """What the block slides over as far as it likes, rough or smooth; without it the base is flat and endless."""
+    """Base for finite sliding, rough or smooth; without it the base is flat and infinite."""
 
     @model_validator(mode="after")
     def _leaves_something(self) -> BlockOnRigid:
@@ -72,7 +72,7 @@ class BlockOnRigid(MeshSource):
         return self._block() if self.base is None else None
 
     def _level(self, base: RoughBase) -> float:
-        """Where the base touches the block from below [m]."""
+        """Return the level at which the base touches the block from below [m]."""
         ends = self.left + self.chamfer, self.left + self.length - self.chamfer
         first, last = max(base.left, ends[0]), min(base.left + base.length, ends[1])
         if first >= last:
@@ -94,5 +94,5 @@ class BlockOnRigid(MeshSource):
         (levels,) = lattice.levels.values()
         if len(levels) == 2:
             levels = np.insert(levels, 1, self.chamfer)
-        levels[1 + np.argmin(np.abs(levels[1:-1] - self.chamfer))] = self.chamfer  # where a row of elements ends
+        levels[1 + np.argmin(np.abs(levels[1:-1] - self.chamfer))] = self.chamfer  # a row of elements must end there
         return replace(lattice, levels={"upper": levels}, chamfer=self.chamfer)

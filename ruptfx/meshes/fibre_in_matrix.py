@@ -25,11 +25,11 @@ class FibreInMatrix(MeshSource):
     )
 
     radius: Length
-    """Of the fibre."""
+    """Radius of the fibre."""
     outer_radius: Length
-    """Of the matrix."""
+    """Outer radius of the matrix."""
     length: Length
-    """Of both, along x."""
+    """Length of both bodies along x."""
     element_size: Length
     """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0

@@ -1,4 +1,4 @@
-"""A mesh file with named bodies and interfaces: .geo and .msh of Gmsh, or anything meshio reads."""
+"""A mesh file with named bodies and interfaces: .geo and .msh of Gmsh, or any format that meshio reads."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _CELLS = [
 ]
 _DIMENSION = {"hexahedron": 3, "tetra": 3, "quad9": 2, "quad": 2, "triangle": 2, "line3": 1, "line": 1}
 
-SECONDS = 600.0  # that Gmsh may take for a script
+SECONDS = 600.0  # time limit of Gmsh for a script
 AGAIN = "write it again with Gmsh, or whatever made it"
 
 OneOrMore = Annotated[
@@ -44,22 +44,22 @@ OneOrMore = Annotated[
 
 
 class Sides(Part):
-    """Which bodies an interface separates, one or several on a side; its normal points from minus to plus."""
+    """Bodies on either side of an interface, one or several; its normal points from minus to plus."""
 
     plus: OneOrMore
     """Body or bodies on the side that the normal points to."""
     minus: OneOrMore
     """Body or bodies on the other side."""
     matching: bool = True
-    """Whether the nodes of both sides are at the same places; if not, it has to slide (`[faults.NAME.sliding]`)."""
+    """True if the nodes of both sides coincide; else the interface needs `[faults.NAME.sliding]`."""
 
 
 class GmshFile(MeshSource):
     """A mesh file whose physical groups name the bodies, the interfaces and the edges.
 
     Bodies that share nodes are welded, except along the interfaces: there they are cut apart, and where an interface
-    ends inside they stay together. The two sides of an interface may also have their own nodes at the same places, or,
-    with `matching = false`, where they like.
+    ends inside they stay connected. The two sides of an interface may also have their own nodes at equal positions, or,
+    with `matching = false`, at different positions.
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
     interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
     where they cross or branch they are refused. Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
@@ -73,11 +73,11 @@ class GmshFile(MeshSource):
     file: CasePath
     """Mesh of Gmsh (`.msh`) or of a format that meshio reads, or a `.geo` script that Gmsh meshes."""
     interfaces: dict[Name, Sides] = {}
-    """By name of the physical group: which bodies are on its sides."""
+    """Bodies on the sides of each interface, by name of the physical group."""
     scale: Positive = 1.0
     """Metres per length unit of the file."""
     trust: bool = False
-    """Let a .geo file run commands, write files and read from outside of its directory: it can do what you can."""
+    """Allow a .geo file to run commands, write files and read outside of its directory, with your permissions."""
 
     def build(self) -> RawMesh:
         points, cell, cells, bodies, cell_body, named, middle = _read(Path(self.file), self.trust)
@@ -108,7 +108,7 @@ class GmshFile(MeshSource):
     def _interface(
         self, raw: RawMesh, name: str, sides: Sides, facets: np.ndarray, cells: np.ndarray, on: Any
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Facets of both sides, vertex by vertex at the same place where they match."""
+        """Return facets of both sides, in the same order vertex by vertex if they match."""
         side_of = np.zeros(len(raw.bodies) + 1, dtype=int)  # the last: no body
         side_of[[raw.bodies.index(body) for body in sides.plus]] = 1
         side_of[[raw.bodies.index(body) for body in sides.minus]] = -1
@@ -142,7 +142,7 @@ class GmshFile(MeshSource):
         return np.concatenate([plus, own_plus]), np.concatenate([minus, own_minus])
 
     def _is_edge(self, raw: RawMesh, name: str, cells: np.ndarray, facets: np.ndarray) -> bool:
-        """Whether a name is one of facets on the boundary of a body, and not of something inside."""
+        """Return whether a name belongs to facets on the boundary of a body; refuse a mixture."""
         outside = (cells[:, 0] >= 0) & (cells[:, 1] < 0)
         claims_to_be = name.partition(".")[0] in raw.bodies
         if not outside.all() and (outside.any() or claims_to_be):
@@ -158,14 +158,14 @@ class GmshFile(MeshSource):
 
 
 def _curved(raw: RawMesh, middle: np.ndarray) -> RawMesh:
-    """Second-order cells: with a node on every side, two where bodies were cut apart, and one inside.
+    """Return second-order cells: with a node on every side, duplicated at cuts, and one inside.
 
     Parameters
     ----------
     raw : RawMesh
-        Of the vertices.
+        Mesh of the vertices.
     middle : ndarray, shape (cells, 5, 2)
-        Where these nodes are, in the order of DOLFINx.
+        Coordinates of these nodes, in the order of DOLFINx [m].
     """
     sides = np.sort(raw.cells[:, FACETS[raw.cell]], axis=2).reshape(-1, 2)
     different, first, number = np.unique(sides, axis=0, return_index=True, return_inverse=True)
@@ -203,7 +203,7 @@ def _check_sides(file: str, name: str, plus: int, minus: int) -> None:
 
 
 def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus: np.ndarray) -> np.ndarray:
-    """The minus facets in the order of the plus facets, when the nodes coincide."""
+    """Return the minus facets in the order of the plus facets; refuse nodes that do not coincide."""
     minus_nodes, plus_nodes = np.unique(minus), np.unique(plus)
     distance, nearest = cKDTree(points[minus_nodes]).query(points[plus_nodes])
     size = np.linalg.norm(points[plus[:, 1]] - points[plus[:, 0]], axis=1).min()
@@ -220,7 +220,7 @@ def _partners(file: str, name: str, points: np.ndarray, plus: np.ndarray, minus:
 
 
 def _read(path: Path, trust: bool) -> tuple[Any, ...]:
-    """Vertices, cell type, cells, names of bodies, body of every cell, named facets, and the other nodes of cells."""
+    """Return vertices, cell type, cells, names of bodies, body of every cell, named facets, other nodes of cells."""
     import meshio
 
     if not path.is_file():
@@ -235,7 +235,7 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
             mesh = meshio.read(path)
     except RuptfxError:
         raise
-    except (Exception, SystemExit) as error:  # meshio has errors of many kinds for files that are damaged
+    except (Exception, SystemExit) as error:  # meshio raises many kinds of errors for damaged files
         raise RuptfxError(f"{path}: not a mesh that can be read ({error!s:.200}); {AGAIN}") from None
     _check_whole(path, mesh)
     kinds = {block.type for block in mesh.cells}
@@ -273,7 +273,7 @@ def _read(path: Path, trust: bool) -> tuple[Any, ...]:
 
 
 def _check_whole(path: Path, mesh: Mesh) -> None:
-    """Refuse a mesh that names points which it does not have, or that are nowhere."""
+    """Refuse a mesh with undefined points, or points without finite coordinates."""
     count = len(mesh.points)
     if np.ndim(mesh.points) != 2:
         raise RuptfxError(f"{path}: damaged: it has no points; {AGAIN}")
@@ -288,12 +288,12 @@ def _check_whole(path: Path, mesh: Mesh) -> None:
 
 
 def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
-    """Elements of one type by the names of their physical groups: what is in several groups has several names."""
+    """Return elements of one type by the names of their physical groups; an element may have several."""
     names = {name: int(number) for name, (number, dim) in mesh.field_data.items() if dim == _DIMENSION[type_]}
     first = mesh.cell_data_dict.get("gmsh:physical", {}).get(type_, np.zeros(0))
     found = {}
     for name, number in names.items():
-        chosen = np.flatnonzero(first == number)  # formats with one group per element
+        chosen = np.flatnonzero(first == number)  # formats that store one group per element
         if name in mesh.cell_sets:
             chosen = mesh.cell_sets_dict[name].get(type_, chosen)
         if len(chosen):
@@ -302,9 +302,9 @@ def _groups(mesh: Mesh, type_: str) -> dict[str, np.ndarray]:
 
 
 def _generate(path: Path, folder: Path, trust: bool) -> Path:
-    """Mesh a script in a process of its own, which a time limit can end.
+    """Mesh a script in a separate process with a time limit.
 
-    It works in `folder`, as options of Gmsh make it write files; a script that is trusted, where the command does.
+    The process works in `folder`, as options of Gmsh may write files; with a trusted script in the current directory.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from ruptfx.units import Coordinate, Length
 
 
 class HalfPlate(MeshSource):
-    """The upper one of two equal plates that meet at y = 0; the lower one is its mirror image and costs nothing.
+    """The upper of two equal plates that meet at y = 0; the lower one is its mirror image and is not meshed.
 
     `antisymmetric` motion (shear rupture, modes II and III) keeps the normal stress of the interface, `symmetric`
     motion (opening, mode I) has no slip. The interface is called `main`, the edges are `upper.left`, `upper.right`
@@ -25,7 +25,7 @@ class HalfPlate(MeshSource):
     length: Length
     """Along x."""
     height: Length
-    """Of one plate."""
+    """Height of one plate."""
     element_size: Length
     """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
     symmetry: Literal["antisymmetric", "symmetric"] = "antisymmetric"
@@ -40,6 +40,6 @@ class HalfPlate(MeshSource):
 
 
 def plate(length: float, height: float, size: float, growth: float, left: float, other_side: str) -> Lattice:
-    """A plate above the interface `main`, whose minus side is not meshed."""
+    """Return a plate above the interface `main`, whose minus side is not meshed."""
     levels = row_levels(height, size, growth)
     return Lattice(columns_of(left, length, size), {"upper": levels}, one_sided={"main": other_side})

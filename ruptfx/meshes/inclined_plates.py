@@ -23,11 +23,11 @@ class InclinedPlates(MeshSource):
     example: ClassVar[str] = '{ kind = "inclined_plates", side = 12e-3, inclination = "25 deg", element_size = 2e-3 }'
 
     side: Length
-    """Of the square."""
+    """Side of the square."""
     inclination: Annotated[float, Field(gt=-0.77, lt=0.77), Unit("rad")]
-    """Of the interface, anticlockwise from x; a number is in radians."""
+    """Inclination of the interface, anticlockwise from x; a number is in radians."""
     element_size: Length
-    """Along x; elements are as many from bottom to top in either plate as the half of those along x."""
+    """Element size along x; each plate has half as many elements from bottom to top as along x."""
 
     def build(self) -> RawMesh:
         columns = columns_of(0.0, self.side, self.element_size)

@@ -1,4 +1,4 @@
-"""Bodies of triangles apart from each other: rectangles and discs that may fly, meet and break."""
+"""Separate bodies of triangles: rectangles and discs that may fly, collide and fracture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RectanglePiece(Part):
     height: Length
     """Along y before it is turned."""
     angle: Annotated[float, Unit("degree")] = 0.0
-    """By which it is turned, counter-clockwise."""
+    """Rotation angle, counter-clockwise."""
     element_size: Length | None = None
     """Of its triangles; left out, that of the mesh."""
 
@@ -41,7 +41,7 @@ class RectanglePiece(Part):
         return int(tag)
 
     def sides(self, middles: Floats) -> dict[str, Floats]:
-        """How far points are from every side, shape (n,) [m]."""
+        """Return the distance of points from every side, shape (n,) [m]."""
         c, s = np.cos(np.deg2rad(self.angle)), np.sin(np.deg2rad(self.angle))
         x, y = ((middles - self.center) @ np.array([[c, -s], [s, c]])).T
         return {
@@ -57,7 +57,7 @@ class DiscPiece(Part):
     center: Point
     """Its middle."""
     diameter: Length
-    """Of the circle that its outer vertices are on."""
+    """Diameter of the circle through its outer vertices."""
     element_size: Length | None = None
     """Of its triangles; left out, that of the mesh."""
 
@@ -73,7 +73,7 @@ class DiscPiece(Part):
 
 
 class Pieces(MeshSource):
-    """Rectangles and discs of triangles, a body each, that do not touch: what meets is left to `[collisions]`.
+    """Separate rectangles and discs of triangles, one body each; their contact needs `[collisions]`.
 
     Edges: `BODY.left`, `BODY.right`, `BODY.bottom`, `BODY.top` of a rectangle, `BODY.side` of a disc.
     """
@@ -85,7 +85,7 @@ class Pieces(MeshSource):
     )
 
     bodies: dict[Name, Annotated[RectanglePiece | DiscPiece, Field(discriminator="kind")]]
-    """By name."""
+    """Bodies by name."""
     element_size: Length
     """Mean edge of the triangles."""
 
@@ -109,7 +109,7 @@ class Pieces(MeshSource):
         return raw
 
     def _mesh(self, name: str, body: RectanglePiece | DiscPiece) -> tuple[Floats, Ints]:
-        """Points and triangles of one body."""
+        """Return points and triangles of one body."""
         size = body.element_size or self.element_size
         if body.area / (np.sqrt(3) / 4 * size**2) > MOST_CELLS:
             raise CaseError(f"mesh.bodies.{name}.element_size = {size:g} m: more than {MOST_CELLS:.0g} triangles")

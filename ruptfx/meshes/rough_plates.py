@@ -1,4 +1,4 @@
-"""Two plates with rough surfaces, one on the other, each with elements of its own."""
+"""Two plates with rough surfaces, one on the other, each with its own elements."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Coordinate, Length, VaryingHeight
 
 Floats = NDArray[np.float64]
-SAMPLES = 20  # per element, where the distance of the surfaces is looked for
+SAMPLES = 20  # points per element at which the gap between the surfaces is evaluated
 
 
 class RoughPlate(Part):
@@ -25,7 +25,7 @@ class RoughPlate(Part):
     length: Length
     """Along x."""
     height: Length
-    """Without its roughness."""
+    """Height without the roughness."""
     element_size: Length
     """Along the surface, and across it next to the surface; the spacing of nodes is this over the order."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
@@ -33,15 +33,15 @@ class RoughPlate(Part):
     left: Coordinate = 0.0
     """x of the left end."""
     profile: VaryingHeight = 0.0
-    """Height of the surface, upwards, by x; it fades away within the plate."""
+    """Height of the surface, upwards, by x; its effect on the mesh decays within the plate."""
 
     def heights(self, x: Floats, key: str) -> Floats:
-        """Of the surface at x [m].
+        """Return the height of the surface at x [m].
 
         Raises
         ------
         CaseError
-            A profile that does not reach there.
+            If the profile is not defined there.
         """
         try:
             return np.asarray(evaluate(self.profile, x), dtype=float)
@@ -49,16 +49,16 @@ class RoughPlate(Part):
             raise CaseError(f"{key}.profile: {error}") from None
 
     def build(self, order: int, side: int, key: str) -> tuple[Floats, NDArray[np.int64], dict[str, NDArray[np.int64]]]:
-        """Points, cells with their vertices first, and the facets of the four sides by vertices.
+        """Return points, cells (vertices first), and the facets of the four sides by vertices.
 
         Parameters
         ----------
         order : int
-            Of the curved cells.
+            Order of the curved cells.
         side : int
             1 where the plate is above its surface, -1 below.
         key : str
-            For messages.
+            Key of the plate, for messages.
         """
         columns = affordable(self.length / self.element_size)
         levels = row_levels(self.height, self.element_size, self.growth)
@@ -83,8 +83,8 @@ class RoughPlate(Part):
 class RoughPlates(MeshSource):
     """Two plates of structured, curved quadrilaterals, `upper` above `lower`, whose surfaces are profiles.
 
-    They may differ in everything: length, place, elements, roughness; the interface `main` between them needs the table
-    `[faults.main.sliding]`. The upper plate is put where the least distance of the surfaces is `closest`. The
+    They may differ in length, position, elements and roughness; the interface `main` between them needs the table
+    `[faults.main.sliding]`. The upper plate is shifted so that the smallest gap of the surfaces is `closest`. The
     edges are `upper.left`, `upper.right`, `upper.top`, `lower.left`, `lower.right` and `lower.bottom`.
     """
 
@@ -96,13 +96,13 @@ class RoughPlates(MeshSource):
     )
 
     upper: RoughPlate
-    """Its lower side carries the points of the interface."""
+    """Upper plate; its lower side has the points of the interface."""
     lower: RoughPlate
-    """Its upper side is what they face."""
+    """Lower plate; its upper side is the opposite surface."""
     curve_order: Annotated[int, Field(ge=1, le=8)] = 4
     """Order of the polynomials that follow the profiles; not above the order of the displacement."""
     closest: Annotated[float, Field(ge=0), Unit("m")] = 0.0
-    """Least distance of the two surfaces."""
+    """Smallest gap between the two surfaces."""
 
     def build(self) -> RawMesh:
         upper, upper_cells, upper_sides = self.upper.build(self.curve_order, 1, "mesh.upper")
@@ -122,7 +122,7 @@ class RoughPlates(MeshSource):
         )  # fmt: skip
 
     def _least_distance(self) -> float:
-        """Of the profiles as they are given, where both plates are [m]."""
+        """Return the smallest gap of the unshifted profiles, over the overlap of the plates [m]."""
         plates = (self.upper, self.lower)
         first, last = max(p.left for p in plates), min(p.left + p.length for p in plates)
         if first >= last:
@@ -136,7 +136,7 @@ class RoughPlates(MeshSource):
 
 
 def _cells(number: NDArray[np.int64], order: int) -> NDArray[np.int64]:
-    """Cells by the nodes of a lattice, in the order of DOLFINx: vertices, edges, inside."""
+    """Return cells by the nodes of a lattice, in the order of DOLFINx: vertices, edges, inside."""
     inner = range(1, order)
     places = [(0, 0), (order, 0), (0, order), (order, order)]
     places += [(i, 0) for i in inner] + [(0, j) for j in inner] + [(order, j) for j in inner]

@@ -1,4 +1,4 @@
-"""A specimen of triangles that may break: rectangle or disc, with notches, platens and mineral phases."""
+"""A specimen of triangles for fracture: rectangle or disc, with notches, platens and mineral phases."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class Disc(Part):
 
     kind: Literal["disc"] = "disc"
     diameter: Length
-    """Without the flats."""
+    """Diameter without the flats."""
     flat: Annotated[float, Field(ge=0, lt=90), Unit("degree")] = 20.0
-    """Angle under which the middle sees each flat; none at 0."""
+    """Angle that each flat subtends at the centre; no flats at 0."""
 
 
 class Platens(Part):
@@ -52,11 +52,11 @@ class Platens(Part):
     thickness: Length
     """Along y."""
     body: Name = "platen"
-    """Name of both, and of their material."""
+    """Body name of both, also that of their material."""
 
 
 class Specimen(MeshSource):
-    """A specimen of triangles with the middle at `center`, all of them joined: `[fracture]` says where it may break.
+    """A specimen of triangles around `center`; without `[fracture]` it does not break.
 
     Its body is `specimen`, or the phases that fill it. Edges: `specimen.left`, `specimen.right`, `specimen.bottom` and
     `specimen.top` of a rectangle, `specimen.side`, `specimen.bottom` and `specimen.top` of a disc; with platens
@@ -73,18 +73,18 @@ class Specimen(MeshSource):
     element_size: Length
     """Mean edge of the triangles."""
     center: Point = [0.0, 0.0]
-    """Of the specimen."""
+    """Centre of the specimen."""
     platens: Platens | None = None
     """Blocks below and above."""
     notches: list[Segment] = []
-    """Cracks that are there from the start: x and y of one end and of the other [m]."""
+    """Initial cracks: x and y of one end and of the other [m]."""
     joints: dict[Name, Segment] = {}
-    """Lines that facets follow and that may have laws of their own, `fracture.joints.NAME`, by their ends [m]."""
+    """Lines along facets that may have their own laws, `fracture.joints.NAME`, by their ends [m]."""
     parts: dict[Name, Segment] = {}
     """Parts of edges with a name of their own, by their ends [m]: what a projectile hits. The edge that they lie on is
     what is left."""
     phases: AnyPhases | None = None
-    """Minerals, each a body of its name."""
+    """Minerals; each is a body with the name of the mineral."""
 
     def build(self) -> RawMesh:
         cells = self._area() / (np.sqrt(3) / 4 * self.element_size**2)
@@ -126,13 +126,13 @@ class Specimen(MeshSource):
         return self.shape.diameter, self.shape.diameter * float(np.cos(np.deg2rad(self.shape.flat / 2)))
 
     def _flat(self) -> float:
-        """Width of the faces that platens press [m]."""
+        """Return the width of the faces below the platens [m]."""
         if isinstance(self.shape, Rectangle):
             return self.shape.width
         return self.shape.diameter * float(np.sin(np.deg2rad(self.shape.flat / 2)))
 
     def _mesh(self) -> tuple[Floats, Ints, NDArray[np.bool_], Ints, dict[str, Ints]]:
-        """Points, triangles, which of them are platens, and lines of notches and of joints by their points."""
+        """Return points, triangles, platen flags of triangles, and lines of notches and joints by their points."""
         with session() as gmsh:
             try:
                 gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
@@ -163,7 +163,7 @@ class Specimen(MeshSource):
         return coordinates.reshape(-1, 3)[used, :2], triangles.reshape(-1, 3), platen, cut_lines, named
 
     def _divide(self, occ: Any) -> tuple[set[Entity], set[Entity], dict[str, list[Entity]]]:
-        """What Gmsh is to mesh, cut along all lines: the entities of platens, of notches and of every joint."""
+        """Cut the geometry along all lines; return the entities of platens, of notches and of every joint."""
         (x, y), (_, height) = self.center, self._extent()
         box = self._box(occ)
         tools = []
@@ -204,7 +204,7 @@ class Specimen(MeshSource):
         return [names[i] for i in present], np.searchsorted(present, body)
 
     def _edges(self, ends: Floats) -> dict[str, NDArray[np.bool_]]:
-        """Which outer facets, shape (facets, 2 ends, 2), are an edge."""
+        """Return which outer facets, shape (facets, 2 ends, 2), belong to each edge."""
         x, y = self.center
         width, height = self._extent()
         near = 1e-6 * self.element_size
@@ -227,7 +227,7 @@ class Specimen(MeshSource):
 
 
 def _codes(facets: Ints) -> Ints:
-    """A number for every facet, whatever the order of its ends."""
+    """Return one number for every facet, independent of the order of its ends."""
     low, high = np.sort(facets, axis=1).T
     return np.asarray(low * 2**32 + high)
 
@@ -238,14 +238,14 @@ def _key(facet: Ints) -> tuple[int, int]:
 
 
 def _facets(triangles: Ints) -> dict[tuple[int, int], int]:
-    """How many triangles every facet belongs to."""
+    """Return the number of triangles of every facet."""
     sides = np.sort(triangles[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
     found, count = np.unique(sides, axis=0, return_counts=True)
     return dict(zip(map(tuple, found.tolist()), count.tolist(), strict=True))
 
 
 def _on_segment(points: Floats, segment: Segment, element_size: float) -> NDArray[np.bool_]:
-    """Which points, shape (..., 2), lie on a segment."""
+    """Return which points, shape (..., 2), lie on a segment."""
     start, along = np.array(segment[:2]), np.array(segment[2:]) - np.array(segment[:2])
     length = float(np.hypot(*along))
     away = points - start
@@ -260,6 +260,6 @@ def _line(occ: Any, segment: Segment) -> int:
 
 
 def _elements(gmsh: ModuleType, entity: Entity, vertices: int) -> Ints:
-    """Elements of an entity by the tags of their nodes."""
+    """Return the elements of an entity by the tags of their nodes."""
     nodes = gmsh.model.mesh.getElements(*entity)[2]
     return np.concatenate(nodes).astype(np.int64).reshape(-1, vertices)

@@ -26,11 +26,11 @@ class StrikeSlipSection(MeshSource):
     )
 
     fault_depth: Length
-    """Where the interface ends."""
+    """Depth at which the interface ends."""
     depth: Length
-    """Of the section."""
+    """Depth of the section."""
     distance: Length
-    """Of its far edge from the fault."""
+    """Distance of the far edge from the fault."""
     element_size: Length
     """Along the interface, and next to it; the spacing of nodes is this over the order."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0

@@ -25,7 +25,7 @@ class TwoPlates(MeshSource):
     length: Length
     """Along x."""
     height: Length
-    """Of each plate."""
+    """Height of each plate."""
     element_size: Length
     """Along the interface, and across it next to the interface; the spacing of nodes is this over the order."""
     growth: Annotated[float, Field(ge=1, le=2), Unit("1")] = 1.0
@@ -34,7 +34,7 @@ class TwoPlates(MeshSource):
     """x of the left end."""
 
     def levels(self) -> np.ndarray:
-        """Heights of the element rows above the interface, shape (rows + 1,) [m]."""
+        """Return heights of the element rows above the interface, shape (rows + 1,) [m]."""
         return row_levels(self.height, self.element_size, self.growth)
 
     def lattice(self) -> Lattice:

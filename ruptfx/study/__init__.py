@@ -16,9 +16,9 @@ A study file names a case, axes and what to keep::
     values = [1.0, 2.0, 5.0, 10.0]
 
 ``ruptfx study FILE --out map`` runs it on all cores and leaves `table.csv`, `table.nc`, `mode_map.png`,
-`mode_map.pdf` and `mode_map.html`; where there is one axis and `quantities` are named, also `curves.png` and
-`curves.pdf`. A further axis over a seed repeats that with other draws: curves are then medians, and `medians.csv` has
-them. Stop it how you like: the same command continues, and runs only what is new.
+`mode_map.pdf` and `mode_map.html`; with one axis and named `quantities` also `curves.png` and
+`curves.pdf`. A further axis over a seed repeats that with other draws: curves are then medians (`medians.csv`).
+A study may be interrupted at any time: the same command continues it and runs only the missing points.
 
 On a cluster: start dask there, point at its scheduler, and keep the study on a file system that all nodes see.
 With SLURM::

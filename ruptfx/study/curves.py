@@ -1,7 +1,7 @@
-"""The numbers of a study over its only axis, each with its standard error where the table has one.
+"""Curves of the quantities of a study over its only axis, with standard errors from the table.
 
 A second axis may repeat it with other seeds: then every draw is a point, the line is that of medians, and
-`medians.csv` has them with the smallest and largest of the draws.
+`medians.csv` lists them with the smallest and largest draw.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ COLOURS = ("#c0392b", "#2a6099", "#8e44ad", "#7f8c8d", "#d35400", "#16a085")
 
 
 def suits(shown: Map) -> bool:
-    """Whether there is one axis with numbers besides draws, and no mode that a map would show better."""
+    """Return whether the study has one numeric axis besides draws, and no mode (which a map shows better)."""
     varied = _varied(shown)
     return len(varied) == 1 and varied[0].numeric and not shown.has_modes and bool(shown.study.quantities)
 
 
 def _varied(shown: Map) -> list[Axis]:
-    """Axes that do not only draw again."""
+    """Return the axes that are not seeds."""
     return [axis for axis in shown.study.axes if not axis.repeats]
 
 
@@ -48,9 +48,9 @@ def save(shown: Map, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
 
 
 def medians(shown: Map) -> list[Row]:
-    """For every value of the axis the median of the draws, the smallest and the largest, of every quantity.
+    """Return the median, smallest and largest draw of every quantity, for every value of the axis.
 
-    `draws` counts the runs that finished, `NAME_draws` those that have such a number.
+    `draws` counts the finished runs, `NAME_draws` those with a value of the quantity.
     """
     column = _varied(shown)[0].column
     table: list[Row] = []
@@ -66,14 +66,14 @@ def medians(shown: Map) -> list[Row]:
 
 
 def _names(shown: Map) -> list[str]:
-    """Quantities that the study names and that any run has a number of, without those that are errors of others."""
+    """Return the quantities of the study with a value in any run, without those that are errors of others."""
     skip = {*TIMINGS, *(axis.column for axis in shown.study.axes)}
     names = [name for name in shown.study.quantities if name not in skip and not name.endswith(ERROR)]
     return [name for name in names if any(isinstance(row.get(name), float) for row in shown.rows)]
 
 
 def _by_value(shown: Map) -> dict[float, list[Row]]:
-    """Rows of every value of the axis, in its order."""
+    """Return the rows of every value of the axis, in the order of the axis."""
     column = _varied(shown)[0].column
     found: dict[float, list[Row]] = {}
     for row in sorted(shown.rows, key=lambda row: float(row[column])):
@@ -83,7 +83,7 @@ def _by_value(shown: Map) -> dict[float, list[Row]]:
 
 @styled
 def draw(shown: Map) -> Figure:
-    """Every quantity that the study names in a panel of its own; all shares in one."""
+    """Draw every quantity of the study in its own panel; all shares in one."""
     names = _names(shown)
     shares = [name for name in names if name.endswith(SHARE)]
     panels = [[name] for name in names if name not in shares] + ([shares] if shares else [])

@@ -1,4 +1,4 @@
-"""What a study is: a case, the axes along which it varies, and how they are sampled; read from one TOML file."""
+"""Definition of a study: a case, its axes, and their sampling; read from one TOML file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OF_SETS = ("set", "generation", "score")
 class Axis(Part):
     """One direction of a study: a key of the case and the values it takes.
 
-    `values` are taken as they are; `range` and `points` make them evenly spaced, linearly or logarithmically.
+    `values` are listed explicitly; `range` and `points` generate evenly spaced ones, linearly or logarithmically.
     Several keys can change together: `key` is then a list and every value a list of the same length.
     """
 
@@ -45,19 +45,19 @@ class Axis(Part):
     name: Name | None = None
     """Column of the table; default is the last word of the key."""
     label: str = ""
-    """How figures call it."""
+    """Label in figures."""
     unit: str = "1"
-    """Of the values, for figures; without it, that of the key."""
+    """Unit of the values in figures; default is that of the key."""
     values: Annotated[list[Any], Field(min_length=1)] | None = None
     """The values, of any type the key takes."""
     labels: list[str] | list[float] | None = None
-    """What tables and figures show for the values: names, or the numbers they stand for."""
+    """Labels of the values in tables and figures: names or numbers."""
     range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-    """First and last value, instead."""
+    """First and last value, instead of `values`."""
     points: Annotated[int, Field(ge=2)] | None = None
-    """How many in the range."""
+    """Number of values in the range."""
     spacing: Literal["linear", "log"] = "linear"
-    """Of the points in the range."""
+    """Spacing of the values in the range."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Axis:
@@ -83,25 +83,27 @@ class Axis(Part):
 
     @property
     def keys(self) -> list[str]:
+        """Dotted keys of the case."""
         return self.key if isinstance(self.key, list) else [self.key]
 
     @property
     def column(self) -> str:
+        """Name of the column in the table."""
         return self.name or self.keys[0].rpartition(".")[2]
 
     @property
     def repeats(self) -> bool:
-        """Whether its values are seeds: further draws of the same."""
+        """True if the values are seeds, hence further draws of the same point."""
         return all(key.rpartition(".")[2] == "seed" for key in self.keys)
 
     @property
     def numeric(self) -> bool:
-        """Whether its coordinates are numbers."""
+        """True if the coordinates are numbers."""
         shown = self.labels if self.labels is not None else self.values or []
         return all(isinstance(value, int | float) and not isinstance(value, bool) for value in shown)
 
     def sequence(self) -> list[Any]:
-        """The values of a grid, in the order of the file."""
+        """Return the values of a grid, in the order of the file."""
         if self.values is not None:
             return list(self.values)
         if self.points is None:
@@ -109,50 +111,50 @@ class Axis(Part):
         return [self.value(part) for part in np.linspace(0, 1, self.points)]
 
     def value(self, part: float) -> float:
-        """Value at a part of the range from 0 to 1; six digits, so that it is the same on every machine."""
+        """Return the value at a fraction `part` of the range, rounded to six digits for portability."""
         low, high = self.range or (0.0, 1.0)
         value = low * (high / low) ** part if self.spacing == "log" else low + (high - low) * part
         return {0.0: low, 1.0: high}.get(float(part), float(f"{value:.6g}"))
 
     def part(self, value: float) -> float:
-        """Where a value lies in the range, from 0 to 1: the inverse of `value`."""
+        """Return the fraction of the range at a value, from 0 to 1: the inverse of `value`."""
         low, high = self.range or (0.0, 1.0)
         return math.log(value / low) / math.log(high / low) if self.spacing == "log" else (value - low) / (high - low)
 
     def middle(self, low: float, high: float) -> float:
-        """Value half-way between two others, in the spacing of the axis."""
+        """Return the midpoint of two values, in the spacing of the axis."""
         value = np.sqrt(low * high) if self.spacing == "log" else 0.5 * (low + high)
         return float(f"{value:.6g}")
 
     def distance(self, low: float, high: float) -> float:
-        """Distance of two values as a part of the whole axis."""
+        """Return the distance of two values as a fraction of the whole axis."""
         ends = self.range or [min(self.values or []), max(self.values or [])]
         scale = np.log if self.spacing == "log" else np.asarray
         return float(abs(scale(high) - scale(low)) / (scale(ends[1]) - scale(ends[0])))
 
     def coordinate(self, value: object) -> Any:
-        """What the table shows for a value: the number, its label, or the text of a list."""
+        """Return the table entry of a value: the number, its label, or the text of a list."""
         if self.labels is not None and value in (self.values or []):
             return self.labels[(self.values or []).index(value)]
         return value if isinstance(value, str | int | float) else json.dumps(value, default=str)
 
 
 class Refine(Part):
-    """What `--refine` does."""
+    """Refinement of mode boundaries with `--refine`."""
 
     width: Fraction = 0.05
     """Width to which a boundary between two modes is located, as a part of the axis."""
     by: str = "mode"
-    """The quantity whose change makes a boundary."""
+    """Quantity whose change defines a boundary."""
     fine: Table = {}
     """Keys of the case for the second, finer mesh on which boundary points run again."""
 
 
 class Mark(Part):
-    """A point that figures point out, for example a published one."""
+    """A point marked in figures, for example a published one."""
 
     label: str
-    """What figures write beside it."""
+    """Text beside the mark."""
     point: Annotated[list[float], Field(min_length=2, max_length=2)]
     """Its values on the first two axes."""
 
@@ -164,7 +166,7 @@ class Point:
     Attributes
     ----------
     coordinates : dict
-        What the table shows, by axis.
+        Table entries, by axis.
     values : dict
         Value of every axis.
     case : Case or lumped model
@@ -179,11 +181,12 @@ class Point:
 
     @property
     def hash(self) -> str:
+        """Hash of the case, which identifies the point."""
         return self.case.hash
 
 
 class Study(Part):
-    """A case and how it varies.
+    """A case and its variation.
 
     On a grid all values of all axes are combined. In a Latin hypercube the axes given by a range are sampled
     together and each sample is combined with all values of the other axes; so is each set of a search (`cma_es`).
@@ -195,7 +198,7 @@ class Study(Part):
     """
 
     title: str = ""
-    """What figures are headed with."""
+    """Title of figures."""
     case: CasePath
     """Case file, relative to the study file."""
     plugins: list[CasePath] = []
@@ -203,27 +206,27 @@ class Study(Part):
     set: Table = {}
     """Keys of the case that differ from the file at every point; a table with a `kind` replaces the file's one."""
     axes: Annotated[list[Axis], Field(min_length=1)]
-    """What varies, one table each."""
+    """Axes, one table each."""
     sampling: Literal["grid", "latin_hypercube", "cma_es"] = "grid"
-    """All combinations, or over the axes that have a range a Latin hypercube, or a search for the best."""
+    """All combinations (grid); or, over the axes with a range, a Latin hypercube or a search for the best set."""
     samples: Annotated[int, Field(ge=1)] | None = None
-    """How many points of the hypercube, or sets of the search."""
+    """Number of points of the hypercube, or of sets of the search."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Of the hypercube or the search."""
+    """Seed of the hypercube or the search."""
     search: Search | None = None
-    """What a search is after."""
+    """Goals and options of a search."""
     ranks: Annotated[int, Field(ge=1)] = 1
     """MPI ranks of every run."""
     time_limit: Duration | None = None
-    """Wall time after which a point counts as failed [s]."""
+    """Wall-clock time after which a point counts as failed [s]."""
     keep: list[Literal["pictures", "run"]] = ["pictures"]
-    """Besides the scalars: pictures for the page, or the whole run directory."""
+    """Kept besides the scalars: pictures for the page, or the whole run directory."""
     quantities: list[str] = []
     """Columns of the table; default is every scalar of the summary."""
     refine: Refine = Refine()
-    """How far boundaries are located, and on which finer mesh their neighbours run again."""
+    """Accuracy of boundaries, and the finer mesh on which boundary points run again."""
     marks: list[Mark] = []
-    """Points that figures show."""
+    """Points marked in figures."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Study:
@@ -249,7 +252,7 @@ class Study(Part):
         return self
 
     def _require_single_writers(self) -> None:
-        """Refuse a study that writes the same value of the case twice: the last would win, and the table be wrong."""
+        """Refuse a study that writes the same value of the case twice, as the last one would win."""
         try:
             table = self.base()
         except CaseError:  # `points` raises it
@@ -263,7 +266,7 @@ class Study(Part):
                     f"{later}.key = '{other}': {where}.key = '{key}' writes the same value; remove one of them, or "
                     "make one axis of both (a list as key, lists as values)"
                 )
-        # A list in [set] may have an element that an axis varies: without the list there is no element to write.
+        # A list in [set] may contain an element that an axis varies: the element exists only with the list.
         written = [("set", key) for key in _flat(self.set, whole=False)]
         written += [("refine.fine", key) for key in _flat(self.refine.fine)]
         for (where, key, path), (table_name, other) in itertools.product(keys, written):
@@ -274,14 +277,14 @@ class Study(Part):
                 )
 
     def require_quantities(self, case: Case | LumpedModel, found: Collection[str] = ()) -> None:
-        """Refuse names of quantities that no run of this case has.
+        """Refuse quantities that no run of this case has.
 
         Parameters
         ----------
         case : Case or lumped model
-            That of a point. The scalars of a case with bodies are known beforehand, those of a lumped model are not.
+            Case of a point. The scalars of a case with bodies are known before a run, those of a lumped model are not.
         found : collection of str
-            Names of the scalars that finished runs have.
+            Names of the scalars of finished runs.
 
         Raises
         ------
@@ -320,14 +323,15 @@ class Study(Part):
 
     @property
     def sampled(self) -> list[Axis]:
-        """The axes that a Latin hypercube or a search samples; none on a grid."""
+        """Axes sampled by a Latin hypercube or a search; empty on a grid."""
         return [axis for axis in self.axes if axis.range is not None] if self.sampling != "grid" else []
 
     def axis(self, column: str) -> Axis:
+        """Return the axis of a column."""
         return next(axis for axis in self.axes if axis.column == column)
 
     def base(self, overrides: Mapping[str, object] | None = None) -> Table:
-        """Tables of the case with `set` and further dotted keys; not yet checked."""
+        """Return the tables of the case with `set` and further dotted keys; not yet checked."""
         path = Path(self.case)
         try:
             table = read_toml(path)
@@ -342,30 +346,30 @@ class Study(Part):
         return table
 
     def identity(self) -> Table:
-        """What makes two studies one: the case apart from its axes, and the keys of the axes."""
+        """Return what identifies a study: the hash of its case without the axes, and the keys of the axes."""
         table = self.base()
         table.pop("title", None)
-        table.pop("plugins", None)  # by their content they are part of every point
+        table.pop("plugins", None)  # the hash of every point includes their content
         keys = sorted(key for axis in self.axes for key in axis.keys)
         case = {key: value for key, value in _flat(table, whole=False).items() if key not in keys}
         text = json.dumps(case, sort_keys=True, default=str)
         return {"axes": keys, "case": hashlib.sha256(text.encode()).hexdigest()[:16]}
 
     def combinations(self) -> Iterator[Table]:
-        """Value of every axis, point by point; of a search those of the set that it begins with."""
+        """Yield the values of the axes, point by point; for a search those of its first set."""
         samples = self._hypercube() if self.search is None else [self.start(self.search)]
         for sample in samples:
             yield from self.crossed(sample)
 
     def crossed(self, sample: Mapping[str, float]) -> Iterator[Table]:
-        """A sample of the axes that have a range, with all values of the others."""
+        """Yield a sample of the axes with a range, combined with all values of the others."""
         axes = [axis for axis in self.axes if axis not in self.sampled]
         for row in itertools.product(*(axis.sequence() for axis in axes)):
             values = {**sample, **dict(zip((axis.column for axis in axes), row, strict=True))}
             yield {axis.column: values[axis.column] for axis in self.axes}
 
     def start(self, search: Search) -> dict[str, float]:
-        """The set that a search begins with."""
+        """Return the first set of a search."""
         return {axis.column: search.start.get(axis.column, axis.value(0.5)) for axis in self.sampled}
 
     def _hypercube(self) -> Iterator[dict[str, float]]:
@@ -379,7 +383,7 @@ class Study(Part):
             yield {axis.column: axis.value(part) for axis, part in zip(self.sampled, row, strict=True)}
 
     def points(self) -> list[Point]:
-        """All points of the grid or of the hypercube, checked.
+        """Return all points of the grid or of the hypercube, checked.
 
         Raises
         ------
@@ -398,7 +402,7 @@ class Study(Part):
         overrides: Mapping[str, Any] | None = None,
         table: Table | None = None,
     ) -> Point:
-        """The point with these values of the axes and, where given, further keys of the case."""
+        """Return the point with these values of the axes and, optionally, further keys of the case."""
         table = copy.deepcopy(table or self.base())
         coordinates = {axis.column: axis.coordinate(values[axis.column]) for axis in self.axes}
         shown = ", ".join(f"{name} = {value}" for name, value in coordinates.items())
@@ -449,10 +453,10 @@ def read_study(path: str | Path, overrides: Iterable[str] = ()) -> Study:
 
 
 def _with_units(study: Study) -> Study:
-    """The same with the unit of its key for every axis that names none; as it is where its first point is refused."""
+    """Return the study with the unit of the key for every axis without one; unchanged if its first point is refused."""
     try:
         case = study.point(next(study.combinations())).case
-    except CaseError:  # whoever asks for the points is told
+    except CaseError:  # `points` raises it again
         return study
     units = [axis.unit if axis.unit != "1" or axis.labels else _unit_of_key(case, axis.keys[0]) for axis in study.axes]
     axes = [axis.model_copy(update={"unit": unit}) for axis, unit in zip(study.axes, units, strict=True)]
@@ -460,7 +464,7 @@ def _with_units(study: Study) -> Study:
 
 
 def _unit_of_key(case: Part, key: str) -> str:
-    """Unit of a dotted key of a case; 1 where it leads to no number of a part."""
+    """Return the unit of a dotted key of a case; 1 if the key is not a number of a part."""
     *parents, last = key.split(".")
     node: Any = case
     for name in parents:
@@ -474,7 +478,7 @@ def _unit_of_key(case: Part, key: str) -> str:
 
 
 def _path(key: str, table: object) -> tuple[str | int, ...]:
-    """Names and numbers along a dotted key; entries of a list counted from its beginning, however they are written."""
+    """Return names and indices along a dotted key; list indices are counted from the start."""
     path: list[str | int] = []
     node: Any = table
     for name in key.split("."):
@@ -492,12 +496,12 @@ def _path(key: str, table: object) -> tuple[str | int, ...]:
 
 
 def _begins(path: tuple[str | int, ...], beginning: tuple[str | int, ...]) -> bool:
-    """Return whether a path is another one or leads on from it."""
+    """Return whether a path equals or continues another one."""
     return path[: len(beginning)] == beginning
 
 
 def _astray(key: str, table: object) -> str:
-    """Where a dotted key leaves the tables of the case for one that is not there, and the nearest that is."""
+    """Return a message with the first table of a dotted key that the case does not have; empty if there is none."""
     seen: list[str] = []
     for name in key.split(".")[:-1]:
         if not isinstance(table, Mapping):
@@ -511,7 +515,7 @@ def _astray(key: str, table: object) -> str:
 
 
 def _flat(table: Mapping[str, object], prefix: str = "", whole: bool = True) -> Table:
-    """Dotted keys of nested tables and of lists of tables; tables with a `kind` stay whole if asked to."""
+    """Return dotted keys of nested tables and of lists of tables; tables with a `kind` stay whole on request."""
     flat: Table = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and not (whole and "kind" in value):

@@ -1,4 +1,4 @@
-"""Running all points of a study on a dask.distributed cluster, the local one by default."""
+"""Execution of all points of a study on a dask.distributed cluster, by default a local one."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Interrupted(RuptfxError):  # noqa: N818
 
 @dataclass
 class Outcome:
-    """The findings of a study: every point with its result, boundary points on the finer mesh, and sets with scores.
+    """Results of a study: every point, boundary points on the finer mesh, and sets with scores.
 
-    `files` are those that were written of all points.
+    `files` are the products of the whole study.
     """
 
     points: list[tuple[Point, Result]] = field(default_factory=list)
@@ -39,6 +39,7 @@ class Outcome:
 
     @property
     def failed(self) -> int:
+        """Number of failed points."""
         return sum(result["status"] == "failed" for _, result in self.points)
 
 
@@ -52,18 +53,18 @@ def run_study(
     retry: bool = False,
     show: bool = True,
 ) -> Outcome:
-    """Run what is not yet done, then write the table, the data set, the map and its page.
+    """Run the unfinished points, then write the table, the data set, the map and its page.
 
     Parameters
     ----------
     study : Study
     out : path
-        Directory of the study; one that holds the same study is continued.
+        Directory of the study; an existing one of the same study is continued.
     scheduler : str, optional
         Address of a dask scheduler whose workers see `out` under the same path; default is a cluster in this
         process.
     cores : int, optional
-        Cores the local cluster uses; default is all this process may use.
+        Cores of the local cluster; default is all that this process may use.
     refined : bool
         Locate the boundaries between modes and run the points beside them on a finer mesh.
     retry : bool
@@ -74,9 +75,9 @@ def run_study(
     Raises
     ------
     RuptfxError
-        DOLFINx is not installed. Else nothing is lost: what finished is kept, and the same call continues.
+        DOLFINx is not installed. After other errors finished points are kept, and the same call continues.
     """
-    points = study.points()  # a bad study is refused before anything is touched
+    points = study.points()  # refuse a bad study before any file is written
     if scheduler is None:
         launch.need_fem()
     if refined and study.refine.fine:
@@ -117,7 +118,7 @@ def _refine(study: Study, run: Runner, outcome: Outcome) -> None:
 
 
 def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> list[Path]:
-    """Write the products, each replaced at once; return their files."""
+    """Write the products, each replaced atomically; return their files."""
     rows = table.rows(study, outcome.points, outcome.fine)
     files = [store.path / "table.csv", store.path / "table.nc"]
     table.write_csv(files[0], rows)
@@ -133,14 +134,14 @@ def _write(study: Study, store: Store, outcome: Outcome, refined: bool) -> list[
 
 
 def _has_map(directory: Path) -> bool:
-    """Return whether a table has an axis with numbers and something to show over it."""
+    """Return whether a table has a numeric axis and a quantity for the map."""
     from ruptfx.study import mode_map
 
     return mode_map.suits(mode_map.read_map(directory))
 
 
 def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """The figures of a finished study: its map and, where it has one axis, its curves; returns the files."""
+    """Draw the map of a finished study and, if it has one axis, its curves; return the files."""
     from ruptfx.study import curves, mode_map
 
     paths = mode_map.save(directory, formats)
@@ -150,7 +151,7 @@ def draw(directory: Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]
 
 @dataclass
 class Runner:
-    """Runs lists of points, skipping what is finished."""
+    """Run lists of points, skipping finished ones."""
 
     study: Study
     store: Store
@@ -158,6 +159,7 @@ class Runner:
     count: Count
 
     def __call__(self, points: Sequence[Point], outcome: Outcome) -> list[tuple[Point, Result]]:
+        """Run points and return all results."""
         from distributed import as_completed
 
         results = {point.hash: self.store.result(point.hash) for point in points}
@@ -181,14 +183,14 @@ class Runner:
         return [(point, results[point.hash]) for point in points]  # type: ignore[misc]
 
     def _table(self, point: Point) -> Table:
-        """Of its case; plug-ins are those of the directory, whatever becomes of the originals while the study runs."""
+        """Return the case table of a point, with the copies of the plug-ins in the study directory."""
         table = point.case.copied(self.store.path)
         if "plugins" in table:
             table["plugins"] = [str(self.store.path / path) for path in table["plugins"]]
         return table
 
     def _result(self, future: Any, key: str) -> Result:
-        """Of a task; a worker that was lost with its point is a failure of the point."""
+        """Return the result of a task; a lost worker counts as a failure of the point."""
         error = future.exception()
         if error is None:
             found: Result = future.result()
@@ -201,7 +203,7 @@ class Runner:
 
 @contextmanager
 def _cluster(path: Path, address: str | None, cores: int | None, ranks: int) -> Iterator[Any]:
-    """A dask client: of the scheduler at `address`, or of threads in this process that start the runs.
+    """Open a dask client: of the scheduler at `address`, or of threads in this process that start the runs.
 
     Raises
     ------
@@ -255,7 +257,7 @@ def _look(path: str) -> tuple[str, bool]:
 
 @contextmanager
 def _stoppable() -> Iterator[None]:
-    """SIGTERM stops a study as Ctrl-C does."""
+    """Let SIGTERM stop a study as Ctrl-C does."""
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -272,7 +274,7 @@ def _stoppable() -> Iterator[None]:
 
 
 class Count:
-    """How many points there are, are done and have failed, shown as they finish.
+    """Progress display: total, finished and failed points.
 
     Parameters
     ----------
@@ -282,7 +284,7 @@ class Count:
     Attributes
     ----------
     note : str
-        What is shown after the numbers.
+        Text after the numbers.
     """
 
     def __init__(self, progress: Progress, title: str) -> None:
@@ -295,17 +297,17 @@ class Count:
         return max(self._added, self._expected)
 
     def expect(self, count: int) -> None:
-        """How many points there will be in all, where they come in portions."""
+        """Set the total number of points if they are added in portions."""
         self._expected = count
 
     def add(self, count: int, known: Sequence[Result]) -> None:
-        """More points to come, some of them known from before."""
+        """Add points, some of them with known results."""
         self._added += count
         for result in known:
             self._count(result)
 
     def finished(self, result: Result) -> None:
-        """One point more."""
+        """Count a finished point."""
         self._count(result)
         self._progress.update(
             (self._done + self._failed) / self._total,

@@ -1,4 +1,4 @@
-"""What a search is after: goals for quantities of runs, and the score of a set of constants from them."""
+"""Goals of a search for quantities of runs, and the score of a set of constants."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class Goal(Part):
-    """A quantity of the summary and what it should be; a run reaches it to a degree from 0 to 1, without steps.
+    """Target or bound of a quantity of the summary; a run reaches it to a degree from 0 to 1.
 
     With `target` the degree is 1 / (1 + ((q - target) / scale)^2), with `at_least` q over it and with `at_most` it
-    over q, where that is below 1. Runs that failed or lack the quantity have the degree 0.
+    over q, at most 1. Runs that failed or lack the quantity have the degree 0.
     """
 
     quantity: str
     """A number of the summary of a run."""
     where: Table = {}
-    """Axes without a range and the values (or labels) for which this is asked; all runs by default."""
+    """Axes without a range and the values (or labels) to which the goal applies; all runs by default."""
     target: float | None = None
-    """What it should be."""
+    """Target value."""
     scale: Positive | None = None
-    """The distance from the target at which half is lost."""
+    """Distance from the target at which the degree is one half."""
     at_least: Positive | None = None
-    """Smallest value that is good."""
+    """Smallest value of degree 1."""
     at_most: Positive | None = None
-    """Largest value that is good."""
+    """Largest value of degree 1."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Goal:
@@ -44,11 +44,11 @@ class Goal(Part):
         return self
 
     def concerns(self, coordinates: Mapping[str, Any]) -> bool:
-        """Whether it is asked of the run at these coordinates."""
+        """Return whether the goal applies to the run at these coordinates."""
         return all(coordinates.get(name) == value for name, value in self.where.items())
 
     def degree(self, values: Mapping[str, Any]) -> float:
-        """Return the part of the goal that a run with these quantities reaches.
+        """Return the degree to which a run with these quantities reaches the goal.
 
         Raises
         ------
@@ -69,28 +69,28 @@ class Goal(Part):
 
 
 class Search(Part):
-    """How the axes that have a range are searched, by evolution with an adapting covariance (CMA-ES).
+    """Search over the axes with a range, by evolution with covariance matrix adaptation (CMA-ES).
 
-    The degree of a run is the geometric mean of how far it reaches the goals that concern it, and the score
-    of a set of constants the mean over its runs. A search that stops improving begins again elsewhere, with twice the
+    The degree of a run is the geometric mean of the degrees of the goals that apply to it, and the score
+    of a set of constants the mean over its runs. A search that stops improving restarts elsewhere, with twice the
     population (Auger and Hansen, CEC 2005).
     """
 
     goals: Annotated[list[Goal], Field(min_length=1)]
-    """What is asked for."""
+    """Goals, one table each."""
     start: dict[str, float] = {}
-    """Where it begins, by axis; the middle of the ranges not named."""
+    """Initial values by axis; default is the middle of the range."""
     step: Fraction = 0.2
     """Standard deviation of the first population, as a part of the ranges."""
     population: Annotated[int, Field(ge=4)] | None = None
     """Sets of one generation; default is 4 + 3 ln of the number of axes."""
 
     def degree(self, coordinates: Mapping[str, Any], values: Mapping[str, Any]) -> float:
-        """Geometric mean of the goals that concern one run; 1 without any."""
+        """Return the geometric mean of the goals that apply to a run; 1 without any."""
         degrees = [goal.degree(values) for goal in self.goals if goal.concerns(coordinates)]
         return math.prod(degrees) ** (1 / max(len(degrees), 1))
 
     def score(self, degrees: Iterable[float]) -> float:
-        """Of a set, from those of its runs."""
+        """Return the score of a set from the degrees of its runs."""
         found = list(degrees)
         return sum(found) / len(found)

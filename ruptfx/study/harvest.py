@@ -1,4 +1,4 @@
-"""What a study keeps of a finished run: its scalars, two pictures for the page, or everything."""
+"""Data that a study keeps of a finished run: its scalars, two pictures for the page, or everything."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PICTURES = {
 
 
 def scalars() -> list[str]:
-    """Names of all scalars that `harvest` may find in a run with bodies."""
+    """Return the names of all scalars that `harvest` may find in a run with bodies."""
     from ruptfx.analysis.energy import PARTS
     from ruptfx.summary_fields import DESCRIPTIONS
 
@@ -33,7 +33,7 @@ def scalars() -> list[str]:
 
 
 def harvest(run: Path, keep: list[str]) -> Table:
-    """Scalars of a run; pictures go beside it, and the run itself is removed unless it is kept.
+    """Return the scalars of a run; save its pictures beside it; remove the run unless it is kept.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def harvest(run: Path, keep: list[str]) -> Table:
     values = {key: value for key, value in summary.items() if value is None or isinstance(value, int | float | str)}
     slides = (run / "interface.h5").is_file() or list(run.glob("interface_*.h5"))
     if slides or (run / "events.h5").is_file():
-        with Files(run, trust=True) as record:  # its plug-ins have just run
+        with Files(run, trust=True) as record:  # its plug-ins have just been executed by the run
             values |= {"rupture": _rupture(values)} if slides else {}
             values |= _energies(record)
             if "pictures" in keep:
@@ -57,18 +57,18 @@ def harvest(run: Path, keep: list[str]) -> Table:
 
 
 def _rupture(values: Table) -> str | None:
-    """How far and how fast in one word: none, arrested, or the speed regime."""
+    """Return one word for the rupture: none, arrested, or the speed regime."""
     return values.get("mode") if values.get("mode") in ("none", "arrested") else values.get("speed_regime")
 
 
 def _energies(record: Files) -> dict[str, float]:
-    """Final energies [J per metre of thickness in 2D] and where the work went, as fractions of it."""
+    """Return final energies [J per metre of thickness in 2D], and the parts of the work as fractions of it."""
     from ruptfx.analysis.energy import PARTS, budget
 
     found = budget(record.energy)
     work = found["boundary_work"]
     parts = [name for name in PARTS if name in found]  # runs of older versions have fewer parts
-    # Where nothing drives the bodies, the initial stress does the work.
+    # Without work of the boundaries the initial stress supplies the energy.
     scale = work if work > 0 else max(sum(abs(found[name]) for name in parts), 1e-300)
     return {f"energy_{name}": found[name] for name in (*parts, "boundary_work")} | {
         f"{name}_share": found[name] / scale for name in parts
@@ -76,7 +76,7 @@ def _energies(record: Files) -> dict[str, float]:
 
 
 def _draw(record: Files, directory: Path) -> None:
-    """Small pictures for the page."""
+    """Draw small pictures for the page."""
     from ruptfx import plots
 
     for name in PICTURES:
@@ -84,14 +84,14 @@ def _draw(record: Files, directory: Path) -> None:
             continue
         try:
             figure = getattr(plots, name)(record)
-        except Exception as error:  # a picture that fails is no reason to lose the run
+        except Exception as error:  # a failed picture must not lose the run
             (directory / f"{name}.txt").write_text(f"{error}\n")
             continue
         _save_small(figure, directory / f"{name}.webp")
 
 
 def _save_small(figure: Figure, path: Path) -> None:
-    """A picture in all its colours that takes little space: a page holds hundreds of them."""
+    """Save a picture in full colour as a small file: a page contains hundreds of them."""
     from ruptfx.figure_style import save
 
     dpi = 130

@@ -1,8 +1,8 @@
-"""The map of a study: its mode over two axes, with speeds, slip and energy beside it; as a figure and as a page.
+"""Map of a study: its mode over two axes, with speeds, slip and energy; as a figure and as an HTML page.
 
-The page is one file that needs no other, so that it works from a disk or an attachment: a pointer over a point shows
-its numbers, a click its pictures, its summary and the command that runs it again, and buttons change what the colour
-means. Only the link to the files of a point needs the study directory around it.
+The page is one file without dependencies, so that it works from a disk or an attachment: a pointer over a point shows
+its numbers, a click its pictures, summary and the command that runs it again, and buttons select the coloured
+quantity. Only the link to the files of a point needs the study directory.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ COLOURS = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.08, 1, 25
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that colours the map: column of the table, label, unit of the axis, size of that unit."""
+    """A quantity that colours the map: column of the table, label, unit of the axis, size of that unit."""
 
     name: str
     label: str
@@ -68,7 +68,7 @@ SHARES = {
 
 @dataclass(frozen=True)
 class Map:
-    """A study and its table, as the map sees them."""
+    """A study and its table, as input of the map."""
 
     study: Study
     rows: list[Row]
@@ -76,7 +76,7 @@ class Map:
 
     @property
     def axes(self) -> list[Axis]:
-        """The first two axes with numbers: across and up."""
+        """First two numeric axes: horizontal and vertical."""
         axes = [axis for axis in self.study.axes if axis.numeric][:2]
         if not axes:
             raise RuptfxError("a map needs an axis with numbers")
@@ -84,7 +84,7 @@ class Map:
 
     @property
     def facets(self) -> list[tuple[str, list[Row]]]:
-        """Rows by what the remaining axes say; a hypercube is one cloud."""
+        """Rows grouped by the values of the remaining axes; a hypercube is one group."""
         rest = [a.column for a in self.study.axes if a not in self.axes and a not in self.study.sampled]
         groups: dict[str, list[Row]] = {}
         for row in self.rows:
@@ -94,7 +94,7 @@ class Map:
 
     @property
     def quantities(self) -> list[Quantity]:
-        """Those of the usual ones that the table has; else its first numbers."""
+        """The default quantities that the table has; else its first four numbers."""
         usual = (OF_ANTIPLANE, *QUANTITIES[1:]) if self.antiplane else QUANTITIES
         has = [q for q in usual if any(isinstance(row.get(q.name), float) for row in self.rows)]
         if has:
@@ -106,12 +106,12 @@ class Map:
 
     @property
     def panels(self) -> list[Quantity | None]:
-        """Quantities of the map, one panel each: the mode, which is None, and numbers."""
+        """Quantities of the map, one panel each: None for the mode, and numbers."""
         return [*([None] if self.has_modes else []), *self.quantities]
 
     @property
     def antiplane(self) -> bool:
-        """Whether there are no waves but shear waves: tip speeds over c_l, recorded as c_s, are those over c_s."""
+        """True if only shear waves exist, so that the recorded c_l equals c_s."""
         pairs = [(row.get(QUANTITIES[0].name), row.get(OF_ANTIPLANE.name)) for row in self.rows]
         known = [pair for pair in pairs if all(isinstance(value, float) for value in pair)]
         return bool(known) and all(over_c_l == over_c_s for over_c_l, over_c_s in known)
@@ -124,27 +124,28 @@ class Map:
 
     @property
     def has_modes(self) -> bool:
-        """Whether the table has one, or a failure to show in its place."""
+        """True if the table has a mode or a failure in any row."""
         return any(isinstance(row.get(self.study.refine.by), str) or row["status"] == "failed" for row in self.rows)
 
     def mode(self, row: Row) -> str:
+        """Return the mode of a row, or "failed"."""
         return "failed" if row["status"] == "failed" else str(row.get(self.study.refine.by) or "none")
 
     def look(self) -> dict[str, tuple[str, str]]:
-        """Colour and symbol of the modes that occur."""
+        """Return colour and symbol of the modes that occur."""
         found = {self.mode(row) for row in self.rows}
         others = sorted(found - MODES.keys())
         extra = {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}
         return {name: look for name, look in {**MODES, **extra}.items() if name in found}
 
     def doubtful(self, row: Row) -> bool:
-        """Whether half the threshold or the finer mesh gives another mode."""
+        """Return whether half the threshold or the finer mesh gives another mode."""
         others = [row.get("mode_at_half_threshold"), row.get("fine_mesh")]
         return self.study.refine.by == "mode" and any(o is not None and o != row.get("mode") for o in others)
 
 
 def read_map(directory: str | Path) -> Map:
-    """The map of a study directory.
+    """Read the map of a study directory.
 
     Raises
     ------
@@ -160,17 +161,17 @@ def read_map(directory: str | Path) -> Map:
 
 
 def suits(shown: Map) -> bool:
-    """Return whether there is an axis with numbers, and something to show over it."""
+    """Return whether there is a numeric axis and a quantity for the map."""
     return any(axis.numeric for axis in shown.study.axes) and bool(shown.panels)
 
 
 def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list[Path]:
-    """Draw the map of a study directory as figure and page; returns the files.
+    """Draw the map of a study directory as figure and page; return the files.
 
     Raises
     ------
     RuptfxError
-        No finished study is there, or its table has nothing to show.
+        If there is no finished study, or its table has no quantity for the map.
     """
     directory = Path(directory)
     shown = read_map(directory)
@@ -187,9 +188,9 @@ def save(directory: str | Path, formats: Sequence[str] = ("png", "pdf")) -> list
 
 @styled
 def draw(shown: Map) -> Figure:
-    """The mode and four numbers, one row each, one column per value of the remaining axes.
+    """Draw the mode and four quantities, one row each, one column per value of the remaining axes.
 
-    Hollow symbols: half the sliding threshold or, where it was asked, the finer mesh gives another mode.
+    Hollow symbols: half the sliding threshold or, with `--refine`, the finer mesh gives another mode.
     """
     facets = shown.facets[:4]
     kinds = shown.panels
@@ -220,7 +221,7 @@ def draw(shown: Map) -> Figure:
 
 @styled
 def draw_modes(maps: Sequence[Map]) -> Figure:
-    """Only the modes, of several studies side by side; the axes should be the same."""
+    """Draw only the modes of several studies side by side; the axes should be the same."""
     panels = [(shown, label, rows) for shown in maps for label, rows in shown.facets]
     figure, grid = new_figure(1, len(panels), 2.5, max(WIDTH, 2.4 * len(panels)), sharey=True)
     for ax, (shown, label, rows) in zip(grid[0], panels, strict=True):
@@ -261,7 +262,7 @@ def _axes(ax: Axes, shown: Map) -> None:
 
 
 def _unit(axis: Axis) -> tuple[float, str]:
-    """Size and name of the unit on an axis: Pa becomes MPa."""
+    """Return size and name of the unit on an axis: Pa becomes MPa."""
     values = axis.range or axis.labels or axis.values or []
     try:
         return scale(np.array(values), axis.unit)
@@ -291,7 +292,7 @@ def _cells(ax: Axes, shown: Map, rows: Sequence[Row], values: Sequence[object] |
 
 
 def _edges(values: np.ndarray, logarithmic: bool) -> np.ndarray:
-    """Half-way between neighbours; the outer cells are symmetric, but none of positive values reaches below zero."""
+    """Return edges half-way between neighbours; outer cells are symmetric, but stay positive for positive values."""
     v = np.log(values) if logarithmic else values
     if len(v) == 1:
         edges = np.array([v[0] - 0.5, v[0] + 0.5])
@@ -336,7 +337,7 @@ def _draw_quantity(ax: Axes, shown: Map, rows: Sequence[Row], quantity: Quantity
         low = max(float(positive.min()), high / 1e4)
         extend = "min" if positive.min() < low else "neither"
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high if high > low else low + 1)
-    # What is smaller than four decades has the last colour; zero has none.
+    # Values more than four decades below the largest have the last colour; zero has none.
     shades = np.where(values > 0, np.maximum(values, low), np.nan) if logarithmic else values
     _cells(ax, shown, rows, shades, cmap=COLOURS, norm=norm)
     ax.set_facecolor("#f2f2f2")
@@ -355,8 +356,8 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
     for mark in shown.study.marks:
         x, y = (value / _unit(axis)[0] for value, axis in zip(mark.point, shown.axes, strict=True))
         ax.plot(x, y, "o", ms=8, mfc="none", mec="black", mew=1.0, zorder=5)
-        # Where four cells meet, so that it hides the symbol of none; at the sides inside of the map.
-        ax.autoscale_view()  # transforms have no limits before
+        # At the common corner of four cells, so that the mark hides no symbol; at the sides inside of the map.
+        ax.autoscale_view()  # transforms need axis limits
         across = (ax.transData - ax.transAxes).transform((x, y))[0]
         place, way = ("left", 6) if across < 0.25 else ("right", -6) if across > 0.75 else ("center", 9)
         halo = [withStroke(linewidth=1.5, foreground="white")]
@@ -367,7 +368,7 @@ def _draw_marks(ax: Axes, shown: Map) -> None:
 
 
 def page(shown: Map) -> str:
-    """The page: the template with all data and pictures inside."""
+    """Return the HTML page: the template with all data and pictures."""
     units = [_unit(axis) for axis in shown.axes]
     axes = [
         {"label": a.label or a.column, "unit": "" if unit == "1" else unit, "size": size, "log": a.spacing == "log"}
@@ -408,7 +409,7 @@ def _page_point(shown: Map, row: Row) -> Table:
 
 
 def _command(shown: Map, row: Row) -> str:
-    """Runs a point again, in the study directory; empty where its case is not there."""
+    """Return the command that runs a point again in the study directory; empty if its case is missing."""
     case = Path("points", str(row["point"]), "case.toml")
     if not (shown.directory / case).is_file():
         return ""
@@ -417,7 +418,7 @@ def _command(shown: Map, row: Row) -> str:
 
 
 def _json(value: object) -> object:
-    """JSON knows no infinity: an overflow is shown by its name."""
+    """Replace an infinite number, which JSON does not have, by its name."""
     return value if not isinstance(value, float) or np.isfinite(value) else str(value)
 
 

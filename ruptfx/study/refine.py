@@ -1,4 +1,4 @@
-"""Refinement: bisect every step of the grid across which the mode changes, then ask a finer mesh about the ends."""
+"""Refinement: bisect every step of the grid across which the mode changes, then run its ends on a finer mesh."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Step:
     low: Point
     high: Point
     width: float
-    """Part of the axis."""
+    """Width of the step as a part of the axis."""
 
 
 def boundaries(study: Study, known: Known) -> Iterator[Step]:
-    """All steps across a boundary, on every line of the grid along every numeric axis."""
+    """Yield all steps across a boundary, on every line of the grid along every numeric axis."""
     for axis in study.axes:
-        # Between two labels there is no value.
+        # Only numeric axes have values between their points.
         if not axis.numeric or axis.labels is not None or (axis.values is not None and len(axis.values) < 2):
             continue
         column = axis.column
@@ -44,7 +44,7 @@ def boundaries(study: Study, known: Known) -> Iterator[Step]:
 
 
 def bisections(study: Study, known: Known) -> list[Point]:
-    """Points half-way across every boundary that is not yet located to `refine.width`."""
+    """Return the midpoints of every boundary that is not yet located to `refine.width`."""
     table, points = study.base(), {}
     for step in boundaries(study, known):
         if step.width <= study.refine.width * (1 + 1e-9):
@@ -57,7 +57,7 @@ def bisections(study: Study, known: Known) -> list[Point]:
 
 
 def finer(study: Study, known: Known) -> dict[str, Point]:
-    """Every boundary point on the finer mesh, by the hash of the point on the study's mesh."""
+    """Return every boundary point on the finer mesh, by the hash of the point on the study's mesh."""
     table, points = study.base(), {}
     for step in boundaries(study, known):
         for point in (step.low, step.high):
@@ -66,7 +66,7 @@ def finer(study: Study, known: Known) -> dict[str, Point]:
 
 
 def summary(study: Study, known: Known, fine: Mapping[str, Result]) -> str:
-    """One sentence: how well boundaries are located, and what the finer mesh says."""
+    """Return one sentence: accuracy of the boundaries, and agreement with the finer mesh."""
     steps = list(boundaries(study, known))
     if not steps:
         return f"no boundary: {study.refine.by} is the same everywhere"

@@ -1,7 +1,7 @@
 """Search for the best set of constants: generations of sets by CMA-ES, each set under all values of the other axes.
 
-Nothing of the optimiser is saved. With the same seed it asks for the same sets as long as it is told the same scores,
-so a search that was stopped runs through what is finished without computing and goes on. CMA-ES is that of the library
+The optimiser has no saved state. With the same seed it requests the same sets as long as it receives the same scores,
+so an interrupted search replays the finished points without computing and continues. CMA-ES is that of the library
 `cma`: Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772.
 """
 
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from ruptfx.study.execute import Count
 
 Runs = list[tuple[Point, Result]]
-BEST, APART = 4, 0.1  # sets that best.toml holds, and how far they differ in parts of the ranges (root mean square)
+BEST, APART = 4, 0.1  # number of sets in best.toml, and their smallest RMS distance in parts of the ranges
 
 
 @dataclass(frozen=True)
 class ScoredSet:
-    """One set of constants with what its runs came to.
+    """One set of constants with the results of its runs.
 
     Attributes
     ----------
     number, generation : int
-        From 0, in the order of the search.
+        Indices from 0, in the order of the search.
     sample : dict of float
         Value of every axis that has a range.
     runs : list of (Point, Result)
         Its runs, one for every combination of the other axes.
     degrees : dict of float
-        How well each reaches the goals, by the name of the run (`name_of`).
+        Degree of each run, by its name (`name_of`).
     score : float
     """
 
@@ -58,16 +58,16 @@ class ScoredSet:
 
 
 def find_best(study: Study, run: Callable[[list[Point]], Runs], count: Count) -> list[ScoredSet]:
-    """All sets that were tried, in order.
+    """Run the search and return all tried sets, in order.
 
     Parameters
     ----------
     study : Study
-        With a search.
+        A study with a search.
     run : callable
-        Runs points, or finds what they left.
+        Function that runs points, or reads their results.
     count : Count
-        Shows the progress.
+        Progress display.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _search(study: Study) -> Search:
 
 
 def _generations(study: Study, search: Search) -> Iterator[tuple[list[Any], Callable[[list[float]], None]]]:
-    """Populations in the unit cube, each with the function that takes their losses; without end."""
+    """Yield populations in the unit cube without end, each with the function that accepts their losses."""
     try:
         import cma
     except ImportError as error:
@@ -134,13 +134,13 @@ def _scored(
 
 
 def name_of(study: Study, point: Point) -> str:
-    """What tells the runs of a set from each other: the coordinates on the axes without a range."""
+    """Return the name of a run within its set: its coordinates on the axes without a range."""
     sampled = {axis.column for axis in study.sampled}
     return ", ".join(str(value) for name, value in point.coordinates.items() if name not in sampled) or "run"
 
 
 def best_of(study: Study, sets: Sequence[ScoredSet], count: int = BEST) -> list[ScoredSet]:
-    """The best sets that differ, best first."""
+    """Return the best sets that differ, best first."""
     chosen: list[ScoredSet] = []
     for one in sorted(sets, key=lambda one: -one.score):
         if all(_distance(study.sampled, one, other) > APART for other in chosen):
@@ -172,7 +172,7 @@ def _row(one: ScoredSet) -> Row:
 
 
 def _study_of_best(study: Study, sets: Sequence[ScoredSet], directory: Path) -> str:
-    """A study of the best sets under the same other axes, to be run on other meshes or for longer."""
+    """Return the study file of the best sets under the same other axes, for other meshes or longer runs."""
     best = best_of(study, sets)
     axes = study.sampled
     keys = [key for axis in axes for key in axis.keys]
@@ -191,7 +191,7 @@ def _study_of_best(study: Study, sets: Sequence[ScoredSet], directory: Path) -> 
 
 
 def draw(study: Study, sets: Sequence[ScoredSet]) -> Figure:
-    """Scores over the search, and where in the ranges the good sets lie."""
+    """Draw scores over the search, and the positions of good sets in the ranges."""
     from ruptfx.study import search_figure
 
     return search_figure.draw(study, sets)

@@ -1,4 +1,4 @@
-"""The figure of a search: scores in the order of the search, and where in the ranges the good sets lie."""
+"""Figure of a search: scores in the order of the search, and positions of the good sets in the ranges."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAP = matplotlib.colormaps["viridis_r"]
 
 @styled
 def draw(study: Study, sets: Sequence[ScoredSet]) -> Figure:
-    """(a) score of every set and degrees of the best so far; (b) all sets over their ranges, the best in front."""
+    """Draw (a) score of every set and degrees of the best so far; (b) all sets over their ranges, the best in front."""
     figure, axes = new_figure(2, 1, 5.2, WIDTH)
     _scores(axes[0, 0], sets)
     _ranges(axes[1, 0], study, sets)

@@ -1,7 +1,7 @@
 """The directory of a study: one lock, one identity, one directory per finished point.
 
 A point is finished when its directory exists under its final name ``points/HASH``: it is filled under another name
-and renamed. What a killed study leaves behind is either finished or removed by the next one.
+and renamed. Unfinished directories of a killed study are removed by the next one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Store:
     Raises
     ------
     RuptfxError
-        Another process works there; or it holds another study, or something else.
+        If another process uses the directory, or it contains another study or other files.
     """
 
     def __init__(self, path: str | Path, study: Study) -> None:
@@ -41,6 +41,7 @@ class Store:
         self.points = self.path / "points"
 
     def __enter__(self) -> Self:
+        """Lock the directory and remove unfinished points."""
         marker = self.path / "study.json"
         strangers = [p.name for p in self.path.glob("*") if p.name not in (LOCK, "points")]
         if strangers and not marker.is_file():
@@ -55,7 +56,7 @@ class Store:
         return self
 
     def _claim(self, marker: Path) -> None:
-        """Compare with the study that lives here, or move in."""
+        """Check that the directory belongs to this study, or mark it."""
         mine = self._study.identity()
         if marker.is_file():
             theirs = json.loads(marker.read_text())["identity"]
@@ -75,16 +76,16 @@ class Store:
         self._held.close()
 
     def result(self, point: str) -> Result | None:
-        """What a finished point left, None if it is not finished."""
+        """Return the result of a finished point, None if it is not finished."""
         return read_result(self.path, point)
 
     @property
     def finished(self) -> int:
-        """How many points are."""
+        """Number of finished points."""
         return sum(not path.name.startswith(".") for path in self.points.iterdir())
 
     def forget_failures(self) -> int:
-        """Remove failed points, so that they run again; returns how many."""
+        """Remove failed points, so that they run again; return their number."""
         results = self.points.glob("*/result.json")
         failed = [path.parent for path in results if json.loads(path.read_text())["status"] == "failed"]
         for directory in failed:
@@ -93,22 +94,22 @@ class Store:
 
 
 def workspace(path: Path, point: str) -> Path:
-    """A new empty directory in which a point runs."""
+    """Create a new empty directory in which a point runs."""
     directory = path / "points" / f".{point}-{os.getpid()}-{time.monotonic_ns()}"
     directory.mkdir()
     return directory
 
 
 def commit(path: Path, point: str, directory: Path, result: Result) -> Result:
-    """Make a point finished, at once: the result is written and the directory gets its final name.
+    """Mark a point as finished, atomically: write the result and give the directory its final name.
 
-    The line in ``points.log`` follows the rename: a point that ran twice to its end would have two.
+    The line in ``points.log`` follows the rename: a point that is run twice has two lines.
     """
     write_json(directory / "result.json", result)
     try:
         directory.rename(path / "points" / point)
     except OSError:
-        # Someone else finished the same point first; equal input, equal output.
+        # Another process finished the same point first; equal input gives equal output.
         shutil.rmtree(directory, ignore_errors=True)
     with (path / "points.log").open("a") as log:
         log.write(f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {point} {result['status']}\n")
@@ -116,6 +117,7 @@ def commit(path: Path, point: str, directory: Path, result: Result) -> Result:
 
 
 def read_result(path: Path, point: str) -> Result | None:
+    """Return the result of a point, None if it is not finished."""
     try:
         found: Result = json.loads((path / "points" / point / "result.json").read_text())
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""All scalars of a study over its axes: ``table.csv`` and, for a grid, the same as a labelled data set."""
+"""Table of all scalars of a study over its axes: ``table.csv`` and, for a grid, a labelled data set."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ TIMINGS = ("wall_time", "node_updates_per_second", "seconds", "run_time")
 
 
 def rows(study: Study, known: Sequence[tuple[Point, Result]], fine: Mapping[str, Result]) -> list[Row]:
-    """One row per point: coordinates, status, quantities, error, hash."""
+    """Return one row per point: coordinates, status, quantities, error, hash."""
     found = dict.fromkeys(name for _, result in known for name in result.get("values", {}))
-    columns = [axis.column for axis in study.axes]  # of a scalar with the name of an axis the table shows the axis
+    columns = [axis.column for axis in study.axes]  # an axis takes precedence over a scalar of the same name
     names = study.quantities or [name for name in found if name not in ("title", "case_hash", *columns)]
     table = []
     for point, result in known:
@@ -38,7 +38,7 @@ def rows(study: Study, known: Sequence[tuple[Point, Result]], fine: Mapping[str,
 
 
 def write_csv(path: Path, table: Sequence[Row]) -> None:
-    """Empty cells are quantities that do not exist."""
+    """Write the table; empty cells are quantities that do not exist."""
     temporary = path.with_name(f".{path.name}")
     with temporary.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(table[0]) if table else ["point"])
@@ -48,15 +48,15 @@ def write_csv(path: Path, table: Sequence[Row]) -> None:
 
 
 def read_csv(path: str | Path) -> list[Row]:
-    """Rows with numbers as floats and empty cells as None."""
+    """Read rows with numbers as floats and empty cells as None."""
     with Path(path).open(newline="") as file:
         return [{key: _parsed(value) for key, value in row.items()} for row in csv.DictReader(file)]
 
 
 def dataset(study: Study, table: Sequence[Row]) -> xarray.Dataset:
-    """Quantities over the axes of a grid; over `point` for a hypercube, with the axes as coordinates.
+    """Return quantities over the axes of a grid; over `point` for a hypercube, with the axes as coordinates.
 
-    Only the points of the grid itself: refined points are in the table.
+    Refined points are in the table only.
     """
     table = [row for row in table if row["origin"] == "sample"]
     columns = [axis.column for axis in study.axes]
@@ -80,13 +80,14 @@ def dataset(study: Study, table: Sequence[Row]) -> xarray.Dataset:
 
 
 def unit_of(name: str) -> str:
-    """Unit of a column; energies of plane models are per metre of thickness."""
+    """Return the unit of a column; energies of plane models are per metre of thickness."""
     if name in (*TIMINGS, "time_step") and name != "node_updates_per_second":
         return "s"
     return UNITS.get(name, "J" if name.startswith("energy_") and name != "energy_closure" else "1")
 
 
 def write_dataset(path: Path, data: xarray.Dataset) -> None:
+    """Write a data set as NetCDF, atomically."""
     temporary = path.with_name(f".{path.name}")
     data.to_netcdf(temporary, engine="h5netcdf")
     temporary.replace(path)
@@ -97,7 +98,7 @@ def _attributes(label: str, unit: str) -> dict[str, str]:
 
 
 def _array(values: Sequence[float | str | None]) -> np.ndarray:
-    """Floats with NaN where nothing is known; text if any value is text."""
+    """Return floats with NaN for missing values; text if any value is text."""
     if any(isinstance(value, str) for value in values):
         return np.array(["" if value is None else str(value) for value in values], dtype=object)
     return np.array([math.nan if value is None else float(value) for value in values])

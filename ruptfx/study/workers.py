@@ -1,4 +1,4 @@
-"""Running points in child processes that may crash: one `ruptfx.case_server` per slot of a worker."""
+"""Execution of points in child processes that may crash: one `ruptfx.case_server` per slot of a worker."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import tomli_w
 from ruptfx import RuptfxError, Table, launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
-RECYCLE = 100  # points after which a child is replaced, against slow leaks
+RECYCLE = 100  # points after which a child is replaced, to limit memory leaks
 _idle: dict[int, list[Child]] = {}
 _all: set[Child] = set()
 _guard = threading.Lock()
@@ -27,7 +27,7 @@ _closing = threading.Event()
 
 
 class ChildError(RuptfxError):
-    """A child ended, or was ended, before it answered."""
+    """A child process ended before it answered."""
 
 
 class Child:
@@ -41,14 +41,14 @@ class Child:
     def __init__(self, ranks: int) -> None:
         self.ranks, self.served = ranks, 0
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
-        # A session of its own: Ctrl-C is for the study, which then ends its children.
+        # Own session: Ctrl-C reaches the study only, which then ends its children.
         self._process = subprocess.Popen(
             launch.mpi_command(ranks, "ruptfx.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
         )  # fmt: skip
 
     def run(self, job: Table, time_limit: float | None) -> Result:
-        """Answer to one job.
+        """Send one job and return its result.
 
         Parameters
         ----------
@@ -59,7 +59,7 @@ class Child:
         Raises
         ------
         ChildError
-            The child crashed or took too long; it is gone then.
+            The child crashed or exceeded the time limit; it has been ended.
         """
         assert self._process.stdin and self._process.stdout
         try:
@@ -79,7 +79,7 @@ class Child:
         return found
 
     def _how_it_ended(self) -> str:
-        """How the child ended, with its last words."""
+        """Return the exit status of the child, with the end of its error output."""
         self.close()
         code = self._process.returncode
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
@@ -88,9 +88,9 @@ class Child:
         return f"the run crashed ({how}): " + " / ".join(words[-8:])[-1500:]
 
     def close(self) -> None:
-        """End the job now."""
+        """End the job immediately."""
         assert self._process.stdin
-        self._process.stdin.close()  # its rank 0 leaves when the input ends
+        self._process.stdin.close()  # rank 0 exits at the end of its input
         try:
             self._process.wait(2)
         except subprocess.TimeoutExpired:
@@ -101,14 +101,14 @@ class Child:
 def run_point(
     path: str, point: str, table: Table, keep: list[str], ranks: int, time_limit: float | None
 ) -> Result:
-    """Run one point and make it finished; a failure is a result like any other.
+    """Run one point and mark it as finished; a failure is stored as its result.
 
     Runs on a worker, which sees the directory of the study under the same path.
 
     Raises
     ------
     RuptfxError
-        The study is stopping, or its directory is not there.
+        If the study is stopping, or its directory is missing.
     """
     here = Path(path)
     if (known := read_result(here, point)) is not None:
@@ -131,7 +131,7 @@ def run_point(
 
 
 def _save_case(table: Table, directory: Path) -> None:
-    """The case of a point, so that it can be run again by itself; its plug-ins are those of the study."""
+    """Write the case of a point, for a separate run; its plug-ins are those of the study."""
     named = [os.path.relpath(path, directory) for path in table.get("plugins", [])]
     whole = {**table, "plugins": named} if named else table
     (directory / "case.toml").write_text(tomli_w.dumps(whole), encoding="utf-8")
@@ -159,9 +159,9 @@ def _on_child(ranks: int, job: Table, time_limit: float | None) -> Result:
 
 
 def close_children() -> None:
-    """End all children of this process; points in hand are dropped, not recorded."""
+    """End all children of this process; their points are dropped, not recorded."""
     _closing.set()
-    _report_errors(False)  # every dropped point would be one
+    _report_errors(False)  # every dropped point would be reported
     with _guard:
         for child in list(_all):
             child.close()
@@ -170,12 +170,12 @@ def close_children() -> None:
 
 
 def open_for_work() -> None:
-    """Allow children again."""
+    """Allow children after `close_children`."""
     _closing.clear()
     _report_errors(True)
 
 
 def _report_errors(wanted: bool) -> None:
-    """By dask, on standard error."""
+    """Switch the error reports of dask on standard error on or off."""
     for name in ("distributed.worker", "distributed.worker.state_machine"):
         logging.getLogger(name).disabled = not wanted
