@@ -14,9 +14,11 @@ import math
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -90,7 +92,9 @@ class Outcome:
     rows: list[Table] | None = None
 
 
-def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench") -> bool:
+def run_benchmark(
+    name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1
+) -> bool:
     """Run one benchmark, or `all`; print its table, save its figure and its numbers.
 
     `list` only lists them; `table` prints the saved numbers of earlier runs as one table in Markdown. `all` goes on
@@ -105,6 +109,8 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
         The resolution of the release table.
     out : str or Path
         Folder of figures and numbers.
+    jobs : int
+        Benchmarks of `all` that run at the same time, each in a process of its own.
 
     Returns
     -------
@@ -127,11 +133,14 @@ def run_benchmark(name: str, as_json: bool = False, fine: bool = False, out: str
         raise RuptfxError(f"bench {name}: no such benchmark, {nearest(name, [*known, 'all', 'list', 'table'])}")
     alone = name != "all"
     outcomes = {}
-    for number, each in enumerate(chosen := [name] if alone else every, 1):
-        console(stderr=True).print(f"{number}/{len(chosen)} {each}")
-        outcomes[each], seconds = _run(each, fine, Path(out), alone)
+    chosen = [name] if alone else every
+    for number, (each, (outcome, seconds)) in enumerate(_each(chosen, fine, Path(out), alone, jobs), 1):
+        outcomes[each] = outcome
         if not as_json:
-            _print(each, outcomes[each].checks, seconds, alone)
+            _print(each, outcome.checks, seconds, alone)
+        if not alone:
+            console(stderr=True).print(f"{number} of {len(chosen)} benchmarks ended")
+    outcomes = {each: outcomes[each] for each in chosen}  # not in the order in which they ended
     if as_json:
         rows = {each: outcome.rows or _rows(outcome.checks) for each, outcome in outcomes.items()}
         print(json.dumps(rows[name] if alone else rows, indent=2))
@@ -193,6 +202,26 @@ def _screen() -> Console:
 _MANY = 30  # a benchmark with more passed checks than this is shown as one row
 
 
+def _each(
+    names: Sequence[str], fine: bool, out: Path, alone: bool, jobs: int
+) -> Iterator[tuple[str, tuple[Outcome, float]]]:
+    """Yield benchmarks with their outcomes and seconds, in the order in which they end."""
+    if jobs == 1 or alone:
+        yield from ((name, _run(name, fine, out, alone)) for name in names)
+        return
+    # A process for each benchmark, started afresh: MPI cannot be forked, and communicators are never exhausted.
+    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
+        pending = {pool.submit(_run_apart, name, fine, out): name for name in names}
+        for done in as_completed(pending):
+            yield pending[done], done.result()
+
+
+def _run_apart(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:
+    """Run one benchmark of `all`; return what another process can read of it."""
+    outcome, seconds = _run(name, fine, out, alone=False)
+    return replace(outcome, draw=None), seconds
+
+
 def _run(name: str, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float]:
     """Run one benchmark, save its numbers and figure; return the outcome and the time in seconds.
 
@@ -200,6 +229,7 @@ def _run(name: str, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float]
     """
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
+    console(stderr=True).print(f"{name} ...")
     try:
         result = importlib.import_module(f"ruptfx.bench.{name}").run(fine, _world())
         seconds = time.perf_counter() - began

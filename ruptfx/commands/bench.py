@@ -27,6 +27,7 @@ def bench(
     as_json: Annotated[bool, typer.Option("--json", help="Machine-readable rows.")] = False,
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
     out: Annotated[Path, typer.Option(help="Where figures and numbers go.")] = Path("bench"),
+    jobs: Annotated[int, typer.Option(min=1, help="Benchmarks of `all` that run at the same time.")] = 1,
 ) -> None:
     """Run verification and speed benchmarks; exits non-zero when a check fails, and ends with those that did.
 
@@ -35,5 +36,5 @@ def bench(
     with reported():
         from ruptfx.bench import run_benchmark
 
-        if not run_benchmark(name, as_json=as_json, fine=fine, out=out):
+        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs):
             raise typer.Exit(EXIT_ERROR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,21 @@ def test_all_ends_with_the_checks_that_failed(known: Path, capsys: pytest.Captur
         "broken_one: ran to its end: found nan, expected 1, tolerance 0 (ValueError: no such mesh)",
     ]
     assert {path.stem for path in (known / "out").glob("*.json")} == set(BENCHMARKS)  # those after it ran, too
+
+
+def test_benchmarks_run_at_the_same_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    # Real ones: the processes that run them find them by their names.
+    names = ["waves", "plane_waves"]
+    monkeypatch.setattr(ruptfx.bench, "kinds", lambda package: names)
+    found = {}
+    for jobs in (1, 2):
+        assert run_benchmark("all", as_json=True, out=tmp_path / str(jobs), jobs=jobs)
+        rows = json.loads(capsys.readouterr().out)
+        assert list(rows) == names
+        found[jobs] = [(row["quantity"], row["passed"], row["found"]) for name in names for row in rows[name]]
+    for here, apart in zip(found[1], found[2], strict=True):
+        assert here[:2] == apart[:2] and here[2] == pytest.approx(apart[2], rel=1e-9, abs=1e-12)
+    assert len(list((tmp_path / "2").glob("*.json"))) == 2
 
 
 def test_times_decide_where_a_benchmark_is_run_by_its_name(known: Path, capsys: pytest.CaptureFixture[str]) -> None:
