@@ -1,1 +1,1 @@
-"""The commands, one per file, which defines a function of its name; `ruptfx.cli` lists them."""
+"""Commands, one per file, which defines a function of its name; `ruptfx.cli` lists them."""

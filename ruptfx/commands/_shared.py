@@ -1,4 +1,4 @@
-"""What commands share: consoles, arguments, errors as messages."""
+"""Shared parts of the commands: consoles, arguments, errors as messages."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ EXIT_ERROR = RuptfxError.exit_code
 
 @contextmanager
 def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
-    """Our errors are one message from one rank; a bug shows its traceback and ends all ranks.
+    """Print a RuptfxError as one message from one rank; print the traceback of other errors and end all ranks.
 
-    Plug-ins are named before their code runs; a launcher has named those of its ranks.
+    Plug-ins are named before their code runs; on launched ranks the launcher has done so.
     """
     from ruptfx import launch, plugins
     from ruptfx.schema import CaseError
@@ -43,7 +43,7 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
     token = plugins.telling.set(_name_plugin) if launch.RANKS not in os.environ else None
     try:
         yield
-        sys.stdout.flush()  # a reader that has seen enough is noticed here, where it ends the command quietly
+        sys.stdout.flush()  # a closed pipe raises its error here, where it ends the command quietly
     except RuptfxError as error:
         if comm is None or comm.rank == 0:
             _print_error("case error" if isinstance(error, CaseError) else "error", error)
@@ -75,16 +75,16 @@ def _print_error(label: str, error: Exception) -> None:
 
 def _end_all(comm: MPI.Comm) -> None:
     sys.stderr.flush()
-    time.sleep(0.5)  # mpiexec passes it on before it ends all
+    time.sleep(0.5)  # let mpiexec forward the message before the abort
     comm.Abort(EXIT_ERROR)
 
 
-_named = set[Path]()  # plug-ins that this program has named
+_named = set[Path]()  # plug-ins already named by this process
 
 
 @contextmanager
 def _name_plugin(path: Path) -> Iterator[list[str]]:
-    """Name a plug-in once, on standard error: its file before its code runs, then what it defines."""
+    """Name a plug-in once, on standard error: its file before its code runs, then its definitions."""
     told = list[str]()
     if path in _named:
         yield told
@@ -100,5 +100,5 @@ def _name_plugin(path: Path) -> Iterator[list[str]]:
 
 
 def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """What the Tab key offers in a shell: the names, found when it is hit, that begin with what was typed."""
+    """Return a shell completion: the names, evaluated when the Tab key is hit, with the typed prefix."""
     return lambda incomplete: [name for name in names() if name.startswith(incomplete)]

@@ -11,7 +11,7 @@ from ruptfx.commands._shared import EXIT_ERROR, completed_from, reported
 
 
 def names() -> list[str]:
-    """What can be run."""
+    """Return the arguments of `ruptfx bench`."""
     from ruptfx.schema import own_kinds
 
     return ["all", "list", "table", *own_kinds("ruptfx.bench")]
@@ -26,10 +26,10 @@ def bench(
     ] = "list",
     as_json: Annotated[bool, typer.Option("--json", help="Machine-readable rows.")] = False,
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
-    out: Annotated[Path, typer.Option(help="Where figures and numbers go.")] = Path("bench"),
+    out: Annotated[Path, typer.Option(help="Folder of figures and numbers.")] = Path("bench"),
     jobs: Annotated[int, typer.Option(min=1, help="Benchmarks of `all` that run at the same time.")] = 1,
 ) -> None:
-    """Run verification and speed benchmarks; exits non-zero when a check fails, and ends with those that did.
+    """Run verification and speed benchmarks; list failed checks at the end and exit non-zero if there are any.
 
     Example: ruptfx bench waves --fine
     """

@@ -9,7 +9,7 @@ from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, s
 
 
 def check(case: CaseFile, set_: Overrides = None) -> None:
-    """Look a case over before it runs: lengths, resolution, doubts, time, memory, disk; exits non-zero on an error.
+    """Check a case before it runs: lengths, resolution, warnings, time, memory, disk; exit non-zero on an error.
 
     Example: ruptfx check demos/impact.toml --set mesh.element_size="2 mm"
     """

@@ -16,9 +16,9 @@ def check_law(
     law: Annotated[str, typer.Argument(
         help="Python file with friction or cohesive laws, or a kind.", show_default=False)],
     set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
-    out: Annotated[Path, typer.Option(help="Where the pictures go.")] = Path("."),
+    out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("."),
 ) -> None:
-    """Check that a friction or cohesive law keeps its contract, and draw it; exits non-zero when a check fails.
+    """Check that a friction or cohesive law satisfies its contract, and draw it; exit non-zero if a check fails.
 
     Example: ruptfx check-law my_law.py --set mu_s=0.6 --set L=20e-6
     """

@@ -27,7 +27,7 @@ BIBTEX = f"""@software{{ruptfx,
 
 
 def cite() -> None:
-    """How to cite ruptfx, and what it is built on, as BibTeX.
+    """Print BibTeX entries for ruptfx and the software it is built on.
 
     Example: ruptfx cite
     """

@@ -22,9 +22,9 @@ UNINTERESTING = {"wall_time", "node_updates_per_second", "ranks", "host_cores", 
 def compare(
     first: Annotated[Path, typer.Argument(help="A run directory.", show_default=False)],
     second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="The figure that shows both.")] = Path("comparison.png"),
+    out: Annotated[Path, typer.Option(help="Figure of both runs.")] = Path("comparison.png"),
 ) -> None:
-    """Two runs side by side: what differs in their cases, their numbers, and both in one figure.
+    """Compare two runs: differences of the cases, the numbers of both, and one figure.
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
     """
@@ -48,7 +48,7 @@ def compare(
 
 
 def differences(one: object, other: object, key: str = "") -> dict[str, tuple[object, object]]:
-    """Values of the cases that differ, by dotted key."""
+    """Return the values of the cases that differ, by dotted key."""
     if isinstance(one, dict | list) and type(one) is type(other):
         pairs: dict[str, tuple[object, object]] = {}
         first, second = _items(one), _items(other)
@@ -75,7 +75,7 @@ def _change(a: object, b: object) -> str:
 
 
 def overlay(one: Record, other: Record) -> Figure:
-    """Arrival of the rupture, final slip, and slip rate at a place that both have reached."""
+    """Draw arrival of the rupture, final slip, and slip rate at a position reached by both runs."""
     import numpy as np
 
     from ruptfx.figure_style import blank_figure, scale, styled
@@ -110,7 +110,7 @@ def overlay(one: Record, other: Record) -> Figure:
 
 
 def _place(both: list[Dataset]) -> float:
-    """The middle of what slid in both runs, else of the first interface [m]."""
+    """Return the middle of the part that slid in both runs, else of the first interface [m]."""
     import numpy as np
 
     slid = [data.position.values[np.isfinite(data.rupture_time.values)] for data in both]

@@ -16,7 +16,7 @@ def demos(
     out: Annotated[Path, typer.Argument(help="A directory that does not exist yet.")] = Path("demos"),
     notebooks: Annotated[bool, typer.Option("--notebooks", help="Scripts also as Jupyter notebooks.")] = False,
 ) -> None:
-    """Copy the demo cases and scripts, which an installed ruptfx brings along.
+    """Copy the demo cases and scripts of the installed package.
 
     Example: ruptfx demos mine --notebooks
     """
@@ -36,7 +36,7 @@ def demos(
 
 
 def need_jupytext() -> None:
-    """Refuse to make notebooks without it, before anything is written.
+    """Refuse to make notebooks without jupytext, before any file is written.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def need_jupytext() -> None:
 
 
 def write_notebook(script: Path) -> Path:
-    """A demo as a notebook beside the script; its first cell says where it is, as a script knows by itself."""
+    """Write a demo as a notebook beside the script; its first cell defines `__file__`."""
     import jupytext
 
     text = f'# %%\n__file__ = "{script.name}"\n\n{script.read_text(encoding="utf-8")}'

@@ -13,14 +13,14 @@ from ruptfx.commands._shared import completed_from, reported, screen
 
 
 def topics() -> tuple[str, ...]:
-    """What can be asked for."""
+    """Return the topics."""
     from ruptfx.describe import TOPICS
 
     return TOPICS
 
 
 def topics_and_kinds() -> tuple[str, ...]:
-    """Return what can be asked for, for completion."""
+    """Return topics and kinds, for completion."""
     from ruptfx.describe import FOLDERS, TOPICS, names_of
 
     return (*TOPICS, *(name for topic in FOLDERS for name in names_of(topic)))
@@ -37,7 +37,7 @@ def describe(
     ] = None,
     schema: Annotated[bool, typer.Option("--schema", help="JSON schema of cases and studies, for editors.")] = False,
 ) -> None:
-    """What a case may say: every kind and table with its keys, units, bounds, defaults, formula and source.
+    """Describe kinds and tables of a case: keys, units, bounds, defaults, formula and source.
 
     Example: ruptfx describe friction
     """

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 def dic(
-    before: Annotated[Path, typer.Argument(help="Picture of the speckled surface before.", show_default=False)],
-    after: Annotated[Path, typer.Argument(help="After, of the same size.", show_default=False)],
-    subset: Annotated[int, typer.Option(help="Pixels along a side of what is followed, odd.")] = 21,
-    window: Annotated[int | None, typer.Option(help="Pixels strains are fitted over, odd; default: --subset.")] = None,
+    before: Annotated[Path, typer.Argument(help="Picture of the speckled surface, undeformed.", show_default=False)],
+    after: Annotated[Path, typer.Argument(help="Picture after the deformation, of the same size.", show_default=False)],
+    subset: Annotated[int, typer.Option(help="Side of the correlated square in pixels, odd.")] = 21,
+    window: Annotated[int | None, typer.Option(help="Side of the strain window in pixels; default: --subset.")] = None,
     pixel: Annotated[str | None, typer.Option(help="Size of a pixel, in m or as '20 um'; else in pixels.")] = None,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
 ) -> None:
-    """Displacements and strains from two pictures, by digital image correlation; needs the extra dic.
+    """Compute displacements and strains from two pictures by digital image correlation; needs the extra dic.
 
     Example: ruptfx dic before.png after.png --pixel 20e-6 --out strains
     """
@@ -82,7 +82,7 @@ def _metres(text: str) -> float:
 
 
 def _grey(path: Path) -> np.ndarray:
-    """A picture as grey levels, lowest row first.
+    """Read a picture as grey levels, lowest row first.
 
     Raises
     ------

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def events(
     source: Annotated[Path, typer.Argument(
-        help="Directory of a run whose bodies broke, or a CSV file with the columns time (s), x, y (m) and magnitude "
+        help="Directory of a run with fracture, or a CSV file with the columns time (s), x, y (m) and magnitude "
              "or energy (J).", show_default=False)],
     smallest: Annotated[float | None, typer.Option(
         help="Smallest magnitude that counts; default: all of a catalogue, -10 of a run.", show_default=False)] = None,
@@ -28,7 +28,7 @@ def events(
         help="Smallest and largest distance of the fractal dimension in m; default: of a catalogue a thirtieth and a "
              "third of the narrower extent, of a run two cells and a third of the narrower side.")] = None,
     failure_time: Annotated[float | None, typer.Option(
-        help="Time in s of the failure that events precede; default: of a run that of its first stress peak.")] = None,
+        help="Time in s of the failure after the events; default: of a run that of its first stress peak.")] = None,
     link: Annotated[tuple[float, float] | None, typer.Option(
         help="Distance in m and speed in m/s: closer events within the time that the speed needs are one; default: of "
              "a run three cells and half the slowest shear wave speed.")] = None,
@@ -37,7 +37,7 @@ def events(
     out: Annotated[Path | None, typer.Option(
         help="The figure; default: events.png, of a run that of its figures.", show_default=False)] = None,
 ) -> None:
-    """b-value, fractal dimension and Omori exponent of acoustic emission, each with its error, and a figure.
+    """Estimate b-value, fractal dimension and Omori exponent of acoustic emission with errors, and draw a figure.
 
     Example: ruptfx events catalogue.csv --completeness -1.5 --failure-time 120
     """
@@ -108,7 +108,7 @@ def _of_run(
 
 
 def _show(estimates: dict[str, Estimates]) -> None:
-    """A table of all of them."""
+    """Print a table of all estimates."""
     table = Table("", "estimate", "from", box=None, pad_edge=False)
     for of, each in estimates.items():
         for what, value, source in each.rows():

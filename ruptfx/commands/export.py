@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):  # older Typers know no Literal
-    """What other programs read."""
+    """File formats of other programs."""
 
     csv = "csv"
     netcdf = "netcdf"
@@ -54,9 +54,9 @@ def export(
 
 
 def tables(record: Record, folder: Path) -> Iterator[Path]:
-    """A table of each field of each interface: a row for every time, a column for every position.
+    """Write a table of each field of each interface: a row per time, a column per position.
 
-    Fields without time are columns of one table.
+    Fields without time are columns of one table. Yield the paths.
     """
     for name, data in record.interfaces.items():
         position = data.position.values
@@ -78,7 +78,7 @@ def _save(path: Path, header: str, rows: np.ndarray) -> Path:
 
 
 def datasets(record: Record, folder: Path) -> Iterator[Path]:
-    """One NetCDF file for each interface, one for the bodies."""
+    """Write one NetCDF file per interface and one for the bodies; yield the paths."""
     for name, data in record.interfaces.items():
         data.to_netcdf(folder / f"{name}.nc", engine="h5netcdf", invalid_netcdf=False)
         yield folder / f"{name}.nc"

@@ -16,10 +16,10 @@ from ruptfx.commands._shared import reported, screen
 
 
 def list(
-    directory: Annotated[Path, typer.Argument(help="Where run directories are.")] = Path("runs"),
+    directory: Annotated[Path, typer.Argument(help="Folder that contains run directories.")] = Path("runs"),
     quick: Annotated[bool, typer.Option("--quick", help="Do not compare files with their checksums.")] = False,
 ) -> None:
-    """The runs below a directory: status, sliding mode, newest checkpoint, size. It reads all their files.
+    """List the runs below a directory: status, sliding mode, newest checkpoint, size; compare all checksums.
 
     Example: ruptfx list runs --quick
     """
@@ -41,7 +41,7 @@ def list(
 
 
 def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
-    """Cells of a run, and how it is damaged."""
+    """Return the cells of a run, and the text of its damage."""
     from ruptfx import run_files
     from ruptfx.record import Record
 
@@ -59,16 +59,16 @@ def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
 
 
 def _newest(run: Path) -> str:
-    """Step of the newest checkpoint, from which a run that is not complete goes on."""
+    """Return the step of the newest checkpoint, from which an incomplete run can be resumed."""
     steps = [path.name.removeprefix("step_") for path in run.glob("checkpoints/step_*")]
     return f"step {max(numbers)}" if (numbers := [int(step) for step in steps if step.isdecimal()]) else ""
 
 
 def _size(run: Path) -> int:
-    """Bytes of all files, of those with several names once."""
+    """Return the bytes of all files; hard links count once."""
     found = {}
     for path in run.rglob("*"):
-        with suppress(OSError):  # gone meanwhile
+        with suppress(OSError):  # removed by another process
             status = path.lstat()
             found[status.st_dev, status.st_ino] = status.st_size if S_ISREG(status.st_mode) else 0
     return sum(found.values())

@@ -12,14 +12,14 @@ from ruptfx.commands._shared import completed_from, reported, screen
 
 
 class Format(StrEnum):  # older Typers know no Literal
-    """Of the file."""
+    """File formats of movies."""
 
     gif = "gif"
     mp4 = "mp4"
 
 
 def films() -> list[str]:
-    """What can be shown."""
+    """Return the kinds of movies."""
     from ruptfx.schema import own_kinds
 
     return own_kinds("ruptfx.movies")

@@ -17,7 +17,7 @@ DEMOS = Path(ruptfx.__file__).with_name("demos")
 
 
 def cases() -> list[str]:
-    """Demos that are cases, not studies."""
+    """Return the demos that are cases, not studies."""
     from ruptfx.case import read_toml
 
     return sorted(path.stem for path in DEMOS.glob("*.toml") if "axes" not in read_toml(path))
@@ -33,7 +33,7 @@ def new(
         ),
     ] = "impact",
 ) -> None:
-    """Write a commented case that runs, to begin your own from.
+    """Write a commented, runnable case as a template for your own.
 
     Example: ruptfx new mine --from bimaterial
     """

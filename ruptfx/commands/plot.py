@@ -17,7 +17,7 @@ def plot(
 ) -> None:
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
 
-    Plug-ins of the run do not run without --trust; what is left out then is listed.
+    Plug-ins of the run are not executed without --trust; figures that need them are then skipped and listed.
 
     Example: ruptfx plot runs/impact --format pdf --format png
     """

@@ -18,7 +18,7 @@ def resume(
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
-    """Go on with a run that was stopped, from its newest checkpoint; with --duration also with one that is finished.
+    """Resume an interrupted run from its newest checkpoint; with --duration also extend a finished one.
 
     Example: ruptfx resume runs/impact --duration "90 us" --ranks 2
     """

@@ -23,13 +23,13 @@ def run(
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Run directory; default runs/<name of the case>.")] = None,
     set_: Overrides = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the newest checkpoint in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume from the newest checkpoint in --out.")] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the run in --out once this one is complete; other files stay.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
 ) -> None:
-    """Run a case and leave a run directory with data, figures and a summary.
+    """Run a case and write a run directory with data, figures and a summary.
 
     Example: ruptfx run demos/impact.toml --ranks 2 --set duration="20 us"
     """
@@ -37,14 +37,14 @@ def run(
 
     launches = ranks > 1 and launch.RANKS not in os.environ
     if launches:
-        painter.prepare()  # now, as there is a core that has nothing to do
+        painter.prepare()  # started now because a core is idle
     from ruptfx.case import Case, read_case
 
     out = out or Path("runs") / case.stem
     with reported():
         if resume and overwrite:
             raise RuptfxError("--resume goes on with a run that --overwrite would replace; give one of them")
-        parsed = read_case(case, set_ or [])  # a bad case needs no ranks to be refused
+        parsed = read_case(case, set_ or [])  # refuse a bad case before ranks are started
         if not isinstance(parsed, Case) and ranks > 1:
             raise RuptfxError(f"--ranks {ranks}: {parsed.kind()} is a lumped model and runs on one rank")
     if launches:
@@ -82,7 +82,7 @@ def run(
 
 
 def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool) -> None:
-    """Run on several ranks; figures are drawn when these have ended, and all cores are free."""
+    """Run on several ranks; draw figures after these have ended, when all cores are free."""
     from ruptfx import launch, painter
 
     if not case.output.figures:
@@ -98,7 +98,7 @@ def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool
 
 
 def _written(out: Path) -> tuple[int, int] | None:
-    """Identity of the summary of a complete run, by which a new one is known."""
+    """Return the identity of the summary of a complete run, to detect a new one."""
     path = out / "summary.json"
     return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
 

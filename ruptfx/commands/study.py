@@ -21,7 +21,7 @@ def study(
     set_: Overrides = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
-    """Run a case over axes of parameters; started again, it runs only what is new.
+    """Run a case over axes of parameters; started again, run only the missing points.
 
     Example: ruptfx study demos/slip_weakening_map.toml --cores 2
     """

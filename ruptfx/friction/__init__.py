@@ -1,9 +1,9 @@
 """Friction laws, one per file; the file name is the `kind` in a case.
 
-A law is its formula and nothing else: it knows no mesh, no MPI, no time scheme and no output. `strength` and
+A law contains its formula only: no mesh, no MPI, no time scheme and no output. `strength` and
 `advance` are written with NumPy operations that act point by point, without branches on values (`numpy.where`
-instead of `if`). They are *traced* (`ruptfx.tracing`): from the same lines come the exact derivative the implicit
-solvers need and the C code of the explicit path, so a new law is fast and consistently linearised at once.
+instead of `if`). They are *traced* (`ruptfx.tracing`): the same lines give the exact derivative for the implicit
+solvers and the C code of the explicit path, so that a new law is fast and consistently linearised.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ since the start [s], and the friction coefficient of the innermost law before th
 
 
 class FrictionLaw(Alternative):
-    """The contract of a friction law; parameters are the fields of the subclass."""
+    """Contract of a friction law; parameters are the fields of the subclass."""
 
     state_fields: ClassVar[Mapping[str, str]] = {}
     """State variables of the law: name -> unit."""
     formula: ClassVar[str] = ""
     """The law in one line, for `ruptfx describe friction`."""
     source: ClassVar[str] = ""
-    """Where the formula comes from."""
+    """Source of the formula."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: object) -> None:
@@ -62,19 +62,19 @@ class FrictionLaw(Alternative):
         return self
 
     def _held(self) -> Iterator[FrictionLaw]:
-        """The law that a wrapper holds, the one which that holds ..."""
+        """Yield the wrapped law, the law wrapped by that one, and so on."""
         law = getattr(self, "law", None)
         while law is not None:
             yield law
             law = getattr(law, "law", None)
 
     def all_state_fields(self) -> dict[str, str]:
-        """State fields of this law and of the law it holds, if it is a wrapper."""
+        """Return the state fields of this law and of the laws that it wraps."""
         inner = getattr(self, "law", None)
         return {**(inner.all_state_fields() if inner is not None else {}), **self.state_fields}
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        """State consistent with the given stresses and slip rate.
+        """Return the state consistent with the given stresses and slip rate.
 
         Parameters
         ----------
@@ -90,44 +90,47 @@ class FrictionLaw(Alternative):
         raise NotImplementedError
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        """Shear traction [Pa] the interface carries while it slides at `slip_rate` >= 0 [m/s].
+        """Return the shear traction [Pa] of the interface while it slides at `slip_rate` >= 0 [m/s].
 
-        At 0, the most it carries without sliding. Never negative.
+        At 0, the largest traction without sliding. Never negative.
         """
         raise NotImplementedError
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        """State after a step `dt` [s] at constant slip rate and normal stress: exactly, so that no step is too long."""
+        """Return the state after a step `dt` [s] at constant slip rate and normal stress; exact at any step size."""
         raise NotImplementedError
 
     def given_slip_rate(self) -> Array | None:
-        """Initial slip rate [m/s] of a law whose initial state is given too, so that both fix the shear stress."""
+        """Return the initial slip rate [m/s] of a law with a given initial state; else None.
+
+        State and slip rate together fix the initial shear stress.
+        """
         inner = getattr(self, "law", None)
         return inner.given_slip_rate() if inner is not None else None
 
     def carried_slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        """Slip rate [m/s] at which the interface carries a stress below its strength at rest.
+        """Return the slip rate [m/s] at which the interface carries a stress below its strength at rest.
 
-        Zero, unless the law lets it creep.
+        Zero for laws without creep.
         """
         return 0.0 * normal_stress
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        """Shear traction [Pa] after sliding for ever at `slip_rate` [m/s].
+        """Return the shear traction [Pa] in steady sliding at `slip_rate` [m/s].
 
-        Laws that have no such limit do not define it.
+        Laws without a steady state do not define it.
         """
         raise NotImplementedError
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
-        """What fronts cost and how long they are, for `ruptfx check`; None of a law that has no length of its own.
+        """Return energy and lengths of fronts, for `ruptfx check`; None for a law without a length.
 
         Parameters
         ----------
         normal_stress : ndarray or float
             [Pa], constant.
         slip_rate : ndarray or float
-            Behind the front [m/s], positive; laws whose strength depends on the slip alone do not need it.
+            Slip rate behind the front [m/s], positive; unused by laws that depend on the slip only.
         """
         inner = getattr(self, "law", None)
         return inner.lengths(normal_stress, slip_rate) if inner is not None else None

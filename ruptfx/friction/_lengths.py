@@ -1,4 +1,4 @@
-"""What a law says of the fronts it makes, in two families: strength lost with slip, or with the rate of slip."""
+"""Front properties of a law, in two families: weakening with slip, or with the slip rate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ruptfx.fields import Array
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Strength that a front takes away with slip, as slip weakening does; by point of an interface.
+    """Strength lost with slip behind a front, as in slip weakening; one value per interface point.
 
     Attributes
     ----------
@@ -36,17 +36,20 @@ class Breakdown:
         return 2 * self.energy / self.drop
 
     def seismic_ratio(self, shear_stress: Array) -> Array:
-        """S = (peak - tau_0) / (tau_0 - residual) (Source: Andrews 1976; Das and Aki 1977)."""
+        """Return S = (peak - tau_0) / (tau_0 - residual) (Source: Andrews 1976; Das and Aki 1977)."""
         return (self.peak - shear_stress) / (shear_stress - self.residual)
 
     def process_zone(self, modulus: Array) -> Array:
-        """Of a front at rest [m], see `fracture.static_process_zone`; `modulus` is G* [Pa]."""
-        from ruptfx.analysis import fracture  # a run has no need of it
+        """Return the process zone of a front at rest [m]; `modulus` is G* [Pa].
+
+        See `fracture.static_process_zone`.
+        """
+        from ruptfx.analysis import fracture  # imported late: runs do not need it
 
         return fracture.static_process_zone(modulus, self.slip, self.drop)
 
     def nucleation(self, modulus: Array) -> Array:
-        """Half-length 0.579 G* D_c / drop [m] at which slow loading ends, whatever the load; `modulus` is G* [Pa].
+        """Return the half-length 0.579 G* D_c / drop [m] at which slow loading becomes unstable; `modulus` is G* [Pa].
 
         Source: Uenishi and Rice (2003).
         """
@@ -55,16 +58,16 @@ class Breakdown:
 
 @dataclass(frozen=True)
 class RateDependence:
-    """Strength that changes with the logarithm of the slip rate, as in rate and state; by point of an interface.
+    """Strength that changes with the logarithm of the slip rate, as in rate and state; one value per point.
 
     Attributes
     ----------
     direct : ndarray or float
-        a sigma: rise of the strength with ln V at once [Pa].
+        a sigma: instantaneous rise of the strength with ln V [Pa].
     evolution : ndarray or float
-        b sigma: fall with ln V in the long run [Pa].
+        b sigma: fall with ln V at steady state [Pa].
     slip : ndarray or float
-        D_c, over which it falls [m].
+        D_c, slip of that fall [m].
     """
 
     direct: Array
@@ -82,18 +85,18 @@ class RateDependence:
         return self.weakening / self.slip
 
     def process_zone(self, modulus: Array) -> Array:
-        """L_b = G* D_c / (b sigma) [m]; `modulus` is G* [Pa] (Source: Dieterich 1992)."""
+        """Return L_b = G* D_c / (b sigma) [m]; `modulus` is G* [Pa] (Source: Dieterich 1992)."""
         return modulus * self.slip / self.evolution
 
     def wavelength(self, modulus: Array) -> Array:
-        """h* = pi G* D_c / ((b - a) sigma) [m]: longer waves of sliding grow; `modulus` is G* [Pa].
+        """Return h* = pi G* D_c / ((b - a) sigma) [m], above which sliding is unstable; `modulus` is G* [Pa].
 
         Source: Rice and Ruina (1983).
         """
         return np.pi * modulus * self.slip / self.weakening
 
     def nucleation(self, modulus: Array) -> Array:
-        """Half-length b / (pi (b - a)^2) G* D_c / sigma [m] of the ageing law with a / b > 0.5.
+        """Return the half-length b / (pi (b - a)^2) G* D_c / sigma [m] of the ageing law with a / b > 0.5.
 
         Source: Rubin and Ampuero (2005).
         """

@@ -1,4 +1,4 @@
-"""What the memories of the normal stress share."""
+"""Shared part of the memories of the normal stress."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from ruptfx.friction._lengths import Breakdown, RateDependence
 
 
 class Memory(FrictionLaw):
-    """The held law sees the remembered normal stress, the sum of the state fields, instead of the normal stress."""
+    """The wrapped law uses the remembered normal stress, the sum of the state fields, as its normal stress."""
 
     law: AnyFriction
-    """The law that is held."""
+    """Wrapped law."""
 
     def start(self, normal_stress: np.ndarray) -> LawState:
-        """Own state fields before the first slip [Pa]."""
+        """Return the own state fields before the first slip [Pa]."""
         raise NotImplementedError
 
     def follow(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
-        """Own state fields after a step [Pa]."""
+        """Return the own state fields after a step [Pa]."""
         raise NotImplementedError
 
     def share(self) -> Array:
-        """Remembered over acting normal stress in the long run."""
+        """Return remembered over acting normal stress at steady state."""
         return 1.0
 
     def remembered(self, state: LawState) -> Array:
+        """Return the remembered normal stress [Pa]."""
         return sum(state[name] for name in self.state_fields)
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
@@ -34,7 +35,7 @@ class Memory(FrictionLaw):
         return {**self.law.initial_state(self.remembered(own), shear_stress, slip_rate), **own}
 
     def strength(self, slip_rate: Array, normal_stress: Array, state: LawState) -> Array:
-        # An open interface carries nothing, whatever it remembers.
+        # An open interface has no strength, whatever the remembered stress.
         return self.law.strength(slip_rate, np.where(normal_stress > 0, self.remembered(state), 0.0), state)
 
     def advance(self, state: LawState, slip_rate: Array, normal_stress: Array, dt: Array) -> LawState:
@@ -45,7 +46,7 @@ class Memory(FrictionLaw):
         return self.law.carried_slip_rate(shear_stress, self.remembered(state), state)
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
-        """Those of the held law where the memory has caught up."""
+        """Return the lengths of the wrapped law at the steady remembered stress."""
         return self.law.lengths(self.share() * normal_stress, slip_rate)
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
@@ -53,5 +54,5 @@ class Memory(FrictionLaw):
 
 
 def approach(value: Array, goal: Array, times: Array) -> Array:
-    """What relaxes towards `goal` for `times` relaxation times: exact."""
+    """Return `value` after exponential relaxation towards `goal` for `times` relaxation times; exact."""
     return value - (goal - value) * np.expm1(-times)

@@ -1,4 +1,4 @@
-"""What the rate-and-state laws share: regularised direct effect, its inverse, consistent initial states."""
+"""Shared part of the rate-and-state laws: regularised direct effect, its inverse, consistent initial states."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from ruptfx.friction._lengths import RateDependence
 from ruptfx.units import VaryingCoefficient, VaryingExponent, VaryingLength, VaryingSpeed, VaryingTime
 
 LOWEST = 1e-6  # friction coefficient
-_LARGEST_EXPONENT = 700.0  # exp of more overflows; met only if f_0 / a exceeds some 600
+_LARGEST_EXPONENT = 700.0  # exp of more overflows; reached only if f_0 / a exceeds some 600
 
 
 def log_sinh(x: np.ndarray) -> np.ndarray:
-    """ln(2 sinh x) for x > 0, without overflow."""
+    """Return ln(2 sinh x) for x > 0, without overflow."""
     return x + np.log(-np.expm1(-2 * x))
 
 
 def decay_mean(x: Array) -> Array:
-    """(1 - exp(-x)) / x, with its limit 1 at x = 0 and exact derivatives there."""
+    """Return (1 - exp(-x)) / x, with its limit 1 at x = 0 and exact derivatives there."""
     large = np.maximum(x, 1e-4)
     return np.where(x < 1e-4, 1 - x / 2 + x * x / 6, -np.expm1(-large) / large)
 
@@ -31,7 +31,7 @@ class Creeping(FrictionLaw):
     """
 
     a: VaryingExponent
-    """Direct effect: change of the coefficient with the logarithm of the slip rate, at once."""
+    """Direct effect: instantaneous change of the coefficient with the logarithm of the slip rate."""
     b: VaryingExponent
     """Evolution effect: change of the coefficient with the logarithm of the slip rate, over D_c."""
     D_c: VaryingLength
@@ -41,18 +41,18 @@ class Creeping(FrictionLaw):
     V_0: VaryingSpeed
     """Reference slip rate."""
     V_initial: VaryingSpeed = 1e-9
-    """Slip rate [m/s] at which the initial shear stress is carried, where the interface is given at rest."""
+    """Slip rate [m/s] at which the initial shear stress is carried, if the interface has no initial velocity."""
 
     def psi(self, state: LawState) -> Array:
-        """Friction coefficient at the slip rate V_0, but for the regularisation."""
+        """Return the friction coefficient at the slip rate V_0, without the regularisation."""
         raise NotImplementedError
 
     def state_of(self, psi: np.ndarray) -> LawState:
-        """Inverse of `psi`."""
+        """Return the state of a `psi`, its inverse."""
         raise NotImplementedError
 
     def given_state(self, normal_stress: np.ndarray) -> LawState | None:
-        """Initial state, where it is given."""
+        """Return the initial state if it is a parameter, else None."""
         raise NotImplementedError
 
     def initial_state(
@@ -62,7 +62,7 @@ class Creeping(FrictionLaw):
         if given is not None:
             return given
         speed = np.where(np.abs(slip_rate) > 0, np.abs(slip_rate), self.V_initial)
-        # An unloaded or open point has no state that fits: its stress counts as 1e-6 of the normal stress.
+        # An unloaded or open point has no consistent state: use a stress of 1e-6 of the normal stress.
         pressure = np.where(normal_stress > 0, normal_stress, 1.0)
         ratio = np.maximum(np.abs(shear_stress) / pressure, LOWEST)
         return self.state_of(self.a * (log_sinh(ratio / self.a) - np.log(speed / self.V_0)))
@@ -74,7 +74,7 @@ class Creeping(FrictionLaw):
         return self.a * normal_stress * np.arcsinh(slip_rate / (2 * self.V_0) * np.exp(self._exponent(state)))
 
     def slip_rate(self, shear_stress: Array, normal_stress: Array, state: LawState) -> Array:
-        """Slip rate [m/s] at a given stress: V = 2 V_0 sinh(tau / (a sigma)) exp(-psi / a)."""
+        """Return the slip rate [m/s] at a given stress: V = 2 V_0 sinh(tau / (a sigma)) exp(-psi / a)."""
         exponent, drive = self._exponent(state), shear_stress / (self.a * normal_stress)
         return self.V_0 * (np.exp(drive - exponent) - np.exp(-drive - exponent))
 
@@ -85,7 +85,7 @@ class Creeping(FrictionLaw):
         return self.slip_rate(np.abs(shear_stress), np.maximum(normal_stress, 1e-300), state)
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> RateDependence:
-        """Of small changes at low slip rates."""
+        """Return the lengths of small perturbations at low slip rates."""
         return RateDependence(self.a * normal_stress, self.b * normal_stress, self.D_c)
 
 
@@ -102,15 +102,15 @@ class RateAndState(Creeping):
     """Initial age [s]; without it, the age that carries the initial shear stress at the initial slip rate."""
 
     def contact(self, theta: Array) -> Array:
-        """Contribution of the age of the contacts to the friction coefficient."""
+        """Return the contribution of the contact age to the friction coefficient."""
         return self.b * np.log(self.V_0 * theta / self.D_c)
 
     def age(self, contact: Array) -> Array:
-        """Inverse of `contact`: age [s]."""
+        """Return the age [s] of a contribution, the inverse of `contact`."""
         return self.D_c / self.V_0 * np.exp(contact / self.b)
 
     def age_rate(self, theta: Array, slip_rate: Array) -> Array:
-        """dtheta/dt."""
+        """Return dtheta/dt."""
         raise NotImplementedError
 
     def psi(self, state: LawState) -> Array:
@@ -127,6 +127,6 @@ class RateAndState(Creeping):
         return self.strength(speed, normal_stress, {"theta": self.D_c / speed})
 
     def is_uniform(self) -> bool:
-        """Whether every parameter is one number, as a lumped model needs."""
+        """Return whether every parameter is one number, as required by a lumped model."""
         values: list[object] = [getattr(self, name) for name in type(self).model_fields]
         return all(value is None or isinstance(value, float | int) for value in values)

@@ -1,4 +1,4 @@
-"""What the slip-weakening laws share."""
+"""Shared part of the slip-weakening laws."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ruptfx.units import VaryingCoefficient, VaryingLength
 
 
 class SlipWeakening(FrictionLaw):
-    """The coefficient falls from mu_s to mu_d with slip; laws differ in the part of the drop that is left."""
+    """The coefficient falls from mu_s to mu_d with slip; laws differ in the remaining fraction of the drop."""
 
     state_fields = {"cumulative_slip": "m"}
     whole: ClassVar[float]
@@ -26,7 +26,7 @@ class SlipWeakening(FrictionLaw):
     """Slip-weakening distance."""
 
     def left(self, ratio: Array) -> Array:
-        """Part of the drop that is left after the slip `ratio` D_c, from 1 to 0."""
+        """Return the remaining fraction of the drop after the slip `ratio` D_c, from 1 to 0."""
         raise NotImplementedError
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:

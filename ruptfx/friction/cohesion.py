@@ -1,4 +1,4 @@
-"""Cohesion on top of any law."""
+"""Cohesion in addition to any law."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NEVER = 1e30  # m
 class Cohesion(FrictionLaw):
     """Cohesion: shear strength that does not depend on the normal stress, lost linearly over the slip D_cohesion.
 
-    An open interface carries nothing.
+    An open interface has no cohesion.
     """
 
     state_fields = {"cohesive_slip": "m"}
@@ -22,14 +22,14 @@ class Cohesion(FrictionLaw):
     source = "Coulomb (1785); lost with slip as in Palmer and Rice (1973)"
 
     law: AnyFriction
-    """The law that is held."""
+    """Wrapped law."""
     c: VaryingPressure
     """Cohesion before any slip."""
     D_cohesion: VaryingLength = NEVER
-    """Slip [m] that breaks the bond; by default it never breaks."""
+    """Slip [m] at which the cohesion is lost; by default it is permanent."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
-        # The held law carries what the bond does not.
+        # The wrapped law carries the stress beyond the cohesion.
         frictional = np.maximum(np.abs(shear_stress) - self.c, 0.0)
         held = self.law.initial_state(normal_stress, frictional, slip_rate)
         return {**held, "cohesive_slip": np.zeros_like(normal_stress)}
@@ -47,7 +47,10 @@ class Cohesion(FrictionLaw):
         return self.law.carried_slip_rate(frictional, normal_stress, state)
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown | RateDependence | None:
-        """Of the held law, and what the bond adds to its breakdown: c, and c D_cohesion / 2 where it breaks."""
+        """Return the lengths of the wrapped law; cohesion adds c to its peak and c D_cohesion / 2 to its energy.
+
+        Permanent cohesion adds c to the residual instead.
+        """
         held = self.law.lengths(normal_stress, slip_rate)
         if not isinstance(held, Breakdown):
             return held

@@ -31,5 +31,5 @@ class Coulomb(FrictionLaw):
         return self.mu_d * normal_stress
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
-        """Nothing is lost."""
+        """Return a breakdown without drop and energy."""
         return Breakdown(self.mu_d * normal_stress, self.mu_d * normal_stress, 0.0 * normal_stress)

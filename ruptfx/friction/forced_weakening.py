@@ -1,4 +1,4 @@
-"""Forced weakening around any law: how nucleation by a prescribed rupture or a sudden drop of friction acts."""
+"""Forced weakening around any law, for nucleation by a prescribed rupture or a sudden drop of friction."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NEVER = 1e30  # s
 
 
 class ForcedWeakening(FrictionLaw):
-    """Forced weakening: from `arrival` to `end` the held law is not stronger than a coefficient that falls to mu_d.
+    """Forced weakening: from `arrival` to `end` the wrapped law is limited by a coefficient that falls to mu_d.
 
-    It falls from what the law starts with, f_0, within t_w: the weaker of time weakening and the held law rules, and
-    the held law goes on unaware. For linear slip weakening f_0 is mu_s, so that the coefficient is
-    mu_s - (mu_s - mu_d) max(w, min(slip / D_c, 1)).
+    It falls from the initial coefficient of the law, f_0, within t_w: the weaker of time weakening and the wrapped law
+    acts, and the state of the wrapped law evolves independently. For linear slip weakening f_0 is mu_s, so that the
+    coefficient is mu_s - (mu_s - mu_d) max(w, min(slip / D_c, 1)).
     """
 
     state_fields = {"clock": "s", "coefficient_at_start": "1"}
@@ -27,23 +27,23 @@ class ForcedWeakening(FrictionLaw):
     source = "Andrews (1985); forced rupture of the SCEC/USGS benchmarks, Harris et al. (2018)"
 
     law: AnyFriction
-    """The law that is held."""
+    """Wrapped law."""
     mu_d: VaryingCoefficient
     """Coefficient at the end of the forced weakening."""
     arrival: VaryingInstant
     """Time [s] at which weakening begins; before the start of the run where negative."""
     t_w: VaryingDelay = 0.0
-    """Time it takes; 0: at once."""
+    """Duration of the weakening; 0: instantaneous."""
     end: VaryingInstant = NEVER
-    """Time [s] from which the held law is alone again."""
+    """Time [s] from which the wrapped law acts alone again."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         held = self.law.initial_state(normal_stress, shear_stress, slip_rate)
-        # An open point has no coefficient of its own: that of the law under 1 Pa.
+        # An open point has no coefficient: use that of the law under 1 Pa.
         pressure = np.where(normal_stress > 0, normal_stress, 1.0)
         fresh = self.law.initial_state(pressure, shear_stress, slip_rate)
         at_rest = self.law.strength(0.0 * pressure, pressure, fresh)
-        # A law that creeps carries nothing at rest: it starts with its initial traction.
+        # A creeping law has no strength at rest: use its initial traction.
         start = np.where(at_rest > 0, at_rest, np.abs(shear_stress)) / pressure
         return {"clock": np.zeros_like(normal_stress), "coefficient_at_start": start, **held}
 

@@ -10,7 +10,7 @@ from ruptfx.units import VaryingTime
 
 
 class MemoryConstantTime(Memory):
-    """Normal-stress memory in constant-time form: the held law sees theta_p, which follows sigma within the time t_c.
+    """Normal-stress memory in constant-time form: the wrapped law uses theta_p, which follows sigma in the time t_c.
 
     Simple, and always smooth; but t_c is a length only after multiplication with a slip rate that grows without
     bound at the tip as the mesh is refined, so bimaterial pulses never become mesh-independent with it.

@@ -10,7 +10,7 @@ from ruptfx.units import VaryingLength, VaryingRatio, VaryingVelocity
 
 
 class PrakashClifton(Memory):
-    """Normal-stress memory: the held law sees theta_p, which follows D sigma over the slip L_p, not sigma itself.
+    """Normal-stress memory: the wrapped law uses theta_p, which follows D sigma over the slip L_p, instead of sigma.
 
     The default regularisation between different materials, where plain Coulomb friction has no solution: slip on a
     length that the mesh can resolve, whatever the slip rate.
@@ -27,7 +27,7 @@ class PrakashClifton(Memory):
     theta_p_ratio: VaryingRatio = 1.0
     """Initial theta_p / (D sigma); below 1 the interface starts weak and strengthens as it slips."""
     V_star: VaryingVelocity = 0.0
-    """Added to the slip rate: the memory fades also at rest, within L_p / V_star."""
+    """Added to the slip rate, so that the memory also fades at rest, within L_p / V_star."""
 
     def share(self) -> Array:
         return self.D

@@ -10,10 +10,10 @@ from ruptfx.units import VaryingLength, VaryingRatio
 
 
 class PrakashCliftonTwo(Memory):
-    """Two-stage memory of the normal stress: the held law sees theta_1 + theta_2, each with its own length and share.
+    """Two-stage memory of the normal stress: the wrapped law uses theta_1 + theta_2.
 
-    theta_1 approaches C sigma over the slip L_1 and theta_2 approaches D sigma over L_2: a step of normal stress is
-    felt partly soon and partly late.
+    theta_1 approaches C sigma over the slip L_1 and theta_2 approaches D sigma over L_2: a step of normal stress acts
+    partly over the shorter, partly over the longer slip.
     """
 
     state_fields = {"theta_1": "Pa", "theta_2": "Pa"}

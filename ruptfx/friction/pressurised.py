@@ -1,4 +1,4 @@
-"""A fluid between the surfaces around any law: how a sudden drop of the normal stress acts."""
+"""A fluid between the surfaces around any law: effect of a sudden drop of the effective normal stress."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ NEVER = 1e30  # s
 
 
 class Pressurised(FrictionLaw):
-    """A fluid in the interface: for a time its pressure carries part of the normal stress, without friction.
+    """A fluid in the interface: for a time its pressure reduces the normal stress in the friction law.
 
-    Bodies feel what they felt, the sum of both; a pressure above the normal stress would open the interface, and only
-    leaves it without friction here.
+    The traction on the bodies remains the total normal stress; a pressure above it would open the interface, but only
+    removes its friction here.
     """
 
     state_fields = {"clock": "s"}
@@ -23,15 +23,15 @@ class Pressurised(FrictionLaw):
     source = "effective stress, Terzaghi (1925)"
 
     law: AnyFriction
-    """The law that feels what is left of the normal stress."""
+    """Wrapped law, which uses the effective normal stress."""
     pressure: VaryingPressure
-    """Of the fluid."""
+    """Pressure of the fluid."""
     begin: VaryingInstant = 0.0
-    """Time [s] at which it comes; before the start of the run where negative."""
+    """Time [s] at which the pressure rises; before the start of the run if negative."""
     end: VaryingInstant = NEVER
-    """Time [s] at which it goes."""
+    """Time [s] at which the pressure falls."""
     rise: VaryingDelay = 0.0
-    """Time its coming and its going take; 0: at once."""
+    """Duration of its rise and of its fall; 0: instantaneous."""
 
     def _left(self, normal_stress: Array, clock: Array) -> Array:
         there = weakened_fraction(clock, self.begin, self.rise) - weakened_fraction(clock, self.end, self.rise)

@@ -26,14 +26,14 @@ class RateAndStateFlashHeating(Creeping):
     f_w: VaryingCoefficient
     """Fully weakened coefficient."""
     V_w: VaryingSpeed
-    """Slip rate above which it weakens strongly."""
+    """Slip rate above which friction weakens strongly."""
     psi_initial: VaryingCoefficient | None = None
     """Initial state; without it, the state that carries the initial shear stress at the initial slip rate."""
 
     def steady_coefficient(self, slip_rate: Array) -> Array:
-        """f_ss(V)."""
+        """Return f_ss(V)."""
         speed = np.maximum(slip_rate, AT_REST)
-        # The logarithm of the low-velocity law falls below zero at slip rates far beyond any real one.
+        # The logarithm of the low-velocity law becomes negative only at unrealistic slip rates.
         low = np.maximum(self.f_0 - (self.b - self.a) * np.log(speed / self.V_0), LOWEST)
         # [1 + x^8]^(-1/8) with the larger of x and 1 taken out, so that nothing overflows.
         x = speed / self.V_w
@@ -42,7 +42,7 @@ class RateAndStateFlashHeating(Creeping):
         return np.maximum(self.f_w + (low - self.f_w) * bend, LOWEST)
 
     def steady_psi(self, slip_rate: Array) -> Array:
-        """psi_ss(V) = a [ln(2 sinh(f_ss / a)) - ln(V / V_0)]."""
+        """Return psi_ss(V) = a [ln(2 sinh(f_ss / a)) - ln(V / V_0)]."""
         speed = np.maximum(slip_rate, AT_REST)
         return self.a * (log_sinh(self.steady_coefficient(slip_rate) / self.a) - np.log(speed / self.V_0))
 

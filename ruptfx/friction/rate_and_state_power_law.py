@@ -46,11 +46,11 @@ class RateAndStatePowerLaw(FrictionLaw):
     m: VaryingExponent
     """The direct effect is the power 1/m of the slip rate."""
     L_0: VaryingLength
-    """Slip over which the state follows."""
+    """Slip over which the state follows a change of the slip rate."""
     A_0: VaryingRatio = 1.0
     """Rate at which the state grows at rest."""
     theta_0_initial: VaryingTime
-    """State before the first slip [s]; L_0 / theta_0_initial is the slip rate it remembers."""
+    """State before the first slip [s]; L_0 / theta_0_initial is the corresponding steady slip rate."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {"theta_0": np.zeros_like(normal_stress) + self.theta_0_initial}
@@ -68,19 +68,20 @@ class RateAndStatePowerLaw(FrictionLaw):
         return {"theta_0": state["theta_0"] * np.exp(-x) + self.A_0 * dt * decay_mean(x)}
 
     def steady_strength(self, slip_rate: Array, normal_stress: Array) -> Array:
-        """mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""
+        """Return mu_d + (mu_s - mu_d) exp(-(V / V_1)^p), times the normal stress."""
         return (self.mu_d + (self.mu_s - self.mu_d) * np.exp(-((slip_rate / self.V_1) ** self.p))) * normal_stress
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
-        """Of slip at a constant rate that begins at once.
+        """Return the breakdown for sudden slip at a constant rate.
 
-        theta_0 goes from theta_0_initial to L_0 / V, over some lengths L_0 / A_0; the integral over them.
+        theta_0 evolves from theta_0_initial to L_0 / V over some lengths L_0 / A_0; the energy is the integral over
+        them.
         """
         from scipy.integrate import simpson
 
         start = np.asarray(self.theta_0_initial + 0.0 * normal_stress)
         residual = self.steady_strength(slip_rate, normal_stress)
-        # theta_0 comes near to its end as exp(-A_0 slip / L_0).
+        # theta_0 approaches its limit as exp(-A_0 slip / L_0).
         most = 40 + np.log1p(slip_rate * np.max(start / self.L_0))
         times = np.linspace(0, most, 2001).reshape(-1, *[1] * start.ndim)
         slip = times * (self.L_0 / self.A_0)

@@ -29,7 +29,7 @@ class RateAndStateSaturating(RateAndState):
         return self.b * np.log1p(theta / self.theta_c)
 
     def age(self, contact: Array) -> Array:
-        # The contribution cannot be negative: a stress below that of fresh contacts gets the youngest ones.
+        # The contribution cannot be negative: a stress below that of new contacts gives the smallest age.
         return self.theta_c * np.expm1(np.maximum(contact / self.b, 1e-9))
 
     def age_rate(self, theta: Array, slip_rate: Array) -> Array:

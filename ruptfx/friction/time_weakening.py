@@ -26,7 +26,7 @@ class TimeWeakening(FrictionLaw):
     arrival: VaryingDelay
     """Time [s] after the start at which weakening begins."""
     t_w: VaryingDelay = 0.0
-    """Time the fall takes; 0: at once."""
+    """Duration of the fall; 0: instantaneous."""
 
     def initial_state(self, normal_stress: np.ndarray, shear_stress: np.ndarray, slip_rate: np.ndarray) -> LawState:
         return {"clock": np.zeros_like(normal_stress)}
@@ -43,5 +43,5 @@ class TimeWeakening(FrictionLaw):
 
 
 def weakened_fraction(clock: Array, arrival: Array, duration: Array) -> Array:
-    """0 until `arrival`, then linearly to 1 within `duration` (at once where it is zero)."""
+    """Return 0 until `arrival`, then a linear rise to 1 within `duration` (a jump if that is zero)."""
     return np.minimum(np.maximum((clock - arrival) / np.maximum(duration, 1e-30), 0.0), 1.0)

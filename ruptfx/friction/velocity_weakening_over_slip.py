@@ -1,4 +1,4 @@
-"""Exponential velocity weakening that takes slip to come about."""
+"""Exponential velocity weakening that evolves over a slip distance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ class VelocityWeakeningOverSlip(FrictionLaw):
     """Velocity weakening with a length: the coefficient follows that of `velocity_weakening` over the slip L.
 
     Velocity weakening alone is ill-posed where its slope exceeds the impedance of the bodies: fronts are then as long
-    as the elements are. Here they have a length, and cost energy. At rest strength comes back within L / V_star.
+    as the elements are. Here fronts have a finite length and fracture energy. At rest strength recovers within L /
+    V_star.
     """
 
     state_fields = {"weakness": "1"}
@@ -32,7 +33,7 @@ class VelocityWeakeningOverSlip(FrictionLaw):
     L: VaryingLength
     """Slip over which the coefficient follows the steady one."""
     V_star: VaryingVelocity = 0.0
-    """Added to the slip rate: strength comes back also at rest, within L / V_star."""
+    """Added to the slip rate, so that strength also recovers at rest, within L / V_star."""
 
     def steady_weakness(self, slip_rate: Array) -> Array:
         return -np.expm1(-slip_rate / self.V_w)
@@ -51,6 +52,6 @@ class VelocityWeakeningOverSlip(FrictionLaw):
         return self.strength(slip_rate, normal_stress, {"weakness": self.steady_weakness(slip_rate)})
 
     def lengths(self, normal_stress: Array, slip_rate: Array) -> Breakdown:
-        """At a constant slip rate."""
+        """Return the breakdown at a constant slip rate."""
         peak, residual = self.mu_s * normal_stress, self.steady_strength(slip_rate, normal_stress)
         return Breakdown(peak, residual, (peak - residual) * self.L * slip_rate / (slip_rate + self.V_star))

@@ -1,4 +1,4 @@
-"""Lumped models: a few masses and springs that explain the field, read from the same kind of case file.
+"""Lumped models: a few masses and springs, with results in a dataset, read from the same kind of case file.
 
 One model per file or package, whose name is the top-level `kind` of the case. They need neither DOLFINx nor MPI.
 """
@@ -26,50 +26,50 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-FAR = 1e5  # times the default
-FAR_AT_ALL = 1e12  # of what has none, in SI units
+FAR = 1e5  # times the default: larger ratios count as extreme
+FAR_AT_ALL = 1e12  # limit for numbers without a default, in SI units
 Progress = Callable[[float, str], None]
 Summary = Table
 
 
 def silent(fraction: float, message: str) -> None:
-    """Progress that nobody watches."""
+    """Ignore the progress."""
 
 
 class LumpedModel(CaseFile, Alternative):
-    """The contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
+    """Contract of a lumped model; parameters are the fields of the subclass, keys of the case file."""
 
     example: ClassVar[str] = ""
     """A case file of a second or less, without `kind`; the contract tests run it."""
 
     title: str = ""
-    """What figures are headed with."""
+    """Title of figures."""
 
     def run(self, progress: Progress = silent) -> xarray.Dataset:
-        """The full result, with units and names; the same for the same case (random draws have a seed).
+        """Return the full result, with units and names; random draws have a seed.
 
         Parameters
         ----------
         progress : callable
-            Called with the finished fraction of the work and a line that says where it is.
+            Called with the finished fraction of the work and a line of text.
         """
         raise NotImplementedError
 
     @classmethod
     def figures(cls, dataset: xarray.Dataset) -> dict[str, Figure]:
-        """Figures of a result by name: what the function of this name in `figures.py` of its package draws."""
+        """Draw the figures of a result, by name, with `figures` of `figures.py` in its package."""
         drawn: dict[str, Figure] = importlib.import_module(f"{cls.__module__}.figures").figures(dataset)
         return drawn
 
     @staticmethod
     def summarise(dataset: xarray.Dataset) -> Summary:
-        """Scalars of a result, ready for JSON: the dataset's 0-d variables and its attributes."""
+        """Return the scalars of a result, ready for JSON: the 0-d variables and attributes of the dataset."""
         scalars = {str(name): v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
         return {**scalars, **dataset.attrs}
 
 
 def variable(dims: object, values: object, units: str, long_name: str) -> tuple[object, object, dict[str, str]]:
-    """A variable of a dataset: dimensions, values, and the units and name that files and figures show."""
+    """Return a variable of a dataset: dimensions, values, and attributes for units and name."""
     return dims, values, {"units": units, "long_name": long_name}
 
 
@@ -86,14 +86,14 @@ def simulate(
     progress : callable
         See `LumpedModel.run`.
     resume : bool
-        Leave a finished run of this model as it is; begin one that was stopped again.
+        Keep a finished run of this model; start an interrupted one again.
     overwrite : bool
-        Replace the run that `out` holds, of whatever case, once this one is complete; other files stay.
+        Replace the run in `out`, of any case, once this one is complete; other files stay.
 
     Raises
     ------
     RuptfxError
-        The directory already holds something else, or another process writes there.
+        If the directory contains other files, or another process writes there.
     """
     out = Path(out)
     if resume:
@@ -108,7 +108,7 @@ def simulate(
 
 
 def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
-    """Everything in a directory that is ready."""
+    """Run a model in a directory that is ready, and write all files."""
     (out / "figures").mkdir(exist_ok=True)
     model.save(out)
     run_files.begin(out, ["result.nc", run_files.SUMMARY])
@@ -128,7 +128,7 @@ def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
 
 @contextmanager
 def _solvable(model: LumpedModel) -> Iterator[None]:
-    """Make errors of numbers, as integrators and linear algebra raise them, one that names extreme parameters.
+    """Convert numerical errors of integrators and linear algebra into one that names extreme parameters.
 
     Raises
     ------
@@ -155,15 +155,15 @@ def _require_finite(dataset: xarray.Dataset) -> None:
 
 
 def extreme(part: Part, usual: Part | None = None, key: str = "") -> Iterator[str]:
-    """Numbers of a part that are far from their defaults, as `key = value (usual default)`.
+    """Yield the numbers of a part that are far from their defaults, as `key = value (usual default)`.
 
     Parameters
     ----------
     part : Part
     usual : Part, optional
-        The default of the part itself.
+        Default of the part itself.
     key : str
-        That of the part, with a dot behind it.
+        Key of the part, with a trailing dot.
     """
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)
@@ -185,12 +185,12 @@ def extreme(part: Part, usual: Part | None = None, key: str = "") -> Iterator[st
 
 
 def read_result(run: str | Path) -> xarray.Dataset:
-    """The full result of a finished run, as it left `LumpedModel.run`.
+    """Return the full result of a finished run, as returned by `LumpedModel.run`.
 
     Raises
     ------
     RuptfxError
-        The directory holds no result of a lumped model.
+        If the directory contains no result of a lumped model.
     """
     import xarray
 
@@ -198,7 +198,7 @@ def read_result(run: str | Path) -> xarray.Dataset:
     if not path.is_file():
         raise RuptfxError(f"{run}: no result.nc in it; give a directory that 'ruptfx run' of a lumped model wrote")
     run_files.check(Path(run), path.name)
-    # Durations stay numbers of seconds.
+    # Keep durations as numbers of seconds.
     return xarray.load_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
 
 
@@ -211,7 +211,7 @@ def redraw(run: str | Path, formats: Sequence[str] = ("png",), trust: bool = Fal
     formats : sequence of str
         File types.
     trust : bool
-        Run the plug-ins of the run where one of them defines the model.
+        Run the plug-ins of the run if one of them defines the model.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def _compression(dataset: xarray.Dataset) -> dict[object, Table]:
 
 
 def _plain(value: object) -> Any:
-    """JSON types only; numbers that are none become null."""
+    """Convert to JSON types; NaN and infinity become null."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

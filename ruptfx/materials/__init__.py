@@ -29,39 +29,39 @@ class WaveSpeeds(NamedTuple):
 
 
 class Material(Alternative):
-    """The contract of a material."""
+    """Contract of a material."""
 
     density: Density
     """Mass per volume."""
     fringe_constant: FringeConstant | None = None
-    """Of the material and the light, f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
-    drawn where it and `output.plate_thickness` are given."""
+    """Fringe constant f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
+    drawn if it and `output.plate_thickness` are given."""
 
     def energy_density(self, strain: Expr, plane: Plane) -> Expr:
-        """Strain energy per volume [J/m3] as a UFL expression.
+        """Return the strain energy per volume [J/m3] as a UFL expression.
 
         Parameters
         ----------
         strain : UFL expression
             Symmetric gradient, shape (d, d); in antiplane the gradient of the out-of-plane displacement, shape (2,).
         plane : str
-            Around an axis it is `solid`, and in what concerns short waves `strain`.
+            For axisymmetric bodies `solid`; for short waves in them `strain`.
         """
         raise NotImplementedError
 
     def lame(self, plane: Plane) -> tuple[float, float] | None:
-        """Lamé parameters lambda and G [Pa] of a linear isotropic material; None of any other.
+        """Return the Lamé parameters lambda and G [Pa] of a linear isotropic material; None for others.
 
-        In plane stress lambda is the effective one.
+        In plane stress lambda is the effective one. Code for isotropic bodies only, such as the `matrix_free` operator,
 
-        Who knows isotropic bodies only, such as the `matrix_free` operator, asks here.
+        calls this method.
         """
         return None
 
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
-        """Speeds of small waves about the initial state [m/s].
+        """Return the speeds of small waves about the initial state [m/s].
 
-        Here from the second derivative of the energy: the fastest and the slowest plane wave, and the wave along a free
+        Computed from the second derivative of the energy: fastest and slowest plane wave, and the wave along a free
         surface, whose normal is y.
 
         Raises
@@ -77,10 +77,10 @@ class Material(Alternative):
         return WaveSpeeds(float(speeds[-1]), float(speeds[0]), surface)
 
     def impedance(self, normal: np.ndarray, plane: Plane) -> np.ndarray:
-        """Traction per velocity of plane waves that travel along a direction [Pa s/m].
+        """Return the traction per velocity of plane waves that travel along a direction [Pa s/m].
 
         Z = sum_k rho c_k p_k p_k', with rho c_k^2 and p_k the eigenvalues and vectors of the Christoffel tensor
-        n_j C_ijkl n_l: the traction that waves exert on what they leave is Z times their velocity. Here from the
+        n_j C_ijkl n_l: an absorbing boundary needs the traction Z times the velocity. Computed from the
         second derivative of the energy; isotropic, Z = rho c_p n n' + rho c_s (1 - n n').
         Source: Auld (1973), Acoustic fields and waves in solids.
 

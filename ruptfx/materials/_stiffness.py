@@ -1,4 +1,4 @@
-"""The tangent stiffness of a material from its energy, and the waves that belong to it."""
+"""Tangent stiffness of a material from its energy, and the corresponding waves."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 @lru_cache
 def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
-    """Second derivative of the strain energy density at zero strain [Pa].
+    """Return the second derivative of the strain energy density at zero strain [Pa].
 
     Parameters
     ----------
     material : Material
     plane : str
-        Around an axis the stiffness is that in the section, of plane strain.
+        For axisymmetric bodies the stiffness in the section, that of plane strain.
 
     Returns
     -------
@@ -62,14 +62,14 @@ def tangent_stiffness(material: Material, plane: Plane) -> np.ndarray:
 
 
 def christoffel(stiffness: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Christoffel tensor n_j C_ijkl n_l [Pa], shape (..., components, components)."""
+    """Return the Christoffel tensor n_j C_ijkl n_l [Pa], shape (..., components, components)."""
     if stiffness.ndim == 2:
         return np.einsum("...j,jl,...l", normal, stiffness, normal)[..., None, None]
     return np.einsum("...j,ijkl,...l->...ik", normal, stiffness, normal)
 
 
 def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
-    """Speed along x of the wave at a free surface with normal y [m/s], or that of the slowest bulk wave.
+    """Return the speed along x of the wave at a free surface with normal y, or of the slowest bulk wave [m/s].
 
     Motion a exp(i k (x + p y - v t)) solves (Q - rho v^2 + p (R + R') + p^2 T) a = 0 with Q = C_i1k1, R = C_i1k2,
     T = C_i2k2, and exerts the traction i k (R' + p T) a. Of motions that decay away from the surface, the matrix Z from
@@ -94,7 +94,7 @@ def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
         p, motion = np.linalg.eig(companion)
         decaying = p.imag > 1e-9
         if np.count_nonzero(decaying) < len(Q):
-            return False  # a bulk wave leaves the surface
+            return False  # a bulk wave radiates from the surface
         a = motion[: len(Q), decaying]
         impedance = -1j * (R.T @ a + T @ a * p[decaying]) @ np.linalg.inv(a)
         return float(np.linalg.eigvalsh(impedance)[0]) > 0
@@ -107,7 +107,7 @@ def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
 
 
 def _refuse_places(expression: object) -> None:
-    """What varies from place to place has a value at the origin, but that is not the one of an edge."""
+    """Refuse an energy that depends on the position: its value at the origin is not that at an edge."""
     from ufl.corealg.traversal import traverse_unique_terminals
     from ufl.geometry import GeometricQuantity
 

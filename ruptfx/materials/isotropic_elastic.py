@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 class ByShearModulus(Part):
-    """The shear modulus instead of Young's."""
+    """Shear modulus instead of Young's modulus."""
 
     shear_modulus: Modulus
-    """G; with poisson_ratio it stands for Young's modulus."""
+    """G; with poisson_ratio it replaces Young's modulus."""
     poisson_ratio: PoissonRatio
     """Poisson's ratio."""
 
     def young_and_poisson(self) -> tuple[float, float]:
-        """E = 2 G (1 + nu)."""
+        """Return E = 2 G (1 + nu) [Pa] and nu."""
         return 2 * self.shear_modulus * (1 + self.poisson_ratio), self.poisson_ratio
 
 
@@ -39,17 +39,17 @@ class ByWaveSpeeds(Part):
     density: Density
     """Mass per volume."""
     c_p: Speed
-    """Speed of P waves in plane strain and 3D, not that of a plate; with c_s it stands for both moduli."""
+    """Speed of P waves in plane strain and 3D, not that of a plate; with c_s it replaces both moduli."""
     c_s: Speed
-    """Speed of S waves; with c_p it stands for both moduli."""
+    """Speed of S waves; with c_p it replaces both moduli."""
 
     def young_and_poisson(self) -> tuple[float, float]:
-        """G = rho c_s^2, nu = (r - 2) / (2 (r - 1)) with r = (c_p / c_s)^2.
+        """Return E and nu from G = rho c_s^2, nu = (r - 2) / (2 (r - 1)) with r = (c_p / c_s)^2.
 
         Raises
         ------
         ValueError
-            No bulk modulus goes with these speeds.
+            If no positive bulk modulus has these speeds.
         """
         r = (self.c_p / self.c_s) ** 2
         if r <= 4 / 3:
@@ -62,7 +62,7 @@ class IsotropicElastic(Material):
     """Isotropic linear elasticity (Hooke's law).
 
     Instead of young_modulus and poisson_ratio a case may give shear_modulus and poisson_ratio, or c_p and c_s, the wave
-    speeds of the bulk (in plane strain and 3D; `ruptfx check` shows those of the case). The resolved case holds
+    speeds of the bulk (in plane strain and 3D; `ruptfx check` shows those of the case). The resolved case contains
     young_modulus and poisson_ratio.
     """
 
@@ -95,7 +95,7 @@ class IsotropicElastic(Material):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """With the keys that may be given instead."""
+        """Return the JSON schema with the alternative keys."""
         schema = super().__get_pydantic_json_schema__(core, handler)
         entry = handler.resolve_ref_schema(schema)
         for other in (ByShearModulus, ByWaveSpeeds):
@@ -109,7 +109,7 @@ class IsotropicElastic(Material):
         return self.young_modulus / (2 * (1 + self.poisson_ratio))
 
     def lame_lambda(self, plane: Plane) -> float:
-        """First Lamé parameter [Pa]; in plane stress the effective one, 2 lambda G / (lambda + 2 G)."""
+        """Return the first Lamé parameter [Pa]; in plane stress the effective one, 2 lambda G / (lambda + 2 G)."""
         nu = self.poisson_ratio
         if plane == "stress":
             return self.young_modulus * nu / (1 - nu**2)
@@ -119,7 +119,7 @@ class IsotropicElastic(Material):
         return self.lame_lambda(plane), self.shear_modulus
 
     def energy_density(self, strain: Expr, plane: Plane) -> Expr:
-        """lambda tr(e)^2 / 2 + G e:e; in antiplane G |grad w|^2 / 2."""
+        """Return lambda tr(e)^2 / 2 + G e:e [J/m3]; in antiplane G |grad w|^2 / 2."""
         import ufl
 
         if plane == "antiplane":
@@ -136,7 +136,7 @@ class IsotropicElastic(Material):
 
 @lru_cache
 def rayleigh_speed(c_p: float, c_s: float) -> float:
-    """Root of D = 4 a_s a_p - (1 + a_s^2)^2 with a_i = sqrt(1 - c^2 / c_i^2) (Source: Rayleigh 1885).
+    """Return the root of D = 4 a_s a_p - (1 + a_s^2)^2 with a_i = sqrt(1 - c^2 / c_i^2) (Source: Rayleigh 1885).
 
     Parameters
     ----------

@@ -32,15 +32,15 @@ class OrthotropicElastic(Material):
     G_12: Modulus
     """Shear modulus between the first and the second axis."""
     E_3: Modulus | None = None
-    """By default E_2."""
+    """Young's modulus along the third axis; default is E_2."""
     nu_13: ContractionRatio | None = None
-    """By default nu_12."""
+    """Contraction along 3 under stress along 1; default is nu_12."""
     G_13: Modulus | None = None
-    """By default G_12."""
+    """Shear modulus between the first and the third axis; default is G_12."""
     G_23: Modulus | None = None
-    """By default E_2 / (2 (1 + nu_23))."""
+    """Shear modulus between the second and the third axis; default is E_2 / (2 (1 + nu_23))."""
     angle: Angle = 0.0
-    """From the x axis to axis 1 [rad], anticlockwise."""
+    """Angle from the x axis to axis 1 [rad], anticlockwise."""
 
     @model_validator(mode="after")
     def _is_stable(self) -> Self:
@@ -53,7 +53,7 @@ class OrthotropicElastic(Material):
         return self
 
     def _compliance(self) -> np.ndarray:
-        """Strains e_11, e_22, e_33 and 2 e_23, 2 e_13, 2 e_12 over stresses [1/Pa]; shape (6, 6)."""
+        """Return strains e_11, e_22, e_33 and 2 e_23, 2 e_13, 2 e_12 over stresses [1/Pa]; shape (6, 6)."""
         E_3 = self.E_2 if self.E_3 is None else self.E_3
         nu_13 = self.nu_12 if self.nu_13 is None else self.nu_13
         G_13, G_23 = self._antiplane()
@@ -64,14 +64,14 @@ class OrthotropicElastic(Material):
         return compliance
 
     def _antiplane(self) -> tuple[float, float]:
-        """G_13 and G_23 [Pa]."""
+        """Return G_13 and G_23 [Pa]."""
         G_23 = self.E_2 / (2 * (1 + self.nu_23)) if self.G_23 is None else self.G_23
         return self.G_12 if self.G_13 is None else self.G_13, G_23
 
     def _stiffness(self, plane: Plane) -> np.ndarray:
-        """Stresses over strains along the axes of the material [Pa], in the order of `_compliance`.
+        """Return stresses over strains along the axes of the material [Pa], in the order of `_compliance`.
 
-        In plane 11, 22, 12: in plane stress the compliance is cut to these, in plane strain the stiffness.
+        In the plane 11, 22, 12: plane stress reduces the compliance to these, plane strain the stiffness.
         """
         inside = np.ix_([0, 1, 5], [0, 1, 5])
         if plane == "antiplane":
@@ -82,7 +82,7 @@ class OrthotropicElastic(Material):
         return stiffness if plane == "solid" else stiffness[inside]
 
     def energy_density(self, strain: Expr, plane: Plane) -> Expr:
-        """e' C e / 2 with the strain along the axes of the material, shear counted twice."""
+        """Return e' C e / 2 [J/m3] with the strain along the axes of the material, shear counted twice."""
         import ufl
 
         c, s = np.cos(self.angle), np.sin(self.angle)

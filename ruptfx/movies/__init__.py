@@ -1,6 +1,6 @@
 """Movies of a run, from its record: a picture of the bodies, and below it the slip rate along the interface.
 
-What can be shown is one file of this folder, found by its name: its function of the same name makes a `Film` of a
+Every kind of movie is one file of this folder, found by its name: its function of the same name makes a `Film` of a
 `Record`. GIF needs nothing more; MP4 needs the package imageio-ffmpeg or the program ffmpeg.
 """
 
@@ -35,28 +35,28 @@ RESOLUTION = 110  # pixels per inch of a figure 7 inches wide
 
 @dataclass(frozen=True)
 class Film:
-    """What a movie shows.
+    """Content of a movie.
 
     Attributes
     ----------
     times : ndarray, shape (frames,)
         [s].
     image : callable, frame -> ndarray, shape (rows, columns)
-        Lowest row first; NaN where there is nothing.
+        Lowest row first; NaN outside of the bodies.
     extent : (float, float, float, float)
         Left, right, bottom and top of the image, in the units of `x_label` and `y_label`.
     x_label, y_label, label : str
-        Of the axes and of the colour bar.
+        Labels of the axes and of the colour bar.
     look : dict
-        Colours, as `Axes.imshow` takes them.
+        Colour options for `Axes.imshow`.
     draw : callable, Axes -> None
-        What else stands still in the picture.
+        Draw further static parts of the picture.
     move : callable, (Axes, frame) -> None
-        What else moves in it.
+        Update further moving parts of the picture.
     aspect : str
-        "equal" of a picture of the bodies.
+        Aspect of the axes; "equal" for a picture of the bodies.
     remark : str
-        What has to be known to read it.
+        Remark below the picture.
     """
 
     times: Array
@@ -73,7 +73,7 @@ class Film:
 
 
 def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any) -> Film:
-    """The film of a field of the bodies: `picture` makes the image of a snapshot.
+    """Return the film of a field of the bodies: `picture` makes the image of a snapshot.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
 def _that_slide(
     record: Record, picture: Callable[[int, Raster], Array], label: str, line: str, **look: Any
 ) -> Film:
-    """The film of bodies that slide far: where they are at the time, not where they began."""
+    """Return the film of bodies with finite sliding, at their displaced positions."""
     bulk = record.bulk
     points, cells, times = bulk["points"].values, bulk["cells"].values, bulk["time"].values
 
@@ -137,7 +137,7 @@ def _that_slide(
 
 
 def _brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) -> dict[str, Any]:
-    """With an upper end of colours: a few bright pixels at a tip must not darken the waves."""
+    """Return colour options with an upper limit: a few bright pixels at a tip must not darken the waves."""
     if "vmax" in look:
         return look
     sample = np.unique(np.linspace(0, count - 1, 12).astype(int))
@@ -146,13 +146,13 @@ def _brightest(image: Callable[[int], Array], count: int, look: dict[str, Any]) 
 
 
 def assumed(record: Record) -> str:
-    """Says so where the initial stress of the bodies is an assumption."""
+    """Return a remark if the initial stress of the bodies is an assumption, else an empty text."""
     stress = str(record.bulk.attrs.get("initial_stress", ""))
     return f"Initial stress {stress}." if stress.startswith("assumed") else ""
 
 
 def film(record: Record, what: str) -> Film:
-    """The film of a run.
+    """Return the film of a run.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def film(record: Record, what: str) -> Film:
 
 
 def frames(record: Record, what: str, most: int = 200) -> Iterator[tuple[float, Array]]:
-    """Time [s] and pixels of every frame, shape (rows, columns, 3); even numbers of both, as films want it.
+    """Yield time [s] and pixels of every frame, shape (rows, columns, 3), both even numbers as video codecs require.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def frames(record: Record, what: str, most: int = 200) -> Iterator[tuple[float, 
     what : str
         The name of a file of this folder.
     most : int
-        Of more frames, as many are taken, evenly.
+        Largest number of frames, sampled evenly.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
     tall = float(np.clip(6.1 * high / wide, 1.2, 5.5)) if scene.aspect == "equal" else 2.6
     figure, axes = new_figure(1 + slips, 1, tall + 0.9 + 1.5 * slips, height_ratios=[tall, 1.3][: 1 + slips])
     picture = axes[0, 0]
-    picture.set_facecolor("#dbe4ec")  # what has no value is no shade of the picture
+    picture.set_facecolor("#dbe4ec")  # pixels without a value differ from every colour of the map
     shown = picture.imshow(
         scene.image(int(chosen[0])), origin="lower", extent=scene.extent, aspect=scene.aspect,
         interpolation="antialiased", **look,
@@ -217,19 +217,19 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
         if profile is not None:
             profile(float(scene.times[row]))
         canvas.draw()
-        figure.set_layout_engine("none")  # nothing may move from frame to frame
+        figure.set_layout_engine("none")  # axes must not move between frames
         pixels = np.asarray(canvas.buffer_rgba())[..., :3]
         yield float(scene.times[row]), pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy()
 
 
 def _profile(record: Record, axes: Axes, scene: Film) -> Callable[[float], None]:
-    """The slip rate along the first interface, as it is at a time [s]."""
+    """Draw the slip rate along the first interface; return the function that updates it to a time [s]."""
     data = record.interface
     position, time, rate = data["position"].values, data["time"].values, np.abs(data["slip_rate"].values)
     (x_size, x_unit), (size, unit) = scale(np.ptp(position), "m"), scale(rate, "m/s")
     (line,) = axes.plot(position / x_size, 0 * position, color="#c1440e")
     place = along(record, x_size, x_unit)
-    # Bodies that slide far are shown where they are, and their points are told by where they began.
+    # In finite sliding bodies are drawn at displaced positions, but points are labelled by their initial position.
     axes.set(xlabel=f"{place}, before it slid" if slides_far(data) else place, ylabel=f"Slip rate ({unit})")
     axes.set_ylim(0, 1.05 * float(np.nanmax(rate)) / size or 1.0)
     left, right = (position[0] / x_size, position[-1] / x_size)
@@ -247,7 +247,7 @@ def save(
     record: Record, what: str, path: Path, rate: float = 12.0, most: int = 200,
     told: Told = lambda part, text: None,
 ) -> int:
-    """Write a movie; its format is that of the name.
+    """Write a movie; the suffix of the file selects the format.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def save(
     most : int
         Largest number of frames.
     told : callable, optional
-        Told the part that is done and what it is.
+        Called with the finished fraction and a text.
 
     Returns
     -------
@@ -271,7 +271,7 @@ def save(
     Raises
     ------
     RuptfxError
-        Another format, nothing to show, no program that writes MP4, or a disk that cannot be written.
+        If the format is unknown, there are no data, no program can write MP4, or the disk cannot be written.
     """
     kind = path.suffix.lstrip(".").lower()
     if kind not in FORMATS:

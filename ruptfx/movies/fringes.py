@@ -14,6 +14,7 @@ from ruptfx.record import Record
 
 
 def fringes(record: Record) -> Film:
+    """Return the film of isochromatic fringes."""
     plates = Plates(record)
     if plates.missing:
         raise RuptfxError(f"{record.path}: {' '.join(plates.missing.split())}")

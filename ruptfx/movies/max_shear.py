@@ -1,4 +1,4 @@
-"""Largest shear stress in the plane of the bodies, total, with its contours."""
+"""Largest in-plane shear stress of the bodies, including the initial stress, with its contours."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from ruptfx.figure_style import Array
 from ruptfx.movies import Film, assumed, bodies
 from ruptfx.record import Record
 
-CONTOURS, COARSER = 8, 3  # how many at most; pixels from point to point of what they are drawn from
-NUDGE = 0.05  # of a step: an initial stress is a round number, and its contour would be that of rounding
+CONTOURS, COARSER = 8, 3  # largest number of contours; pixel stride of the field from which they are drawn
+NUDGE = 0.05  # of a step: avoids a contour at a round initial stress, where it would follow rounding errors
 
 
 def max_shear(record: Record) -> Film:
+    """Return the film of the largest in-plane shear stress."""
     def shear(row: int, raster: Raster) -> Array:
         return raster(0.5e-6 * record.bulk["fringe"].isel(time=row).values)
 

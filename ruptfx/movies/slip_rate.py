@@ -1,4 +1,4 @@
-"""Slip rate in space and time, as it comes."""
+"""Slip rate in space and time, drawn progressively."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ ROWS, COLUMNS = 400, 900
 
 
 def slip_rate(record: Record) -> Film:
+    """Return the film of the slip rate along the first interface."""
     nothing = RuptfxError(f"{record.path}: nothing slid; there is no slip rate to show")
     if not has_slip_rates(record):
         raise nothing

@@ -11,6 +11,7 @@ from ruptfx.record import Record
 
 
 def velocity(record: Record) -> Film:
+    """Return the film of the particle speed."""
     def speed(row: int, raster: Raster) -> Array:
         return raster(np.linalg.norm(record.bulk["velocity"].isel(time=row).values, axis=-1))
 

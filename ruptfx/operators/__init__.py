@@ -1,4 +1,4 @@
-"""Ways to apply the bulk operator, one per file; the file name is `operator` in a case.
+"""Bulk operators, one per file; the file name is `operator` in a case.
 
 `ufl_form` is the definition: the derivative of the UFL energy, evaluated through FFCx. Every other operator must
 agree with it to round-off.
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Bulk:
-    """What an operator needs to know about the bodies.
+    """Input of an operator: the bodies.
 
     Attributes
     ----------
@@ -34,9 +34,9 @@ class Bulk:
     cell_material : ndarray of int32, shape (cells,)
         Index into `materials` of every local cell (ghosts included).
     only : ndarray of bool or None, shape (cells,)
-        Local cells that count; None for all.
+        True for local cells that contribute; None for all.
     large_rotations : bool
-        Whether strains are those of Biot, U - 1, and not the symmetric gradient.
+        True for Biot strains, U - 1, instead of the symmetric gradient.
     """
 
     space: fem.dolfinx.fem.FunctionSpace
@@ -48,23 +48,23 @@ class Bulk:
 
 
 class Operator(Protocol):
-    """Applies K to vectors of local degrees of freedom, ghosts included, shape (nodes * components,).
+    """Application of K to vectors of local degrees of freedom, ghosts included, shape (nodes * components,).
 
-    Contributions of the cells a rank owns are *added*; summing over ranks is the caller's business.
+    Contributions of the cells owned by the rank are *added*; the caller sums over ranks.
     """
 
     def __init__(self, bulk: Bulk) -> None: ...
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
-        """force -= K displacement."""
+        """Subtract K displacement from `force` [N], in place."""
 
 
 @runtime_checkable
 class EnergyOperator(Operator, Protocol):
-    """An operator that knows the strain energy itself: where that is no quadratic form, forces do not tell it."""
+    """Operator that evaluates the strain energy, needed if the energy is not a quadratic form."""
 
     def energy(self, displacement: np.ndarray) -> float:
-        """Strain energy of the cells this rank owns [J, per metre of thickness in 2D]."""
+        """Return the strain energy of the cells owned by this rank [J, per metre of thickness in 2D]."""
 
 
 @dataclass
@@ -76,9 +76,9 @@ class Damped:
     eta : float
         [s]
     force : ndarray, shape (nodes * components,)
-        That force [N], in the force of the step, too; zero before it, and after it where nodes have moved on.
+        Damping force [N], also part of the force of the step; zero before it, and after it at updated nodes.
     lost : ndarray, shape (1,)
-        What it takes of the nodes that move on, over the time that forces act, is added to it [W].
+        Sum to which the power dissipated at updated nodes is added [W].
     """
 
     eta: float
@@ -88,30 +88,30 @@ class Damped:
 
 @runtime_checkable
 class FusedOperator(Operator, Protocol):
-    """An operator that can also make explicit steps: it moves nodes on as soon as their force is complete."""
+    """Operator that also makes explicit steps: it updates nodes as soon as their force is complete."""
 
     @property
     def damps(self) -> bool:
-        """Whether its steps know the damping of all elements."""
+        """True if its steps include the damping of all elements."""
 
     def prepare_step(self, held: np.ndarray) -> None:
-        """Say which nodes steps leave to the caller, shape (nodes,); nodes known to other ranks in any case."""
+        """Set which nodes steps leave to the caller, shape (nodes,); nodes shared with other ranks always."""
 
     def step_boundary(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
-        """First part of a step, as `MatrixFree.step`: the elements at nodes that other ranks know."""
+        """Compute the first part of a step, as `MatrixFree.step`: elements at nodes shared with other ranks."""
 
     def step_interior(
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
-        """The rest of the step."""
+        """Compute the remaining part of the step."""
 
 
 def create(kind: str, bulk: Bulk, plugins: Iterable[Plugin] = ()) -> Operator:
-    """The operator of a kind: the class in `operators/<kind>.py`, its name in CamelCase, or one from outside."""
+    """Return the operator of a kind: the class in `operators/<kind>.py`, its name in CamelCase, or a plug-in."""
     with active(plugins):
         if kind not in kinds("ruptfx.operators"):
             raise CaseError(f"operator = '{kind}': unknown, {nearest(kind, kinds('ruptfx.operators'))}")

@@ -1,4 +1,4 @@
-"""Geometry and material of elements as the matrix-free kernel wants them: sorted by kind, lane by lane."""
+"""Geometry and material of elements for the matrix-free kernel: sorted by kind, lane by lane."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ BOX, AFFINE, MULTILINEAR, POINTWISE = range(4)  # kinds of a batch, as in the C 
 def numbers(
     bulk: Bulk, cells: np.ndarray, padding: np.ndarray, permutation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kind of every batch, where its numbers begin (in vectors), and the numbers.
+    """Return the kind of every batch, the start of its numbers (in vectors), and the numbers.
 
-    A batch takes the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for cells that
-    only fill up a batch) and the geometry; with large rotations 1 / sqrt(det J)
+    A batch has the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for padding
+    cells) and the geometry; with large rotations 1 / sqrt(det J)
     follows; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
-    is one number in an affine cell, one for each node in a curved one, and left to the kernel in others.
+    is one number in an affine cell, one for each node in a curved one, and computed by the kernel in others.
 
     Parameters
     ----------
     cells, padding : ndarray, shape (batches, lanes)
-        Local cells, and which of them only fill up.
+        Local cells, and True for padding cells.
     permutation : ndarray
-        From tensor order to the nodes of the element.
+        Permutation from tensor order to the nodes of the element.
     """
     mesh = bulk.space.mesh
     dim, lanes = mesh.geometry.dim, cells.shape[1]
@@ -64,14 +64,14 @@ def numbers(
 
 
 def _slices(count: int) -> list[slice]:
-    """Parts of a long range: what they need at a time stays small."""
+    """Return slices of a long range, to limit temporary memory."""
     return [slice(first, first + 4096) for first in range(0, count, 4096)]
 
 
 def _geometry(
     space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, permutation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sign of the moduli and geometry of some cells, shapes (batches, lanes) and (batches, lanes, numbers)."""
+    """Return sign of the moduli and geometry of cells, shapes (batches, lanes) and (batches, lanes, numbers)."""
     mesh = space.mesh
     x = _corners(mesh, cells)
     upright = np.ones(cells.shape)
@@ -88,7 +88,7 @@ def _geometry(
 
 
 def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, permutation: np.ndarray) -> np.ndarray:
-    """2 pi r and 1 / r (0 on the axis) of the nodes of cells, and sqrt(det J); shape (batches, lanes, numbers)."""
+    """Return 2 pi r, 1 / r (0 on the axis) of the nodes of cells, and sqrt(det J); shape (batches, lanes, numbers)."""
     mesh = space.mesh
     shape = _coordinate_element(mesh).tabulate(1, np.asarray(space.element.basix_element.points)[permutation])
     values, slopes = np.asarray(shape)[0, :, :, 0], np.asarray(shape)[1:, :, :, 0]
@@ -102,7 +102,7 @@ def _rings(space: fem.dolfinx.fem.FunctionSpace, cells: np.ndarray, kind: int, p
 
 
 def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
-    """Root of |det J| of cells with parallel edges, in the shape of `cells`."""
+    """Return the root of |det J| of cells with parallel edges, in the shape of `cells`."""
     found = native.aligned(cells.shape)
     for part in _slices(len(cells)):
         jacobian, _ = _shape(_corners(mesh, cells[part]), is_tensor(mesh))
@@ -111,7 +111,7 @@ def root_of_size(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
 
 
 def is_tensor(mesh: fem.dolfinx.mesh.Mesh) -> bool:
-    """Quadrilaterals and hexahedra."""
+    """Return whether cells are quadrilaterals or hexahedra."""
     return mesh.basix_cell().name in ("quadrilateral", "hexahedron")
 
 
@@ -129,7 +129,7 @@ def geometry_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
 
 
 def _coordinate_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
-    """The map from the reference cell, as Basix has it."""
+    """Return the Basix element of the map from the reference cell."""
     described, basix = geometry_element(mesh), fem.basix
     return basix.create_element(
         basix.ElementFamily.P, mesh.basix_cell(), described.degree, lagrange_variant=described.lagrange_variant
@@ -137,7 +137,7 @@ def _coordinate_element(mesh: fem.dolfinx.mesh.Mesh) -> Any:
 
 
 def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian dx_a / dxi_d [..., d, a] at the first corner, and all coefficients of the map from the reference cell.
+    """Return the Jacobian dx_a / dxi_d [..., d, a] at the first corner, and all coefficients of the map.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _shape(x: np.ndarray, tensor: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _classify(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
-    """Geometry of batches of cells, by their most demanding one, shape (batches,)."""
+    """Return the geometry kind of batches of cells, that of their most demanding one, shape (batches,)."""
     if not is_tensor(mesh) and geometry_element(mesh).degree > 1:
         return np.full(len(cells), POINTWISE, dtype=np.uint8)
     if not is_tensor(mesh):
@@ -179,7 +179,7 @@ def _classify(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray) -> np.ndarray:
 
 
 def _is_curved(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Whether nodes of a cell are not where its corners alone put them."""
+    """Return which cells have nodes that differ from the map of their corners."""
     if geometry_element(mesh).degree == 1:
         return np.zeros(cells.shape, dtype=bool)
     flat = fem.basix.create_element(fem.basix.ElementFamily.P, mesh.basix_cell(), 1)
@@ -190,7 +190,7 @@ def _is_curved(mesh: fem.dolfinx.mesh.Mesh, cells: np.ndarray, size: np.ndarray)
 
 
 def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
-    """dxi_d / dx_a sqrt|det J|: the flux is G C G' of the reference gradient."""
+    """Return dxi_d / dx_a sqrt|det J|: the flux is G C G' of the reference gradient."""
     volume = np.sqrt(np.abs(np.linalg.det(jacobian)))
     return np.linalg.inv(jacobian).swapaxes(-1, -2) * volume[..., None, None]
 
@@ -198,7 +198,7 @@ def _scaled_inverse(jacobian: np.ndarray) -> np.ndarray:
 def _pointwise(
     mesh: fem.dolfinx.mesh.Mesh, x: np.ndarray, space: fem.dolfinx.fem.FunctionSpace, permutation: np.ndarray
 ) -> np.ndarray:
-    """Scaled inverse Jacobian at every node of cells with curved edges."""
+    """Return the scaled inverse Jacobian at every node of cells with curved edges."""
     points = np.asarray(space.element.basix_element.points)[permutation]
     slopes = np.asarray(_coordinate_element(mesh).tabulate(1, points))[1:, :, :, 0]
     jacobian = np.einsum("dqk,blka->blqda", slopes, x)

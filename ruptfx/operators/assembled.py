@@ -1,4 +1,4 @@
-"""The bulk operator as a matrix: what implicit steps factorise, here applied to vectors."""
+"""The bulk operator as a sparse matrix, the one that implicit steps factorise."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ruptfx.operators.ufl_form import energy, measure
 
 
 def stiffness_form(bulk: Bulk) -> fem.dolfinx.fem.Form:
-    """The compiled second derivative of the strain energy: K of linear materials."""
+    """Return the compiled second derivative of the strain energy: K of linear materials."""
     return fem.bilinear(_second_derivative(bulk))
 
 
 def is_linear(bulk: Bulk) -> bool:
-    """Whether the stiffness of the bodies is the same at any displacement."""
+    """Return whether the stiffness of the bodies is independent of the displacement."""
     return not fem.ufl.algorithms.expand_derivatives(_second_derivative(bulk)).coefficients()
 
 
@@ -27,9 +27,9 @@ def _second_derivative(bulk: Bulk) -> fem.ufl.Form:
 
 
 class Assembled:
-    """K of the cells a rank owns as a sparse matrix; any linear material, any mesh, any order.
+    """K of the cells owned by a rank as a sparse matrix; any linear material, any mesh, any order.
 
-    A matrix of order 4 has some 130 entries per row in 2D: slower than `matrix_free`, and the same to round-off.
+    A matrix of order 4 has some 130 entries per row in 2D: slower than `matrix_free`, with equal results to round-off.
     """
 
     def __init__(self, bulk: Bulk) -> None:

@@ -15,9 +15,9 @@ from ruptfx import RuptfxError, fem, native
 from ruptfx.operators import Bulk, Damped
 from ruptfx.operators._geometry import AFFINE, BOX, geometry_element, is_tensor, numbers, root_of_size
 
-# Nodes computed between updates.  Measured: with 2000 the update is slower by half (its memory comes in short pieces).
+# Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
 BLOCK_NODES = 16384
-# Where every cell has nodes of its own they come in one piece: as many as the second cache holds.
+# If every cell has its own nodes, the range is contiguous: as many nodes as fit into the second-level cache.
 BROKEN_BLOCK_NODES = 3072
 
 
@@ -39,7 +39,7 @@ class MatrixFree:
     Raises
     ------
     RuptfxError
-        A material or an element this operator does not know.
+        If the material or the element is not supported.
     """
 
     def __init__(self, bulk: Bulk) -> None:
@@ -74,20 +74,20 @@ class MatrixFree:
         self.prepare_step(np.zeros(self._nodes, dtype=bool))
 
     def add_internal_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
-        """force -= K displacement, from the cells this rank owns."""
+        """Subtract K displacement of the cells owned by this rank from `force` [N], in place."""
         pointers = self._pointers(displacement, force)
         self._library.add_internal_force(
             ctypes.byref(self._plan), ctypes.c_long(0), ctypes.c_long(self._batches), *pointers
         )
 
     def energy(self, displacement: np.ndarray) -> float:
-        """Strain energy of the cells this rank owns [J, per metre of thickness]; with large rotations only."""
+        """Return the strain energy of the cells owned by this rank [J per metre of thickness]; large rotations only."""
         return self._library.strain_energy(
             ctypes.byref(self._plan), ctypes.c_long(self._batches), *self._pointers(displacement)
         )
 
     def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> bool:
-        """Add stress times weight and size of elements at their nodes, from the cells this rank owns.
+        """Add stress times weight and size of elements at their nodes, for the cells owned by this rank.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class MatrixFree:
         Returns
         -------
         bool
-            Whether this was done: the kernel knows it in quadrilaterals and hexahedra with parallel edges.
+            True if this was done: the kernel supports quadrilaterals and hexahedra with parallel edges.
         """
         if self._root is None:
             return False
@@ -111,13 +111,13 @@ class MatrixFree:
 
     @property
     def damps(self) -> bool:
-        """Whether steps know the Kelvin-Voigt damping of all elements: linear simplices, in the plane or in space."""
+        """True if steps include the Kelvin-Voigt damping of all elements: linear simplices in 2D and 3D."""
         return self._damps
 
     # -- the fused step --------------------------------------------------------------------------------------------
 
     def prepare_step(self, held: np.ndarray) -> None:
-        """Say which nodes `step` leaves to the caller; nodes known to other ranks are held in any case.
+        """Set which nodes `step` leaves to the caller; nodes shared with other ranks always.
 
         Parameters
         ----------
@@ -148,9 +148,9 @@ class MatrixFree:
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
-        """Internal force of all elements, and one leapfrog step of every node that is not held.
+        """Add the internal force of all elements and make one leapfrog step of every node not left to the caller.
 
-        Plain nodes: velocity = decay velocity + dt force / mass, displacement += dt velocity, force = 0. Held nodes:
+        Updated nodes: velocity = decay velocity + dt force / mass, displacement += dt velocity, force = 0. Held nodes:
         the internal force is added to `force`, which the caller uses and sets to zero.
 
         Parameters
@@ -181,7 +181,10 @@ class MatrixFree:
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
-        """First part of `step`: the elements at nodes that other ranks know; after it `force` is ready to send."""
+        """Compute the first part of `step`: elements at nodes shared with other ranks.
+
+        After it `force` is ready to send.
+        """
         if not self._boundary_blocks:
             return 0.0
         arrays = displacement, velocity, force, inverse_mass
@@ -191,7 +194,7 @@ class MatrixFree:
         self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, inverse_mass: np.ndarray,
         dt: float, decay: float = 1.0, energy: np.ndarray | None = None, damped: Damped | None = None,
     ) -> float:
-        """The rest of `step`; neither reads nor writes the force of nodes that other ranks know."""
+        """Compute the remaining part of `step`; it does not access the force of nodes shared with other ranks."""
         arrays = displacement, velocity, force, inverse_mass
         return self._run(self._boundary_blocks, self._blocks, arrays, dt, decay, energy, damped)
 
@@ -213,7 +216,7 @@ class MatrixFree:
 
     @property
     def nbytes(self) -> int:
-        """Memory held by the operator [bytes]."""
+        """Memory of the operator [bytes]."""
         return sum(array.nbytes for array in self._keep.values())
 
     def _hold(self, name: str, array: np.ndarray) -> None:
@@ -221,7 +224,7 @@ class MatrixFree:
         setattr(self._plan, name, array.ctypes.data)
 
     def _pointers(self, *arrays: np.ndarray, size: int | None = None) -> list[ctypes.c_void_p]:
-        """Of vectors with `size` numbers for a node, by default one for each component."""
+        """Return C pointers of vectors with `size` numbers per node, by default one per component."""
         size = size or self._components
         for array in arrays:
             if array.dtype != np.float64 or array.shape != (self._nodes * size,) or not array.flags.c_contiguous:
@@ -229,9 +232,10 @@ class MatrixFree:
         return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def _hold_lines(self, fetch: int) -> None:
-        """Cache lines (8 doubles) every batch is the first to touch, to be asked for one batch earlier.
+        """Store the cache lines (8 doubles) that every batch is the first to access, for prefetching one batch ahead.
 
-        As many for every batch, so that the kernel needs no test: the last one repeated where there are fewer.
+        All batches have the same number, so that the kernel needs no test: the last line is repeated if there are
+        fewer.
         """
         lines = self._keep["dof"].reshape(self._batches, -1) // 8
         first_touch = np.full(self._nodes * self._components // 8 + 1, self._batches, dtype=np.int32)
@@ -242,14 +246,14 @@ class MatrixFree:
         count = fetch * self._cell_nodes
         place = starts[:-1, None] + np.minimum(np.arange(count), np.maximum(np.diff(starts) - 1, 0)[:, None])
         chosen = order[np.minimum(place, len(order) - 1)].astype(np.int32)
-        # A row more: every batch fetches for the next one, the last one too.
+        # One more row: every batch prefetches for the next one, also the last batch.
         self._hold("line", np.concatenate([chosen, np.zeros((1, count), dtype=np.int32)]))
 
     def _order_cells(self, bulk: Bulk, lanes: int) -> tuple[np.ndarray, np.ndarray, int]:
-        """Cells by batch (batch, lane), which of them only fill up a batch, and how many batches come first.
+        """Return cells by batch (batch, lane), flags of padding cells, and the number of boundary batches.
 
-        Elements at shared nodes come first, so that their force travels while the others are computed; within both
-        groups elements follow the numbering of their nodes, so that vectors are read nearly in order.
+        Elements at shared nodes come first, so that their force is communicated while the others are computed; within
+        both groups elements follow the numbering of their nodes, so that vectors are read nearly in order.
         """
         space = bulk.space
         owned = space.mesh.topology.index_map(space.mesh.topology.dim).size_local
@@ -284,7 +288,7 @@ def _refuse_unknown(bulk: Bulk) -> None:
 
 
 def _shared_nodes(index_map: fem.dolfinx.common.IndexMap) -> np.ndarray:
-    """True for every local node that another rank knows too; collective."""
+    """Return True for every local node shared with another rank; collective."""
     flag = fem.dolfinx.la.vector(index_map, 1)
     flag.array[:] = 0
     flag.array[index_map.size_local :] = 1
@@ -294,13 +298,16 @@ def _shared_nodes(index_map: fem.dolfinx.common.IndexMap) -> np.ndarray:
 
 
 def _fetch(space: fem.dolfinx.fem.FunctionSpace) -> int:
-    """Cache lines of new nodes per node of a batch: order^dim new nodes per element, 8 elements, 8 doubles a line."""
+    """Return the cache lines of new nodes per node of a batch.
+
+    order^dim new nodes per element, 8 elements, 8 doubles a line.
+    """
     order, dim = space.element.basix_element.degree, space.mesh.topology.dim
     return -(-space.dofmap.index_map_bs * order**dim // (order + 1) ** dim)
 
 
 def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
-    """Place (0 to lanes - 1) of a node in a full row of consecutive nodes of one block; -1 outside of full rows."""
+    """Return the position (0 to lanes - 1) of a node in a full row of consecutive nodes of one block; -1 outside."""
     if len(nodes) == 0:
         return np.zeros(0, dtype=np.int64)
     new_run = np.r_[True, (np.diff(nodes) != 1) | (np.diff(block) != 0)]
@@ -313,7 +320,7 @@ def _rows(nodes: np.ndarray, block: np.ndarray, lanes: int) -> np.ndarray:
 def _reference_cell(
     space: fem.dolfinx.fem.FunctionSpace, axisymmetric: bool, large: bool
 ) -> tuple[np.ndarray, str]:
-    """Tensor-product order of the nodes of a cell, and the constants of the C source."""
+    """Return the tensor-product order of the nodes of a cell, and the constants of the C source."""
     element = space.element.basix_element
     order, dim = element.degree, space.mesh.topology.dim
     sizes = {
@@ -339,7 +346,7 @@ def _reference_cell(
 
 
 def _halves(matrix: np.ndarray) -> np.ndarray:
-    """Even and odd half of a matrix that changes sign when rows and columns are turned round."""
+    """Return even and odd half of a matrix that changes sign when rows and columns are reversed."""
     half = (len(matrix) + 1) // 2
     even, odd = (0.5 * (matrix + sign * matrix[:, ::-1])[:half, :half] for sign in (1, -1))
     if len(matrix) % 2:
@@ -358,7 +365,7 @@ def _braces(values: np.ndarray) -> str:
 
 
 def gauss_lobatto_legendre(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and weights on [0, 1], and the matrix of derivatives D[i, j] = l_j'(x_i) of the interpolation."""
+    """Return points and weights on [0, 1], and the matrix of derivatives D[i, j] = l_j'(x_i)."""
     basix = fem.basix
     rule = basix.make_quadrature(basix.CellType.interval, 2 * order - 1, rule=basix.QuadratureType.gll)
     points, weights = np.asarray(rule[0]).ravel(), np.asarray(rule[1])
@@ -368,6 +375,6 @@ def gauss_lobatto_legendre(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarr
     derivative = barycentric / barycentric[:, None] / difference
     np.fill_diagonal(derivative, 0)
     derivative = 0.5 * (derivative - derivative[::-1, ::-1])
-    # Rows that sum to zero: a rigid translation gives no force at all.
+    # Rows must sum to zero exactly: a rigid translation gives no force.
     np.fill_diagonal(derivative, -derivative.sum(axis=1))
     return x, weights, derivative

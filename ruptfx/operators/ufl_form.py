@@ -1,4 +1,4 @@
-"""The reference operator: the UFL form of the internal force, assembled at every call."""
+"""Reference operator: the UFL form of the internal force, assembled at every call."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ruptfx.operators import Bulk
 
 
 def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane, large: bool = False) -> fem.Expr:
-    """Symmetric gradient; of a scalar (antiplane) displacement its gradient, around an axis with the third strain.
+    """Return the symmetric gradient; in antiplane the gradient; around an axis with the hoop strain.
 
-    Where rotations are large, Biot's strain U - 1 in the plane, with F = 1 + grad u = R U.
+    With `large`, Biot's strain U - 1 in the plane, with F = 1 + grad u = R U.
     """
     if large:
         return _biot(displacement)
@@ -25,7 +25,7 @@ def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane, la
 
 
 def _biot(displacement: fem.Expr) -> fem.Expr:
-    """U - 1 in closed form: U^2 - tr(U) U + det(U) 1 = 0 (Cayley and Hamilton), tr(U)^2 = tr(U^2) + 2 det(U).
+    """Return U - 1 in closed form: U^2 - tr(U) U + det(U) 1 = 0 (Cayley and Hamilton), tr(U)^2 = tr(U^2) + 2 det(U).
 
     With F = 1 + H, b = F_xy - F_yx and s = tr(U) = sqrt((2 + tr H)^2 + b^2); written so that small strains keep their
     digits: U - 1 = (U^2 - 1 + (det(F) - 1 - (s - 2)) 1) / s.
@@ -40,7 +40,7 @@ def _biot(displacement: fem.Expr) -> fem.Expr:
 
 
 def rotation(displacement: fem.Expr) -> fem.Expr:
-    """R of the polar decomposition 1 + grad u = R U in the plane."""
+    """Return R of the polar decomposition 1 + grad u = R U in the plane."""
     H = fem.ufl.grad(displacement)
     along, across = 2 + fem.ufl.tr(H), H[0, 1] - H[1, 0]
     s = fem.ufl.sqrt(along**2 + across**2)
@@ -48,7 +48,7 @@ def rotation(displacement: fem.Expr) -> fem.Expr:
 
 
 def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
-    """The material index of every local cell as tags for a measure."""
+    """Return the material index of every local cell as tags for a measure."""
     mesh = bulk.space.mesh
     cells = np.arange(len(bulk.cell_material), dtype=np.int32)
     if bulk.only is not None:
@@ -57,7 +57,7 @@ def material_tags(bulk: Bulk) -> fem.dolfinx.mesh.MeshTags:
 
 
 def measure(bulk: Bulk) -> fem.ufl.Measure:
-    """Cells by material, with the quadrature that belongs to the element."""
+    """Return the cell measure by material, with the quadrature of the element."""
     mesh = bulk.space.mesh
     order = bulk.space.element.basix_element.degree
     return fem.ufl.Measure(
@@ -66,13 +66,13 @@ def measure(bulk: Bulk) -> fem.ufl.Measure:
 
 
 def energy_density(bulk: Bulk, index: int, strain: fem.Expr) -> fem.Expr:
-    """Of one of the materials; what goes round an axis is solid to it."""
+    """Return the energy density of one material; axisymmetric strains are three-dimensional (`solid`)."""
     seen: Plane = "solid" if bulk.plane == "axisymmetric" else bulk.plane
     return bulk.materials[index].energy_density(strain, seen)
 
 
 def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:
-    """Strain energy of the bodies [J, per metre of thickness in plane stress, plane strain and antiplane]."""
+    """Return the strain energy of the bodies [J, in plane models per metre of thickness]."""
     mesh = bulk.space.mesh
     e = strain(displacement, mesh, bulk.plane, bulk.large_rotations)
     return sum(
@@ -82,13 +82,13 @@ def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.F
 
 
 class UflForm:
-    """Assembles the derivative of the strain energy; any material, any mesh, any order.
+    """Assembly of the derivative of the strain energy; any material, any mesh, any order.
 
     Parameters
     ----------
     bulk : Bulk
     jit_options : dict
-        How the form is compiled; empty for DOLFINx's own flags.
+        Compiler options of the form; empty for the default flags of DOLFINx.
     """
 
     def __init__(self, bulk: Bulk, jit_options: Table = fem.JIT_OPTIONS) -> None:
@@ -107,7 +107,7 @@ class UflForm:
         force -= assembled
 
     def energy(self, displacement: np.ndarray) -> float:
-        """Strain energy of the cells this rank owns [J, per metre of thickness in 2D]."""
+        """Return the strain energy of the cells owned by this rank [J, per metre of thickness in 2D]."""
         self._displacement.x.array[:] = displacement
         return float(np.real(fem.dolfinx.fem.assemble_scalar(self._energy)))
 

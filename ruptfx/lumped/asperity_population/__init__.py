@@ -1,4 +1,4 @@
-"""A population of asperities that creep and are replaced: rate-and-state friction that nobody put in."""
+"""A population of creeping asperities that are replaced with slip: rate-and-state friction as a collective effect."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LAWS: dict[str, type[RateAndState]] = {"ageing": RateAndStateAgeing, "slip": Rat
 
 
 class AsperityPopulation(LumpedModel):
-    """Asperities that creep under one load and last for some slip: velocity steps, a hold, and the laws closest to it.
+    """Asperities that creep under one load and last for some slip: velocity steps, a hold, and fitted laws.
 
-    No asperity weakens with velocity: its shear strength grows with it. That many of them do is because those which
-    last longer have crept further, so that more of them touch. The idea is that of Hulikal, Bhattacharya and Lapusta
+    No single asperity weakens with velocity: its shear strength grows with it. The population does: asperities that
+    last longer have crept further, so that more of them touch. The idea is from Hulikal, Bhattacharya and Lapusta
     (2015), Collective behavior of viscoelastic asperities as a model for static and kinetic friction; how an asperity
     creeps (see `ruptfx/lumped/asperity_population/population.py`) is our own choice.
     """
@@ -34,11 +34,11 @@ class AsperityPopulation(LumpedModel):
     )
 
     asperities: Annotated[int, Field(ge=100, le=10_000_000)] = 6000
-    """How many could touch; those that do are fewer."""
+    """Number of asperities; fewer are in contact."""
     normal_force: Positive = 15.0
     """W [N]; the friction coefficient does not depend on it."""
     stiffness: Positive = 5e4
-    """Of an asperity [N/m]."""
+    """Stiffness of an asperity [N/m]."""
     activation_force: Positive = 0.5e-3
     """f_0 [N]: creep is r sinh(force / f_0)."""
     creep_rate: Positive = 1e-18
@@ -48,11 +48,11 @@ class AsperityPopulation(LumpedModel):
     tip_radius: Length = 10e-6
     """R: a contact has the area pi R times the height that is above the other surface."""
     shear_strength: Strength = 120e6
-    """Of a contact, per real area, at the first of `speeds`."""
+    """Shear strength of a contact per real area, at the first of `speeds`."""
     shear_strengthening: Annotated[float, Field(gt=0, lt=1)] = 0.02
-    """Part by which the shear strength of a contact grows with an e-fold of the slip rate."""
+    """Relative increase of the shear strength of a contact per e-fold of the slip rate."""
     mean_length: Length = 0.4e-6
-    """Slip after which an asperity is replaced by a fresh one, in the mean."""
+    """Mean slip after which an asperity is replaced by a new one."""
     length_shape: Annotated[float, Field(ge=0.1, le=1000)] = 1.0
     """Shape of the gamma distribution of these lengths: 1 is exponential, large is one length."""
     speeds: Annotated[list[Speed], Field(min_length=2, max_length=100)] = [1e-6, 1e-5, 1e-6, 1e-4, 1e-6]
@@ -60,11 +60,11 @@ class AsperityPopulation(LumpedModel):
     distance: Annotated[float, Field(ge=1, le=1000)] = 15.0
     """Slip at each of them, and before the first, over `mean_length`."""
     hold: Duration = 1e5
-    """How long it stands after the last of them."""
+    """Duration of the hold after the last slip rate."""
     step: Annotated[float, Field(ge=1e-4, le=0.2)] = 0.02
     """Slip of a time step over `mean_length`, and the largest growth of a contact's time in a step of the hold."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Of all random draws."""
+    """Seed of the random draws."""
 
     @property
     def asperity(self) -> Asperity:
@@ -75,7 +75,7 @@ class AsperityPopulation(LumpedModel):
         )
 
     def coefficient(self, area_height: float, slip_rate: object) -> np.ndarray:
-        """Friction coefficient: the direct effect is that of `RateAndState`, on the real area of contact."""
+        """Return the friction coefficient, with the direct effect of `RateAndState` on the real contact area."""
         alpha = self.shear_strengthening
         rate = np.arcsinh(np.asarray(slip_rate) / (2 * self.speeds[0]) * np.exp(1 / alpha))
         pressure = self.normal_force / (np.pi * self.tip_radius * area_height)
@@ -83,7 +83,7 @@ class AsperityPopulation(LumpedModel):
         return found
 
     def steady(self, slip_rate: float) -> float:
-        """Friction coefficient of an infinite population in steady sliding, by quadrature."""
+        """Return the friction coefficient of an infinite population in steady sliding, by quadrature."""
         area_height = self.normal_force * self.height_scale / self.asperity.mean_force(slip_rate)
         return float(self.coefficient(area_height, slip_rate))
 
@@ -94,14 +94,14 @@ class AsperityPopulation(LumpedModel):
         for number, speed in enumerate([self.speeds[0], *self.speeds]):
             progress(number / total, f"slip rate {speed:g} m/s")
             segment = self._slide(population, speed, self.speeds[max(number - 2, 0)])
-            rows += segment if number else []  # the first only forgets the start
+            rows += segment if number else []  # the first segment only removes the effect of the initial state
         progress((total - 1) / total, f"hold of {self.hold:g} s")
         held = self._stand(population)
         trace = Trace(*np.array(rows).T[:3])
         return self._dataset(np.array(rows).T, trace, np.array(held).T)
 
     def _slide(self, population: Population, speed: float, before: float) -> list[tuple[float, ...]]:
-        """Rows of duration, slip rate, friction, mean age and contacts; steps are short first where it was faster."""
+        """Return rows of duration, slip rate, friction, mean age and contacts, with short steps after a faster rate."""
         longest, slipped = self.step * self.mean_length / speed, 0.0
         rows: list[tuple[float, ...]] = []
         dt = min(longest, self.step * self.mean_length / before)
@@ -114,7 +114,7 @@ class AsperityPopulation(LumpedModel):
         return rows
 
     def _stand(self, population: Population) -> list[tuple[float, float]]:
-        """Rows of time at rest, and the friction when it would begin to slip as fast as at first."""
+        """Return rows of time at rest, and of the static friction at the first slip rate."""
         dt, time, rows = self.step * self.mean_length / self.speeds[-1], 0.0, []
         while time < self.hold:
             dt = min(dt, self.hold - time)

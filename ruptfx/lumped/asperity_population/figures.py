@@ -12,12 +12,13 @@ LAWS = (("ageing", "-", STICK_SLIP), ("slip", "--", STEADY))
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    """Draw all figures of a result."""
     return {"population": population(dataset)}
 
 
 @styled
 def population(dataset: xarray.Dataset) -> Figure:
-    """Velocity steps against slip, steady friction against slip rate, static friction against hold, age and state."""
+    """Draw velocity steps against slip, steady friction, static friction after the hold, mean age and state."""
     figure, grid = new_figure(2, 2, 4.6, gridspec_kw={"width_ratios": (1.5, 1)})
     steps, steady, ages, holds = grid.ravel()
     slip = dataset.slip * 1e6

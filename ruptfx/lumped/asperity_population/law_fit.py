@@ -1,4 +1,4 @@
-"""The rate-and-state law that is closest to a trace of friction at given slip rates."""
+"""Fit of a rate-and-state law to a friction trace at given slip rates."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ruptfx.friction._rate_and_state import RateAndState
 
 @dataclass(frozen=True)
 class Trace:
-    """Friction while the slip rate is constant by parts.
+    """Friction at piecewise constant slip rate.
 
     Attributes
     ----------
     duration, slip_rate, friction : ndarray, shape (samples,)
-        How long [s] the slip rate [m/s] holds, and the friction coefficient at the end of it.
+        Duration [s] of each slip rate [m/s], and the friction coefficient at its end.
     """
 
     duration: np.ndarray
@@ -27,7 +27,7 @@ class Trace:
     friction: np.ndarray
 
     def predicted(self, law: RateAndState) -> tuple[np.ndarray, np.ndarray]:
-        """Friction coefficient and theta [s] of a law that begins in steady sliding, shapes (samples,)."""
+        """Return friction coefficient and theta [s] of a law from steady sliding, shapes (samples,)."""
         theta = np.empty(len(self.duration))
         one, last = np.ones(()), np.asarray(law.D_c / self.slip_rate[0])
         bounds = [0, *(np.flatnonzero(np.diff(self.slip_rate)) + 1), len(theta)]
@@ -38,12 +38,12 @@ class Trace:
         return np.asarray(law.strength(self.slip_rate, one, {"theta": theta})), theta
 
     def fit(self, start: RateAndState) -> tuple[RateAndState, float]:
-        """The law with the a, b, D_c and f_0 of least squares over slip, and its RMS misfit.
+        """Fit a, b, D_c and f_0 by least squares over slip; return the law and its RMS misfit.
 
         Parameters
         ----------
         start : RateAndState
-            Where the search begins; its class and V_0 are kept.
+            Initial guess; its class and V_0 are kept.
         """
         weight = np.sqrt(self.duration * self.slip_rate)
         weight /= np.linalg.norm(weight)

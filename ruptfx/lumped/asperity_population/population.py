@@ -1,4 +1,4 @@
-"""Asperities under a common load: each creeps while it lasts, and is replaced by a fresh one after a length of slip.
+"""Asperities under a common load: each creeps, and is replaced by a new one after a length of slip.
 
 Asperity i has a height z_i, of which p_i has crept away, and is pressed by the distance between z_i - p_i and the
 separation d of the surfaces. It is a spring in series with a dashpot of thermally activated flow,
@@ -6,9 +6,9 @@ separation d of the surfaces. It is a spring in series with a dashpot of thermal
     f_i = k max(z_i - p_i - d, 0),    dp_i/dt = r sinh(f_i / f_0),    sum f_i = W,
 
 where the last equation gives d. At constant d the force relaxes exactly as tanh(f / 2 f_0) exp(-k r t / f_0), which is
-logarithmic in time as long as f >> f_0. The tip is a sphere: the contact of one that is pressed ever further has the
-area pi R (z_i - d), whatever its forces were (Lee and Radok 1960, J. Appl. Mech. 27, 438). Heights are exponentially
-distributed, as Greenwood and Williamson (1966, Proc. R. Soc. A 295, 300) take high asperities to be.
+logarithmic in time as long as f >> f_0. The tip is a sphere: under increasing approach its contact has the
+area pi R (z_i - d), whatever the force history (Lee and Radok 1960, J. Appl. Mech. 27, 438). Heights are exponentially
+distributed, the model of Greenwood and Williamson (1966, Proc. R. Soc. A 295, 300) for high asperities.
 They are quantiles, and a fresh asperity has the height of the one it replaces: in an infinite population that is the
 same as drawing it anew, and in a finite one the number of contacts does not scatter.
 """
@@ -50,9 +50,9 @@ class Asperity:
     length_shape: float
 
     def relaxed(self, force: np.ndarray, time: np.ndarray | float) -> np.ndarray:
-        """Force [N] after a time [s] at constant separation.
+        """Return the force [N] after a time [s] at constant separation.
 
-        In u = exp(-f / f_0), which keeps its digits where tanh(f / 2 f_0) is 1 to rounding.
+        Computed with u = exp(-f / f_0), which stays accurate where tanh(f / 2 f_0) rounds to 1.
         """
         lost = -np.expm1(-self.stiffness * self.creep_rate / self.activation_force * time)
         u = np.exp(-force / self.activation_force)
@@ -61,9 +61,9 @@ class Asperity:
         return left
 
     def mean_force(self, slip_rate: float) -> float:
-        """Force [N] of a contact in steady sliding, mean over an infinite population.
+        """Return the mean force [N] of a contact of an infinite population in steady sliding.
 
-        Its pressed height is exponential with mean s; the slip x since it was fresh has the density S(x) / mean length,
+        The pressed height is exponential with mean s; the slip x since replacement has the density S(x) / mean length,
         S being the survival function of the lengths.
         """
         nodes, weights = np.polynomial.legendre.leggauss(400)
@@ -77,13 +77,13 @@ class Asperity:
 
 
 class Population:
-    """The state of all asperities.
+    """State of all asperities.
 
     Parameters
     ----------
     asperity : Asperity
     number : int
-        How many could touch.
+        Number of asperities.
     load : float
         W [N].
     seed : int
@@ -91,7 +91,7 @@ class Population:
     Attributes
     ----------
     height, crept, left, age : ndarray, shape (number,)
-        z and p [m], slip that is left until it is replaced [m], time since it was fresh [s].
+        z and p [m], remaining slip before replacement [m], age since replacement [s].
     separation : float
         d [m].
     """
@@ -109,19 +109,19 @@ class Population:
         return self.random.gamma(shape, self.asperity.mean_length / shape, number)
 
     def pressed(self) -> np.ndarray:
-        """Elastic shortening [m] of every asperity, 0 where it does not touch."""
+        """Return the elastic shortening [m] of every asperity, 0 if not in contact."""
         return np.maximum(self.height - self.crept - self.separation, 0.0)
 
     def area_height(self) -> float:
-        """Sum of z - d [m] over the contacts: their area over pi R."""
+        """Return the sum of z - d [m] over the contacts, their area over pi R."""
         return float((self.height - self.separation)[self.pressed() > 0].sum())
 
     def mean_age(self) -> float:
-        """Of the contacts [s]."""
+        """Return the mean age of the contacts [s]."""
         return float(self.age[self.pressed() > 0].mean())
 
     def advance(self, slip_rate: float, dt: float) -> None:
-        """Slide for a time [s]: asperities creep at the separation there was, then it changes until the load fits."""
+        """Slide for a time [s]: asperities creep at the old separation, which is then updated to balance the load."""
         creeping = self._replace(slip_rate, dt) if slip_rate > 0 else dt
         self.age += creeping
         before = self.asperity.stiffness * self.pressed()
@@ -129,7 +129,7 @@ class Population:
         self._settle()
 
     def _replace(self, slip_rate: float, dt: float) -> np.ndarray:
-        """Replace those whose slip is over; returns how long [s] each, old or fresh, creeps in this step."""
+        """Replace asperities whose slip has ended; return the creep time [s] of each, old or new, in this step."""
         creeping = np.full(len(self.left), dt)
         self.left -= slip_rate * dt
         while len(over := np.flatnonzero(self.left < 0)):
@@ -140,7 +140,7 @@ class Population:
         return creeping
 
     def _settle(self) -> None:
-        """Separation at which the forces add up to the load: Newton steps on a convex, piecewise linear function."""
+        """Find the separation at which the forces balance the load, by Newton's method on a convex function."""
         top, k = self.height - self.crept, self.asperity.stiffness
         self.separation = min(self.separation, float(top.max()) - self.load / k / len(top))
         for _ in range(100):

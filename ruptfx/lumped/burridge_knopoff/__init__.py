@@ -18,7 +18,7 @@ Count = Annotated[int, Field(ge=1, le=100_000)]
 class BurridgeKnopoff(LumpedModel):
     """Chain of blocks dragged through leaf springs: small and large events from smooth loading without disorder.
 
-    The springs load quasi-statically: the drive stands still while anything slips.
+    Loading is quasi-static: the drive does not move during an event.
     Source: Burridge and Knopoff (1967), Bull. Seismol. Soc. Am. 57, 341; Carlson and Langer (1989), Phys. Rev. A 40,
     6470.
     """
@@ -28,32 +28,32 @@ class BurridgeKnopoff(LumpedModel):
     blocks: Annotated[int, Field(ge=1, le=2000)] = 100
     """Blocks of the chain, whose ends are free."""
     mass: Positive = 1.0
-    """Of a block [kg]."""
+    """Mass of a block [kg]."""
     leaf_stiffness: Positive = 1e4
-    """Of the spring between a block and the drive [N/m]."""
+    """Stiffness of the spring between a block and the drive [N/m]."""
     coupling_stiffness: NonNegative = 36e4
-    """Of the spring between two blocks [N/m]."""
+    """Stiffness of the spring between two blocks [N/m]."""
     strength: Positive = 100.0
     """Friction [N] at which a block begins to slip."""
     drop: Annotated[float, Field(ge=1e-4, lt=1)] = 0.01
-    """Part of the friction that is lost when it does."""
+    """Relative drop of friction at the onset of slip."""
     weakening: NonNegative = 2.5
     """alpha: friction is (1 - drop) / (1 + 2 alpha v / (1 - drop)) of the strength, v over strength /
     sqrt(mass leaf_stiffness)."""
     drive_speed: Speed = 1e-6
-    """It sets the time between events, and nothing else."""
+    """Speed of the drive; it affects only the time between events."""
     events: Count = 5000
-    """How many are kept."""
+    """Number of recorded events."""
     discarded: Annotated[int, Field(ge=0, le=100_000)] = 1000
-    """How many come before, in which the chain forgets its start."""
+    """Number of events before them, which remove the effect of the initial state."""
     step: Annotated[float, Field(gt=0, le=0.5)] = 0.2
     """Time step over the largest stable one."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Of the random displacements at the start."""
+    """Seed of the random initial displacements."""
 
     @property
     def chain(self) -> Chain:
-        """The same chain in its own units."""
+        """The same chain in dimensionless units."""
         return Chain(self.coupling_stiffness / self.leaf_stiffness, self.drop, self.weakening)
 
     def run(self, progress: Progress = silent) -> xarray.Dataset:

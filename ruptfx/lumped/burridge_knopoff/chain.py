@@ -1,11 +1,11 @@
-"""The chain between two rests: which blocks slip in an event, how far, and what friction takes.
+"""One event of the chain: slipping blocks, their slip, and the dissipated energy.
 
 Lengths are divided by D = strength / leaf stiffness, times by sqrt(mass / leaf stiffness), forces by the strength. In
 these units, with u the displacement of a block ahead of its drive,
 
     u'' = l^2 (u_right - 2 u + u_left) - u - phi(u'),    phi(v) = (1 - sigma) / (1 + 2 alpha v / (1 - sigma)),
 
-where a block sticks as long as phi <= 1 holds it, and never slips back. The drive stands still during an event.
+where a block sticks while the force does not exceed 1, and never slips back. The drive does not move during an event.
 Source: Carlson and Langer (1989), Phys. Rev. A 40, 6470; the drop sigma is that of Carlson, Langer, Shaw and Tang
 (1991), Phys. Rev. A 44, 884.
 """
@@ -23,7 +23,7 @@ _MOST_STEPS = 1_000_000
 
 @dataclass(frozen=True)
 class Chain:
-    """The constants of a chain.
+    """Constants of a chain.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Chain:
     drop : float
         sigma, fall of the friction when a block begins to slip.
     weakening : float
-        alpha, how fast friction falls with the slip rate.
+        alpha, rate of the decrease of friction with the slip rate.
     """
 
     coupling: float
@@ -40,7 +40,7 @@ class Chain:
     weakening: float
 
     def spring_force(self, u: np.ndarray) -> np.ndarray:
-        """Of all springs on every block; the ends of the chain are free."""
+        """Return the force of all springs on every block; the ends of the chain are free."""
         force = -u
         pull = self.coupling * np.diff(u)
         force[:-1] += pull
@@ -48,11 +48,11 @@ class Chain:
         return force
 
     def stable_step(self) -> float:
-        """2 / omega of the fastest mode, neighbours against each other."""
+        """Return 2 / omega of the fastest mode, in which neighbours move in opposite directions."""
         return 2 / float(np.sqrt(1 + 4 * self.coupling))
 
     def slide(self, velocity: np.ndarray, force: np.ndarray, dt: float) -> np.ndarray:
-        """Velocity after a step of every block, were it sliding: friction is that at this velocity; 0 where it stops.
+        """Return the velocity of every block after a step of sliding with implicit friction; 0 where it stops.
 
         v + dt phi(v) = velocity + dt force is a quadratic equation; of two roots the faster one is stable.
         """
@@ -67,14 +67,14 @@ class Chain:
 
 @dataclass(frozen=True)
 class Event:
-    """What an event did.
+    """Result of an event.
 
     Attributes
     ----------
     slip : ndarray, shape (blocks,)
     duration : float
     released, dissipated : float
-        What the springs lost, and what friction took.
+        Energy released by the springs, and energy dissipated by friction.
     """
 
     slip: np.ndarray
@@ -84,21 +84,21 @@ class Event:
 
 
 def load(chain: Chain, u: np.ndarray) -> float:
-    """Move the drive until the first block is about to slip; returns how far."""
+    """Move the drive until the first block is about to slip; return the distance."""
     distance = 1 - float(chain.spring_force(u).max())
     u -= distance
     return distance
 
 
 def slip_event(chain: Chain, u: np.ndarray, dt: float) -> Event:
-    """Let the block with the largest force go, and all that it takes along, until every block sticks; moves `u`.
+    """Run one event until every block sticks; update `u` in place.
 
-    Leapfrog: released and dissipated energy agree to round-off, whatever the step.
+    The time step is that of leapfrog: released and dissipated energy agree to round-off at any step size.
 
     Raises
     ------
     RuptfxError
-        It does not end.
+        If the event does not end.
     """
     before, start = u.copy(), -0.5 * float(u @ chain.spring_force(u))
     velocity, dissipated = np.zeros_like(u), 0.0

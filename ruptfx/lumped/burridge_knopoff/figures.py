@@ -1,4 +1,4 @@
-"""Figures of the Burridge-Knopoff chain: events in space and time, and how many there are of which size."""
+"""Figures of the Burridge-Knopoff chain: events in space and time, and their size distribution."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from ruptfx.figure_style import RATE_MAP, STEADY, STICK_SLIP, letter, new_figure
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    """Draw all figures of a result."""
     return {"events": events(dataset), "sizes": sizes(dataset)}
 
 
 @styled
 def events(dataset: xarray.Dataset) -> Figure:
-    """Mean force of the leaf springs, and from which to which block events reach, against time."""
+    """Draw the mean force of the leaf springs, and the extent of events along the chain, against time."""
     figure, grid = new_figure(2, 1, 4.6, sharex=True)
     top, bottom = grid[:, 0]
     top.plot(np.repeat(dataset.time, 2), dataset.force.values.ravel(), color="#1a1a1a", lw=0.6)
@@ -36,7 +37,7 @@ def events(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def sizes(dataset: xarray.Dataset) -> Figure:
-    """Number of events against magnitude, with the scatter of counting, and of the blocks that take part."""
+    """Draw number of events against magnitude with counting errors, and slip against the number of blocks."""
     figure, (axes,) = new_figure(1, 2, 2.7)
     count = dataset["count"].values
     seen = count > 0

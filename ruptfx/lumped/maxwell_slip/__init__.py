@@ -1,7 +1,7 @@
-"""Maxwell-slip ensemble: how roughness decides between stick-slip and steady sliding.
+"""Maxwell-slip ensemble: effect of roughness on stick-slip and steady sliding.
 
 Independent blocks hang on springs from one driver and rub with Coulomb friction. A block's spring force rises with
-the drive to mu_s N_b and falls by 2 (mu_s - mu_d) N_b at each slip. Blocks do not act on each other, so all slips are
+the drive to mu_s N_b and falls by 2 (mu_s - mu_d) N_b at each slip. Blocks do not interact, so all slips are
 known in closed form and the ensemble is followed exactly from slip to slip, for all realisations at once.
 
 Forces are divided by the load of a block N_b, drive displacements by N_b / k, in everything below the case.
@@ -43,7 +43,7 @@ class MaxwellSlip(LumpedModel):
     blocks: Count = 300
     """Blocks of an ensemble."""
     realisations: Count = 100
-    """How many ensembles are drawn and averaged over."""
+    """Number of ensembles that are drawn and averaged."""
     periods: Positive = 20.0
     """Length of the run in slip periods, drive displacements of 2 (mu_s - mu_d) N_b / k."""
     normal_force: Positive = 100.0
@@ -51,16 +51,16 @@ class MaxwellSlip(LumpedModel):
     stiffness: Positive = 1e4
     """Spring of one block [N/m]."""
     drive_speed: Speed = 1e-5
-    """Of the body that pulls all springs."""
+    """Speed of the body that pulls all springs."""
     threshold: Fraction = 0.13
     """Stick-slip where the late peak-to-peak friction exceeds this fraction of 2 (mu_s - mu_d). The default places
     the transition of 300 blocks at the published alpha = 22; blocks in random phase give 1.2 / sqrt(blocks)."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Of the random numbers."""
+    """Seed of the random numbers."""
     layer: ContactLayer = ContactLayer()
-    """How heights become spring extensions."""
+    """Conversion of heights to spring extensions."""
     surfaces: list[Surface] = []
-    """Surfaces to judge on the roughness map."""
+    """Surfaces to classify on the roughness map."""
 
     @model_validator(mode="after")
     def _usable(self) -> MaxwellSlip:
@@ -68,7 +68,7 @@ class MaxwellSlip(LumpedModel):
             raise ValueError(f"mu_d = {self.mu_d:g} must be less than mu_s = {self.mu_s:g}")
         if len(set(self.alphas)) != len(self.alphas):
             raise ValueError("alphas must differ from each other")
-        # Every block has slipped once the drive has moved 2 mu_s N_b / k; after that the ensemble repeats itself.
+        # Every block has slipped after a drive displacement of 2 mu_s N_b / k; then the ensemble is periodic.
         needed = self.mu_s / (self.mu_s - self.mu_d) + 1
         if self.periods < needed:
             raise ValueError(f"periods = {self.periods:g}: all blocks have slipped and repeated after {needed:.3g}")
@@ -140,7 +140,7 @@ class MaxwellSlip(LumpedModel):
         return dataset.merge(self._surfaces(self.layer.alpha_c or found), combine_attrs="drop_conflicts")
 
     def _surfaces(self, alpha_c: float) -> xarray.Dataset:
-        """Every surface with its R_a, critical range, range of alpha and verdict by the alpha at the transition."""
+        """Return R_a, critical range, range of alpha and verdict of every surface."""
         layer, rows = self.layer, []
         for surface in self.surfaces:
             R_a = surface.roughness()
@@ -195,7 +195,7 @@ class Ensemble:
     displacement : ndarray, shape (realisations, slips)
         Drive displacement at each slip, in N_b / k; infinite beyond the last slip of a realisation.
     block : ndarray, shape (realisations, slips)
-        Which block slips.
+        Index of the slipping block.
     drop : float
         Fall of a block's force at a slip, over N_b.
     end : float
@@ -212,7 +212,7 @@ class Ensemble:
 
     @property
     def count(self) -> np.ndarray:
-        """Slips of each realisation."""
+        """Number of slips of each realisation."""
         return np.isfinite(self.displacement).sum(axis=1)
 
     @property
@@ -236,7 +236,7 @@ class Ensemble:
         return high - np.min(before, axis=1, where=late, initial=np.inf) + self.drop / self.blocks
 
     def corners(self, realisation: int) -> tuple[np.ndarray, np.ndarray]:
-        """Drive displacement and friction coefficient at the corners of its exact saw-tooth history."""
+        """Return drive displacement and friction coefficient at the corners of the exact saw-tooth history."""
         slips = self.displacement[realisation, : self.count[realisation]]
         before = self.before[realisation, : len(slips)]
         last = self.initial[realisation] + self.end - len(slips) * self.drop / self.blocks
@@ -259,7 +259,7 @@ def slide(initial: np.ndarray, mu_s: float, drop: float, periods: float) -> Ense
     """
     end = periods * drop
     first = mu_s - initial
-    # Slip n of a block happens at first + n drop; sorting all of them is the whole dynamics.
+    # Slip n of a block occurs at first + n drop; sorting all slips gives the complete dynamics.
     all_slips = (first[:, :, None] + drop * np.arange(int(periods) + 1)).reshape(len(initial), -1)
     all_slips[all_slips > end] = np.inf
     order = np.argsort(all_slips, axis=1, kind="stable")
@@ -268,7 +268,9 @@ def slide(initial: np.ndarray, mu_s: float, drop: float, periods: float) -> Ense
 
 
 def late_amplitude_law(alpha: np.ndarray | float, mu_s: float, mu_d: float) -> np.ndarray:
-    """Late peak-to-peak friction over 2 (mu_s - mu_d) of infinitely many blocks, first harmonic of Gaussian phases.
+    """Return the late peak-to-peak friction over 2 (mu_s - mu_d) of infinitely many blocks.
+
+    First harmonic of Gaussian phases.
 
     A block's force is a saw-tooth of peak-to-peak drop and first harmonic (drop / pi) sin; phases scattered by s
     periods multiply it by exp(-2 pi^2 s^2), with s = mu_s / (2 (mu_s - mu_d) sqrt(2 alpha + 1)).
@@ -278,7 +280,7 @@ def late_amplitude_law(alpha: np.ndarray | float, mu_s: float, mu_d: float) -> n
 
 
 def large_number_limit(alpha: float, mu_s: float, mu_d: float, blocks: int = 4000) -> tuple[float, float]:
-    """Static coefficient and late amplitude over 2 (mu_s - mu_d) without scatter: extensions at Beta quantiles."""
+    """Return static coefficient and late amplitude over 2 (mu_s - mu_d), with extensions at Beta quantiles."""
     initial = mu_s * (2 * beta.ppf((np.arange(blocks) + 0.5) / blocks, alpha, alpha) - 1)
     drop = 2 * (mu_s - mu_d)
     ensemble = slide(initial[None, :], mu_s, drop, np.ceil(2 * mu_s / drop) + 2)
@@ -286,7 +288,7 @@ def large_number_limit(alpha: float, mu_s: float, mu_d: float, blocks: int = 400
 
 
 def transition(alpha: np.ndarray, amplitude: np.ndarray, threshold: float) -> float:
-    """Shape parameter at which the amplitude crosses the threshold, linear in ln alpha; nan if it does not."""
+    """Return the shape parameter at which the amplitude crosses the threshold, linear in ln alpha; NaN if none."""
     order = np.argsort(alpha)
     x, y = np.log(alpha[order]), amplitude[order] - threshold
     crossing = np.flatnonzero((y[:-1] <= 0) & (y[1:] > 0))

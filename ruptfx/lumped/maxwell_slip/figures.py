@@ -12,6 +12,7 @@ _COLOURS = {"stick-slip": STICK_SLIP, "steady": STEADY, "undecided": UNDECIDED}
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    """Draw all figures of a result."""
     drawn = {
         "friction_histories": histories(dataset), "static_coefficient": static(dataset),
         "late_amplitude": amplitude(dataset),
@@ -27,7 +28,7 @@ def _colour(dataset: xarray.Dataset) -> list[str]:
 
 @styled
 def histories(dataset: xarray.Dataset) -> Figure:
-    """Friction coefficient against time, over the raster of slipped blocks."""
+    """Draw the friction coefficient against time, over the raster of slipped blocks."""
     count = dataset.sizes["alpha"]
     columns = min(3, count)
     rows = -(-count // columns)
@@ -66,7 +67,7 @@ def histories(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def static(dataset: xarray.Dataset) -> Figure:
-    """Macroscopic static coefficient against alpha, with its scatter."""
+    """Draw the macroscopic static coefficient against alpha, with its scatter."""
     figure = blank_figure(ONE_COLUMN, 2.6)
     ax = figure.subplots()
     values = dataset.mu_static
@@ -102,7 +103,7 @@ def _transition(ax, dataset: xarray.Dataset) -> None:  # type: ignore[no-untyped
 
 @styled
 def amplitude(dataset: xarray.Dataset) -> Figure:
-    """Late peak-to-peak friction against alpha, the threshold and the laws for infinitely many blocks."""
+    """Draw late peak-to-peak friction against alpha, the threshold and the laws for infinitely many blocks."""
     figure = blank_figure(ONE_COLUMN, 2.6)
     ax = figure.subplots()
     values = dataset.late_amplitude
@@ -129,7 +130,7 @@ def amplitude(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def roughness_map(dataset: xarray.Dataset) -> Figure:
-    """R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts."""
+    """Draw R_a against alpha over the range of the real-contact fraction, and the surfaces with their verdicts."""
     figure = blank_figure(WIDTH * 0.75, 2.9)
     ax = figure.subplots()
     alpha = np.geomspace(0.03, 1e5, 200)
@@ -146,7 +147,7 @@ def roughness_map(dataset: xarray.Dataset) -> Figure:
         colour, R_a = _COLOURS[str(row.verdict.values)], float(row.R_a) * 1e6
         ends = np.maximum([float(row.alpha_low), float(row.alpha_high)], alpha[0])
         ax.plot(ends, [R_a, R_a], color=colour, linewidth=4, solid_capstyle="butt")
-        beyond = float(row.alpha_high) == 0  # rougher than any ensemble
+        beyond = float(row.alpha_high) == 0  # rougher than every ensemble
         ax.plot(np.sqrt(ends[0] * ends[1]), R_a, "<" if beyond else "o", color=colour)
         right = ends[1] < 300
         ax.annotate(

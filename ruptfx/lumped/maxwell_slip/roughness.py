@@ -1,4 +1,4 @@
-"""From measured roughness to the disorder of a Maxwell-slip ensemble, and back."""
+"""Conversion between measured roughness and the disorder of a Maxwell-slip ensemble."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _ISO_SIGMA = np.sqrt(np.log(2) / 2) / np.pi  # standard deviation of the ISO 166
 
 
 class ContactLayer(Part):
-    """The sheared layer that turns heights into spring extensions; the real-contact fraction is uncertain."""
+    """Sheared layer that converts heights to spring extensions; the real-contact fraction is uncertain."""
 
     h: Length = 5e-5
     """Thickness [m]."""
     shear_modulus: Modulus = 1.1e9
-    """Of the sheared layer."""
+    """Shear modulus of the sheared layer."""
     pressure: Pressure = 2.67e6
     """Nominal pressure p [Pa]; the contacts carry p / f."""
     contact_fraction_min: Share = 0.011
@@ -36,7 +36,7 @@ class ContactLayer(Part):
     contact_fraction_max: Share = 0.015
     """Largest real-contact fraction."""
     alpha_c: Positive | None = None
-    """Shape parameter at the transition, instead of the one that the run finds."""
+    """Shape parameter at the transition; default is the one computed by the run."""
 
     @model_validator(mode="after")
     def _ordered(self) -> ContactLayer:
@@ -45,19 +45,19 @@ class ContactLayer(Part):
         return self
 
     def scale(self, mu_s: float, fraction: float, pressure: float | None = None) -> float:
-        """R_a sqrt(2 alpha + 1) [m] = 2 mu_s p / (f G sqrt(pi)) h."""
+        """Return R_a sqrt(2 alpha + 1) [m] = 2 mu_s p / (f G sqrt(pi)) h."""
         loaded = (self.pressure if pressure is None else pressure) / fraction
         return 2 * mu_s * loaded * self.h / (self.shear_modulus * np.sqrt(np.pi))
 
     def roughness(self, alpha: np.ndarray | float, mu_s: float, fraction: float, pressure: float | None = None):  # type: ignore[no-untyped-def]
-        """R_a [m] of a shape parameter.
+        """Return R_a [m] of a shape parameter.
 
         Source: Baygeldi, Amireghbali, Gurel, Ozcan, Coker (2026), R_a = 2 mu_s p_e h / (G sqrt(pi (2 alpha + 1))).
         """
         return self.scale(mu_s, fraction, pressure) / np.sqrt(2 * np.asarray(alpha) + 1)
 
     def critical(self, alpha_c: float, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
-        """Smallest and largest R_a,crit [m] over the range of the real-contact fraction."""
+        """Return smallest and largest R_a,crit [m] over the range of the real-contact fraction."""
         at = [self.roughness(alpha_c, mu_s, f, pressure) for f in self.fractions[::-1]]
         return float(at[0]), float(at[1])
 
@@ -66,24 +66,24 @@ class ContactLayer(Part):
         return self.contact_fraction_min, self.contact_fraction_max
 
     def alpha(self, R_a: float, mu_s: float, pressure: float | None = None) -> tuple[float, float]:
-        """Smallest and largest shape parameter over the range of the fraction; 0 if rougher than any ensemble."""
+        """Return smallest and largest shape parameter over the range of the fraction; 0 beyond every ensemble."""
         values = [((self.scale(mu_s, f, pressure) / R_a) ** 2 - 1) / 2 for f in self.fractions[::-1]]
         return max(values[0], 0.0), max(values[1], 0.0)
 
     def verdict(self, R_a: float, alpha_c: float, mu_s: float, pressure: float | None = None) -> str:
-        """`stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else `undecided`.
+        """Return `stick-slip` below every R_a,crit of the uncertain range, `steady` above all, else `undecided`.
 
-        So it is, too, where there is no alpha_c (NaN).
+        Without alpha_c (NaN) the verdict is `undecided`, too.
         """
         low, high = self.critical(alpha_c, mu_s, pressure)
         return "stick-slip" if R_a < low else "steady" if R_a > high else "undecided"
 
 
 class Surface(Part):
-    """A surface to judge, by one of R_a, R_q or a measured height profile."""
+    """A surface to classify, by R_a, R_q or a measured height profile."""
 
     name: str
-    """What figures call it."""
+    """Name in figures."""
     R_a: Length | None = None
     """Mean absolute height."""
     R_q: Length | None = None
@@ -95,9 +95,9 @@ class Surface(Part):
     cutoff: Length | None = None
     """Waviness cutoff [m] of the Gaussian filter ISO 16610-21; needs positions."""
     pressure: Pressure | None = None
-    """Nominal pressure [Pa], where it differs from the layer's."""
+    """Nominal pressure [Pa]; default is that of the layer."""
     observed: Annotated[str, Field(pattern="^(stick-slip|steady|)$")] = ""
-    """Sliding seen in an experiment."""
+    """Kind of sliding observed in an experiment."""
 
     @field_validator("profile")
     @classmethod
@@ -118,7 +118,7 @@ class Surface(Part):
         return self
 
     def roughness(self) -> float:
-        """R_a [m].
+        """Return R_a [m].
 
         Raises
         ------
@@ -134,7 +134,7 @@ class Surface(Part):
 
 
 def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarray | None, np.ndarray]:
-    """Positions (None if the file has heights only) and heights [m] of a text or CSV file.
+    """Read positions (None if the file has heights only) and heights [m] of a text or CSV file.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarra
             words = content.replace(";", " ").replace(",", " ").split()
             if not words or words[0].startswith("#") or not (rows or is_number(words[0])):
                 above.append((line, content))
-                continue  # nothing, a comment, or a header
+                continue  # empty line, comment, or header
             if len(words) > 2 or (rows and len(words) != len(rows[0])):
                 raise ValueError(f"line {line} of {path}: every row needs the same one or two columns")
             if not rows:
@@ -180,7 +180,7 @@ def read_profile(path: str | Path, unit: float | None = None) -> tuple[np.ndarra
 
 
 def _scales(above: Sequence[tuple[int, str]], columns: int, unit: float | None, path: str | Path) -> list[Fraction]:
-    """Metres per unit of each column, from the header or as given."""
+    """Return metres per unit of each column, from the header or the given unit."""
     found = factors(above, ["m"] * columns, columns, path)
     if unit is None:
         return [scale or Fraction(1) for scale in found]
@@ -193,7 +193,7 @@ def _scales(above: Sequence[tuple[int, str]], columns: int, unit: float | None, 
 
 
 def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff: float | None = None) -> float:
-    """R_a = (1/L) int |z| dx [m] about the mean line, after the waviness is filtered out if a cutoff is given.
+    """Return R_a = (1/L) int |z| dx [m] about the mean line, with waviness removed if a cutoff is given.
 
     Parameters
     ----------
@@ -219,13 +219,13 @@ def roughness_of(height: np.ndarray, position: np.ndarray | None = None, cutoff:
         height = height - _waviness(height, _ISO_SIGMA * cutoff / (x[1] - x[0]))
     else:
         height = height - np.polyval(np.polyfit(x - x[0], height, 1), x - x[0])
-    # The mean line is where the height averages to zero over length.
+    # The mean line is the average of the height over length.
     height = height - np.trapezoid(height, x) / np.ptp(x)
     return float(np.trapezoid(np.abs(height), x) / np.ptp(x))
 
 
 def _waviness(height: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian mean over a standard deviation of `sigma` points; beyond the ends the end points go on."""
+    """Return the Gaussian mean over a standard deviation of `sigma` points; end values are continued."""
     reach = int(np.ceil(4 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     return fftconvolve(np.pad(height, reach, mode="edge"), kernel / kernel.sum(), mode="valid")

@@ -30,8 +30,8 @@ class SpringBlock(LumpedModel):
     """Edge-loaded spring-block chain with breakable contacts: precursors, slow fronts, then sliding.
 
     Source: Rubinstein, Barel, Reches, Braun, Urbakh, Fineberg (2011), PAGEOPH 168, section 2.2; defaults are its
-    values. A block is held by `contacts` springs of mean stiffness K_s / contacts, each of which breaks at a random
-    force and returns unstretched after `delay`.
+    values. A block has `contacts` springs to the base, of mean stiffness K_s / contacts; each breaks at a random
+    force and reattaches unstretched after `delay`.
     """
 
     example: ClassVar[str] = "blocks = 6\ncontacts = 10\nlarge_events = 1\nduration = 2.0"
@@ -41,9 +41,9 @@ class SpringBlock(LumpedModel):
     contacts: Count = 100
     """Mean number of contacts of a block."""
     mass: Positive = 11.5
-    """Of the slider [kg]."""
+    """Mass of the slider [kg]."""
     stiffness: Positive = 1.56e7
-    """Of the whole slider, K [N/m]; the springs between blocks have (blocks - 1) K."""
+    """Stiffness of the whole slider, K [N/m]; the springs between blocks have (blocks - 1) K."""
     interface_ratio: Positive = 1.0
     """Stiffness of a block's contacts over that of the slider, K_s / K: 1 is soft, 50 stiff."""
     strength: Positive = 3000.0
@@ -51,13 +51,13 @@ class SpringBlock(LumpedModel):
     scatter: Annotated[float, Field(ge=0, le=0.3)] = 0.05
     """Standard deviation of the thresholds over their mean."""
     delay: Duration = 0.005
-    """From breaking to reattachment [s]."""
+    """Time from breaking to reattachment [s]."""
     damping: Rate = 3.45e4
-    """Force of the base per momentum of a block."""
+    """Damping force of the base per momentum of a block."""
     drive_stiffness: Positive = 4e6
-    """Of the spring that pushes the first block [N/m]."""
+    """Stiffness of the spring that pushes the first block [N/m]."""
     drive_speed: Speed = 3e-4
-    """Of the far end of that spring."""
+    """Speed of the far end of that spring."""
     ageing: NonNegative = 0.0
     """Thresholds grow with the age t of a contact by the factor 1 + ageing ln(1 + t / ageing_time)."""
     ageing_time: Duration = 1.0
@@ -65,21 +65,21 @@ class SpringBlock(LumpedModel):
     loading_height: NonNegative = 0.0
     """Height of the push above the interface [m]: its moment shifts contacts towards the leading edge."""
     length: Length = 0.14
-    """Of the chain."""
+    """Length of the chain."""
     force_over_load: Positive = 0.5
-    """Shear force over normal force at which the moment is taken."""
+    """Shear force over normal force for which the moment is computed."""
     large_events: Count = 5
-    """Stop after so many events in which all blocks slide."""
+    """Number of events with sliding of all blocks after which the run stops."""
     duration: Duration = 20.0
-    """Stop then at the latest [s]."""
+    """Largest duration of the run [s]."""
     large_drop: Fraction = 0.05
     """An event is large if all blocks detach and the force falls by this fraction of F_s."""
     sample_interval: Duration = 1e-3
-    """Time between the samples that are kept."""
+    """Time between recorded samples."""
     step: Annotated[float, Field(gt=0, le=0.9)] = 0.5
     """Time step over the largest stable one."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
     @model_validator(mode="after")
     def _usable(self) -> SpringBlock:
@@ -101,6 +101,7 @@ class SpringBlock(LumpedModel):
         return 6 * self.force_over_load * self.loading_height / self.length
 
     def chain(self) -> Chain:
+        """Return the constants of the chain."""
         number = np.rint(self.contacts * (1 + self.tilt * np.linspace(-1, 1, self.blocks))).astype(int)
         return Chain(
             mass=self.mass / self.blocks, damping=self.damping, spring=(self.blocks - 1) * self.stiffness,
@@ -240,7 +241,7 @@ class SpringBlock(LumpedModel):
 
 
 def _retained(spring: np.ndarray, history: History, events: list[Event]) -> float:
-    """Force stored in the slider's springs after the first large event over that before it."""
+    """Return the force in the springs of the slider after the first large event over that before it."""
     first = next((e for e in events if e.large), None)
     if first is None:
         return float("nan")

@@ -1,8 +1,8 @@
-"""The chain of blocks between its events: explicit in time, exact about which contact breaks and when it returns.
+"""Time integration of the chain: explicit, with exact times of contact failure and reattachment.
 
 Every block is a mass on springs to its neighbours and on breakable springs, the contacts, to the rigid base. A
-contact never needs its own force: it breaks where its block passes x_0 +- f_s / k, so that a step costs one
-matrix-vector product and two comparisons per block, and contacts are touched only when one breaks or returns.
+contact force is not needed: a contact breaks where its block passes x_0 +- f_s / k, so that a step costs one
+matrix-vector product and two comparisons per block, and contacts are updated only when one breaks or reattaches.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ class Chain:
     Attributes
     ----------
     mass, damping : float
-        Of a block [kg]; damping rate against the base [1/s].
+        Mass of a block [kg]; damping rate against the base [1/s].
     spring : float
-        Between neighbouring blocks, K_b.
+        Stiffness between neighbouring blocks, K_b.
     drive_stiffness, drive_speed : float
         Loading spring K_d at block 0 and its speed [m/s].
     contacts : ndarray of int, shape (blocks,)
@@ -30,7 +30,7 @@ class Chain:
     contact_stiffness, contact_strength, scatter : float
         Means of k and f_s of a contact; relative standard deviation of f_s.
     delay : float
-        From breaking to reattachment [s].
+        Time from breaking to reattachment [s].
     ageing, ageing_time : float
         Threshold f_s (1 + ageing ln(1 + age / ageing_time)).
     """
@@ -50,10 +50,11 @@ class Chain:
 
     @property
     def blocks(self) -> int:
+        """Number of blocks."""
         return len(self.contacts)
 
     def stiffness_matrix(self) -> np.ndarray:
-        """Of the springs between blocks and the loading spring, shape (blocks, blocks)."""
+        """Return the stiffness of the springs between blocks and the loading spring, shape (blocks, blocks)."""
         n = self.blocks
         coupling = np.diag(np.full(n, 2.0)) - np.eye(n, k=1) - np.eye(n, k=-1)
         if n:
@@ -64,14 +65,14 @@ class Chain:
         return matrix
 
     def stable_step(self) -> float:
-        """Largest stable time step 2 / omega_max [s]; Gershgorin bounds omega_max^2."""
+        """Return the largest stable time step 2 / omega_max [s]; Gershgorin bounds omega_max^2."""
         stiffest = 4 * self.spring + self.drive_stiffness + self.contact_stiffness * self.contacts.max() * 1.1
         return 2 / np.sqrt(stiffest / self.mass)
 
 
 @dataclass
 class Contacts:
-    """State of all contacts, shape (blocks, most contacts per block); unused places never attach."""
+    """State of all contacts, shape (blocks, most contacts per block); unused entries never attach."""
 
     chain: Chain
     random: np.random.Generator
@@ -87,12 +88,12 @@ class Contacts:
         self.stiffness[np.arange(shape[1]) >= self.chain.contacts[:, None]] = 0.0
 
     def draw(self, size: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """New thresholds, Gaussian, and stiffnesses k = <k> sqrt(f_s / <f_s>)."""
+        """Draw new thresholds, Gaussian, and stiffnesses k = <k> sqrt(f_s / <f_s>)."""
         ratio = np.maximum(1 + self.chain.scatter * self.random.standard_normal(size), 1e-3)
         return self.chain.contact_strength * ratio, self.chain.contact_stiffness * np.sqrt(ratio)
 
     def reach(self, row: int | slice, time: float) -> np.ndarray:
-        """Stretch [m] at which contacts break."""
+        """Return the stretch [m] at which contacts break."""
         strength = self.strength[row]
         if self.chain.ageing:
             age = np.maximum(time - self.since[row], 0.0)
@@ -101,14 +102,14 @@ class Contacts:
             return np.where(self.stiffness[row] > 0, strength / self.stiffness[row], np.inf)
 
     def bounds(self, row: int | slice, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Positions below and above which the first contact of a block breaks."""
+        """Return the positions below and above which the first contact of a block breaks."""
         reach = self.reach(row, time)
         return (self.origin[row] - reach).max(axis=-1), (self.origin[row] + reach).min(axis=-1)
 
 
 @dataclass
 class History:
-    """What a run keeps: samples in time, and every breaking of contacts.
+    """Recorded data of a run: samples in time, and every breaking of contacts.
 
     Attributes
     ----------
@@ -117,7 +118,7 @@ class History:
     position, attached, contact_force : list of ndarray, shape (blocks,)
         At the sampled times: position [m], attached fraction, mean force of a block's contacts [N].
     break_time, break_block, break_count : list
-        Every step and block in which contacts broke, and how many.
+        Time, block and number of broken contacts, for every step and block with broken ones.
     first_force : float
         Loading force at the first breaking [N].
     """
@@ -162,7 +163,7 @@ class Integrator:
         return self.chain.drive_stiffness * (self.chain.drive_speed * self.time - self.x[0])
 
     def advance(self, steps: int, history: History) -> None:
-        """Take time steps, breaking and returning contacts."""
+        """Take time steps, with breaking and reattachment of contacts."""
         x, old, matrix, source = self.x, self.x_old, self.matrix, self.source
         new, outside, back = np.empty_like(x), np.empty(len(x), bool), np.empty(len(x), bool)
         low, high, previous, drive, dt = self.low, self.high, self.previous, self.drive, self.dt
@@ -213,12 +214,13 @@ class Integrator:
             self.low[row], self.high[row] = contacts.bounds(row, self.time)
 
     def _couple(self, row: int, places: np.ndarray, sign: float) -> None:
-        """Add or remove contacts in the block's stiffness and source."""
+        """Add contacts to the stiffness and source of the block, or remove them."""
         stiffness = self.contacts.stiffness[row, places]
         self.matrix[row, row] -= sign * self.scale * stiffness.sum()
         self.source[row] += sign * self.scale * (stiffness * self.contacts.origin[row, places]).sum()
 
     def sample(self, history: History) -> None:
+        """Append a sample to the history."""
         contacts = self.contacts
         history.time.append(self.time)
         history.force.append(self.force)

@@ -1,4 +1,4 @@
-"""Events of the chain: which blocks detach together, how far the fronts run, how fast, and what the force loses."""
+"""Events of the chain: joint detachments, reach and speed of fronts, and force drops."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_WINDOW = 4  # blocks over which a front speed is taken
+_WINDOW = 4  # blocks over which a front speed is fitted
 
 
 @dataclass(frozen=True)
 class Breaks:
-    """Broken contacts in the order of time, shape (records,)."""
+    """Broken contacts in chronological order, shape (records,)."""
 
     time: np.ndarray
     block: np.ndarray
@@ -20,14 +20,14 @@ class Breaks:
     contacts: np.ndarray  # of each block, shape (blocks,)
 
     def detached(self, block: int, times: np.ndarray) -> np.ndarray:
-        """Detached fraction of a block's contacts: those broken within the last `delay`, shape of `times`."""
+        """Return the detached fraction of a block's contacts (broken within the last `delay`), shape of `times`."""
         mine = self.block == block
         broken, total = self.time[mine], np.concatenate([[0], np.cumsum(self.count[mine])])
         now = total[np.searchsorted(broken, times, side="right")]
         return (now - total[np.searchsorted(broken, times - self.delay, side="right")]) / self.contacts[block]
 
     def detachments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and blocks at which half of a block's contacts have become detached, in the order of time."""
+        """Return times and blocks at which half of a block's contacts are detached, in chronological order."""
         found = []
         for block in range(len(self.contacts)):
             mine = self.block == block
@@ -50,11 +50,11 @@ class Event:
     force, drop : float
         Loading force before the event and its largest fall during it [N].
     first_block, reach, blocks, detachments : int
-        Where it starts, the farthest detached block (counted from 1), how many different blocks, how often.
+        First block, farthest detached block (counted from 1), number of different blocks, number of detachments.
     large : bool
         Every block detaches and the force falls by more than the given amount.
     front_blocks, front_times : ndarray
-        Blocks in the order of the chain and the time each first detaches [s].
+        Blocks in the order of the chain, and the first detachment of each [s].
     """
 
     start: float
@@ -70,7 +70,7 @@ class Event:
     front_times: np.ndarray
 
     def speeds(self) -> np.ndarray:
-        """Front speed [blocks/s] over every run of 4 consecutive blocks; infinite where they detach at once."""
+        """Return the front speed [blocks/s] over every run of 4 blocks; infinite for simultaneous detachment."""
         consecutive = self.front_blocks[_WINDOW:] - self.front_blocks[:-_WINDOW] == _WINDOW
         times = np.abs(self.front_times[_WINDOW:] - self.front_times[:-_WINDOW])[consecutive]
         with np.errstate(divide="ignore"):
@@ -78,7 +78,7 @@ class Event:
 
 
 def catalogue(breaks: Breaks, time: np.ndarray, force: np.ndarray, large_drop: float) -> list[Event]:
-    """Events of a run.
+    """Return the events of a run.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def catalogue(breaks: Breaks, time: np.ndarray, force: np.ndarray, large_drop: f
     time, force : ndarray, shape (samples,)
         Sampled loading force [N].
     large_drop : float
-        Least fall of the force [N] of a large event.
+        Smallest force drop [N] of a large event.
     """
     times, blocks = breaks.detachments()
     if not len(times):
@@ -109,14 +109,14 @@ def catalogue(breaks: Breaks, time: np.ndarray, force: np.ndarray, large_drop: f
 
 
 def before_sliding(events: list[Event]) -> list[Event]:
-    """Precursors: what happens before the first large event (everything, if there is none)."""
+    """Return the precursors: events before the first large one (all events, if there is none)."""
     first = next((i for i, event in enumerate(events) if event.large), len(events))
     return events[:first]
 
 
 @dataclass(frozen=True)
 class SlowFront:
-    """Blocks that detach one after the other, each alone: the one before has reattached.
+    """Blocks that detach one after the other, each after the previous one has reattached.
 
     Attributes
     ----------
@@ -132,12 +132,12 @@ class SlowFront:
 
     @property
     def speed(self) -> float:
-        """Blocks per second."""
+        """Front speed [blocks/s]."""
         return (self.last_block - self.first_block) / (self.end - self.start)
 
 
 def slow_fronts(breaks: Breaks, until: float, least: int = 4) -> list[SlowFront]:
-    """Runs of at least so many neighbouring blocks, each detached between 1 and 20 delays after the one before."""
+    """Return runs of at least `least` neighbouring blocks, each detached 1 to 20 delays after the previous one."""
     last: dict[int, SlowFront] = {}
     fronts = []
     for time, block in zip(*breaks.detachments(), strict=True):
@@ -154,21 +154,21 @@ def slow_fronts(breaks: Breaks, until: float, least: int = 4) -> list[SlowFront]
 
 
 def local_speeds(events: list[Event]) -> np.ndarray:
-    """Front speeds [blocks/s] of all events together."""
+    """Return the front speeds [blocks/s] of all events together."""
     return np.concatenate([event.speeds() for event in events] or [np.zeros(0)])
 
 
 def chaining(event: Event) -> float:
-    """Speed at which an event covers the chain over its local front speed; above 1 fronts start ahead of the first.
+    """Return the speed at which an event covers the chain over its local front speed.
 
-    This is how the model makes fronts faster than its waves: superposed fronts from several places.
+    Above 1 fronts start ahead of the first one: superposed fronts from several positions outrun the waves of the chain.
     """
     local, whole = event.speeds(), np.ptp(event.front_times)
     return float(event.blocks / whole / np.median(local)) if len(local) and whole > 0 else float("nan")
 
 
 def length_against_force(events: list[Event]) -> tuple[float, float]:
-    """Slope [blocks/N] of precursor length = slope x force, and the correlation of the two."""
+    """Return the slope [blocks/N] of precursor length = slope x force, and the correlation of the two."""
     force, length = np.array([e.force for e in events]), np.array([e.reach for e in events], float)
     if len(events) < 3 or np.ptp(force) == 0 or np.ptp(length) == 0:
         return float("nan"), float("nan")

@@ -13,6 +13,7 @@ from ruptfx.lumped.spring_block.events import Breaks, Event, local_speeds
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    """Draw all figures of a result."""
     drawn = {"onset_of_sliding": maps(dataset), "displacements": displacements(dataset)}
     if dataset.sizes["event"]:
         drawn |= {"precursor_length": lengths(dataset), "fronts": fronts(dataset)}
@@ -20,7 +21,7 @@ def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
 
 
 def _first_large(dataset: xarray.Dataset) -> int:
-    """Index of the first large event, the last event if there is none."""
+    """Return the index of the first large event, that of the last event if there is none."""
     large = np.flatnonzero(dataset.event_large.values)
     return int(large[0]) if len(large) else dataset.sizes["event"] - 1
 
@@ -44,7 +45,7 @@ def _map(
 
 @styled
 def maps(dataset: xarray.Dataset) -> Figure:
-    """Loading curve, spring forces in the slider, detached fraction and contact forces against time."""
+    """Draw loading curve, spring forces in the slider, detached fraction and contact forces against time."""
     figure = blank_figure(WIDTH, 6.6)
     axes = figure.subplots(4, 1, sharex=True)
     axes[0].plot(dataset.time, dataset.force, color="k", linewidth=0.8)
@@ -69,7 +70,7 @@ def maps(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def fronts(dataset: xarray.Dataset) -> Figure:
-    """The first large event enlarged, with the slope of the chain's wave, and the front speeds until then."""
+    """Draw the first large event enlarged, with the slope of the chain's wave, and the previous front speeds."""
     figure = blank_figure(WIDTH, 2.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     breaks, index = _breaks(dataset), _first_large(dataset)
@@ -95,7 +96,7 @@ def fronts(dataset: xarray.Dataset) -> Figure:
 
 
 def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Dataset, speed: float) -> None:
-    """Histogram of local front speeds within events, and the speeds of the slow fronts."""
+    """Draw a histogram of local front speeds within events, and the speeds of the slow fronts."""
     events = []
     for start, end in zip(dataset.event_start.values, dataset.event_end.values, strict=True):
         inside = (times >= start) & (times <= end)
@@ -106,7 +107,7 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
         dataset.slow_front_end - dataset.slow_front_start
     )
     bins = np.geomspace(1e-5, 1e1, 61)
-    beyond = int((fast > bins[-1]).sum())  # blocks that detach at once
+    beyond = int((fast > bins[-1]).sum())  # simultaneous detachments
     ax.hist(fast, bins, color=STEADY, label="within events" + (f" (and {beyond} beyond)" if beyond else ""))
     if slow.size:
         ax.plot(slow / speed, np.full(slow.size, 0.03), "d", color=ACCENT, label="slow fronts",
@@ -119,7 +120,7 @@ def _speeds(ax: Any, times: np.ndarray, which: np.ndarray, dataset: xarray.Datas
 
 @styled
 def displacements(dataset: xarray.Dataset) -> Figure:
-    """Displacement of the trailing and the middle block, and the first precursors enlarged."""
+    """Draw displacements of the trailing and the middle block, and the first precursors enlarged."""
     figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     middle = dataset.sizes["block"] // 2
@@ -139,7 +140,7 @@ def displacements(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def lengths(dataset: xarray.Dataset) -> Figure:
-    """Length of all precursors against the force that starts them, their number and the correlation of the two."""
+    """Draw the length of all precursors against their initial force, with their number and correlation."""
     figure = blank_figure(ONE_COLUMN, 3.0)
     ax = figure.subplots()
     slides, blocks = bool(dataset.event_large.values.any()), dataset.sizes["block"]

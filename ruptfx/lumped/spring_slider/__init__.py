@@ -1,4 +1,4 @@
-"""Rate-and-state spring slider: one block, one spring, the friction laws of the field."""
+"""Rate-and-state spring slider: one block, one spring, and the friction laws of the package."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _EXPERIMENTS = (VelocitySteps, SlideHoldSlide, ModulatedSpeed, ModulatedLoad, St
 
 
 def _tag(value: object) -> str:
-    # Tags in angle brackets stay out of the keys that errors name.
+    # Tags in angle brackets are omitted from the keys in error messages.
     return f"<{value.get('kind')}>" if isinstance(value, Mapping) else f"<{getattr(value, 'name', None)}>"
 
 
@@ -61,7 +61,7 @@ class SpringSlider(LumpedModel):
     interface_length: NonNegative = 0.0
     """lambda [m]: the interface is a spring of stiffness W / lambda; 0 is rigid."""
     experiment: AnyExperiment = VelocitySteps()
-    """What is done with the slider."""
+    """Experiment with the slider."""
 
     @model_validator(mode="after")
     def _usable(self) -> SpringSlider:
@@ -74,6 +74,7 @@ class SpringSlider(LumpedModel):
         return self
 
     def slider(self) -> Slider:
+        """Return the slider."""
         assert isinstance(self.friction, RateAndState)
         return Slider(self.friction, self.normal_force, self.stiffness, self.mass, self.interface_length)
 

@@ -11,13 +11,14 @@ from ruptfx.figure_style import ACCENT, ONE_COLUMN, STEADY, STICK_SLIP, WIDTH, b
 
 
 def figures(dataset: xarray.Dataset) -> dict[str, Figure]:
+    """Draw the figure of the experiment."""
     name = dataset.attrs["experiment"]
     return {name: _DRAW[name](dataset)}
 
 
 @styled
 def velocity_steps(dataset: xarray.Dataset) -> Figure:
-    """Friction and speeds against the displacement of the drive."""
+    """Draw friction and speeds against the displacement of the drive."""
     figure = blank_figure(ONE_COLUMN, 3.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     x = dataset.drive_displacement * 1e6
@@ -32,7 +33,7 @@ def velocity_steps(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
-    """Friction through the holds, and the static friction against their duration."""
+    """Draw friction during the holds, and static friction against their duration."""
     figure = blank_figure(WIDTH, 2.7)
     left, right = figure.subplots(1, 2)
     shades = np.linspace(0.2, 1, dataset.sizes["hold"])
@@ -57,7 +58,7 @@ def slide_hold_slide(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def modulated_speed(dataset: xarray.Dataset) -> Figure:
-    """Friction against the modulated speed: loops about the steady line."""
+    """Draw friction against the modulated speed: loops about the steady line."""
     figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     order = np.argsort(dataset.drive_speed.values)
@@ -78,7 +79,7 @@ def modulated_speed(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def modulated_load(dataset: xarray.Dataset) -> Figure:
-    """Mean friction, its harmonics and the critical stiffness against the amplitude of the load."""
+    """Draw mean friction, its harmonics and the critical stiffness against the load amplitude."""
     critical = bool(np.isfinite(dataset.K_c.values).any())
     figure = blank_figure(WIDTH, 2.4)
     axes = figure.subplots(1, 2 + critical)
@@ -102,7 +103,7 @@ def modulated_load(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def stability(dataset: xarray.Dataset) -> Figure:
-    """Stick-slip and steady sliding over speed and stiffness, with the linear boundary."""
+    """Draw stick-slip and steady sliding over speed and stiffness, with the linear boundary."""
     figure = blank_figure(ONE_COLUMN, 2.8)
     ax = figure.subplots()
     speed = dataset.speed * 1e6
@@ -121,7 +122,7 @@ def stability(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def bifurcation(dataset: xarray.Dataset) -> Figure:
-    """Amplitude and harmonic content against stiffness, and the waves."""
+    """Draw amplitude and harmonic content against stiffness, and the waveforms."""
     figure = blank_figure(WIDTH, 3.0)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
     left.plot(dataset.ratio, dataset.amplitude, "-", color=STICK_SLIP)
@@ -154,7 +155,7 @@ def bifurcation(dataset: xarray.Dataset) -> Figure:
 
 @styled
 def fit(dataset: xarray.Dataset) -> Figure:
-    """The measured trace, the fit and its parameters with their intervals."""
+    """Draw the measured trace, the fit and its parameters with their intervals."""
     figure = blank_figure(ONE_COLUMN * 1.5, 3.2)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     top.plot(dataset.time, dataset.measured, ".", color="0.6", markersize=2, label="measured")

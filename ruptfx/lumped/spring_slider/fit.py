@@ -1,4 +1,4 @@
-"""a, b and D_c from a measured friction trace, with confidence intervals."""
+"""Fit of a, b and D_c to a measured friction trace, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Fit(Experiment):
         time, drive, measured = read_trace(self.trace)
         law = slider.law
         start = np.array([*(np.log(float(getattr(law, name))) for name in _FITTED[:3]), float(law.f_0)])
-        # The steady friction of the case is a poor guess of that of the sample; its level is not.
+        # The steady friction of the case is a poor guess for the sample; start from the measured level.
         start[3] += measured[0] - modelled(slider, start, time[:2], drive[:2])[0]
         calls = 0
 
@@ -60,7 +60,7 @@ class Fit(Experiment):
             progress(min(calls / 60, 0.95), f"fit, {calls} runs")
             try:
                 return modelled(slider, parameters, time, drive) - measured
-            except RuptfxError:  # this trial runs away; a large misfit sends the search back
+            except RuptfxError:  # this trial is unstable; return a large misfit
                 return np.full(len(time), 1.0)
 
         found = least_squares(misfit, start, method="trf", x_scale=[0.3, 0.3, 0.5, 0.01], diff_step=1e-4, xtol=1e-9)
@@ -86,13 +86,13 @@ class Fit(Experiment):
 
 
 def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """Friction coefficient at the times, from steady sliding at the first speed; `parameters` as in `Fit`."""
+    """Return the friction coefficient at the times, from steady sliding at first; `parameters` as in `Fit`."""
     values = dict(zip(_FITTED, (float(v) for v in (*np.exp(parameters[:3]), parameters[3])), strict=True))
     trial = Slider(
         slider.law.model_copy(update=values), slider.normal_force, slider.stiffness, slider.mass,
         slider.interface_length,
     )
-    # Speed i holds from time i to time i + 1.
+    # Speed i applies from time i to time i + 1.
     starts = [0, *(np.flatnonzero(np.diff(drive[:-1])) + 1), len(time) - 1]
     y, friction = trial.steady(drive[0]), np.empty(len(time))
     for first, last in pairwise(starts):
@@ -102,7 +102,7 @@ def modelled(slider: Slider, parameters: np.ndarray, time: np.ndarray, drive: np
 
 
 def _interval(x: np.ndarray, jac: np.ndarray, residual: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds x -+ t sqrt(diag((J' J)^-1) s^2) with Student's t, s^2 = |r|^2 / (n - p)."""
+    """Return the bounds x -+ t sqrt(diag((J' J)^-1) s^2) with Student's t, s^2 = |r|^2 / (n - p)."""
     freedom = len(residual) - len(x)
     covariance = np.linalg.pinv(jac.T @ jac) * (residual @ residual) / freedom
     half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance))
@@ -110,7 +110,7 @@ def _interval(x: np.ndarray, jac: np.ndarray, residual: np.ndarray, level: float
 
 
 def read_trace(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time [s], drive speed [m/s] and friction of a CSV file with a header.
+    """Read time [s], drive speed [m/s] and friction from a CSV file with a header.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What is done to the slider: velocity steps, slide-hold-slide, modulated speed."""
+"""Experiments on the slider: velocity steps, slide-hold-slide, modulated speed."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ Samples = Annotated[int, Field(ge=20, le=1_000_000)]
 
 
 class Experiment(Part):
-    """The contract of an experiment on a slider."""
+    """Contract of an experiment on a slider."""
 
     name: ClassVar[str]
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
+        """Return the result of the experiment."""
         raise NotImplementedError
 
 
 def follow(
     slider: Slider, segments: Iterable[tuple[float, float]], samples: int, start: np.ndarray | None = None
 ) -> list[Motion]:
-    """Motion through segments (duration [s], drive speed [m/s]), from steady sliding at the first speed.
+    """Return the motion through segments (duration [s], drive speed [m/s]), from steady sliding at the first speed.
 
-    Times run through; each segment has `samples` times, denser after its start where the friction changes fast.
+    Times are cumulative; each segment has `samples` times, denser after its start where the friction changes fast.
     """
     motions: list[Motion] = []
     time = 0.0
@@ -45,7 +46,7 @@ def follow(
 
 
 def traces(motions: list[Motion], speeds: Iterable[float]) -> Table:
-    """Variables of a dataset along `time`."""
+    """Return variables of a dataset along `time`."""
     time = np.concatenate([m.time for m in motions])
     drive = np.concatenate([np.full(len(m.time), speed) for m, speed in zip(motions, speeds, strict=True)])
     travel = np.concatenate([[0.0], np.cumsum(drive[1:] * np.diff(time))])
@@ -66,18 +67,18 @@ class VelocitySteps(Experiment):
     name = "velocity_steps"
     kind: Literal["velocity_steps"] = "velocity_steps"
     speeds: Annotated[list[Speed], Field(min_length=2)] = [1e-6, 1e-5, 1e-6]
-    """One after the other."""
+    """Drive speeds in order."""
     distance: Length = 20e-6
-    """Driven at each speed [m]."""
+    """Drive displacement at each speed [m]."""
     samples: Samples = 1500
-    """Of each speed."""
+    """Samples of each speed."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         progress(0.1, f"{len(self.speeds)} speeds")
         motions = follow(slider, [(self.distance / speed, speed) for speed in self.speeds], self.samples)
         ends = np.array([m.friction[-1] for m in motions])
         logs = np.diff(np.log(self.speeds))
-        # The direct effect is the first extreme, upwards where the speed goes up.
+        # The direct effect is the first extreme, a maximum after an increase of speed.
         peaks = [m.friction.max() if up > 0 else m.friction.min() for m, up in zip(motions[1:], logs, strict=True)]
         return xarray.Dataset(
             {
@@ -96,13 +97,13 @@ class SlideHoldSlide(Experiment):
     name = "slide_hold_slide"
     kind: Literal["slide_hold_slide"] = "slide_hold_slide"
     speed: Speed = 1e-6
-    """Of the drive before and after a hold."""
+    """Speed of the drive before and after a hold."""
     holds: Annotated[list[Duration], Field(min_length=2)] = [1.0, 10.0, 100.0, 1000.0, 10000.0]
-    """How long the drive stands, one run each."""
+    """Durations of the holds, one run each."""
     distance: Length = 10e-6
-    """Driven after each hold [m]."""
+    """Drive displacement after each hold [m]."""
     samples: Samples = 4000
-    """Of each run."""
+    """Samples of each run."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         runs, peaks, lows = [], [], []
@@ -134,20 +135,20 @@ class SlideHoldSlide(Experiment):
 
 
 class ModulatedSpeed(Experiment):
-    """The drive's speed swings slowly, V = speed ratio^sin(2 pi t / period); friction runs round a loop."""
+    """Slow oscillation of the drive speed, V = speed ratio^sin(2 pi t / period); friction forms a loop."""
 
     name = "modulated_speed"
     kind: Literal["modulated_speed"] = "modulated_speed"
     speed: Speed = 1e-6
-    """In the middle, on a logarithmic scale."""
+    """Mean drive speed, on a logarithmic scale."""
     ratio: Annotated[float, Field(gt=1, le=1000)] = 10.0
-    """Fastest over middle speed."""
+    """Largest over mean speed."""
     periods: Annotated[list[Duration], Field(min_length=1)] = [3.0, 30.0, 300.0]
-    """Of the swing, one run each."""
+    """Periods of the oscillation, one run each."""
     cycles: Annotated[int, Field(ge=2, le=50)] = 3
-    """Of which the last is shown."""
+    """Number of cycles; the last one is recorded."""
     samples: Samples = 600
-    """Of the cycle that is shown."""
+    """Samples of the recorded cycle."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         phase = np.linspace(0, 1, self.samples)
