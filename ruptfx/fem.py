@@ -214,17 +214,32 @@ def bilinear(form: ufl.Form) -> dolfinx.fem.Form:
     return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)
 
 
-def matrix(form: Any, coupled: np.ndarray) -> PETSc.Mat:
+def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] | None = None) -> PETSc.Mat:
     """A compiled bilinear form as an AIJ matrix, summed over ranks, with room for coupled nodes; collective.
+
+    Where nodes are tied, the matrix is T' K T, with T the map from the unknowns of the kept nodes to those of all
+    nodes: local indices of copies are mapped to the global ones of the kept nodes, also in later additions of values
+    by local indices. Rows and columns of copies are zero.
 
     Parameters
     ----------
     form : dolfinx.fem.Form
     coupled : ndarray of int, shape (pairs, 2)
         Local nodes whose unknowns all depend on each other, beyond the form's own: zeros that may be filled later.
+    tied : (ndarray, ndarray) of int, optional
+        Local nodes that are kept, and their copies; given on all ranks or on none.
     """
     pairs = np.asarray(coupled, dtype=np.int32)
     pattern = dolfinx.fem.create_sparsity_pattern(form)
+    if tied is not None:
+        (space, _), copies = form.function_spaces, tied[1].astype(np.int32)
+        owned = form.mesh.topology.index_map(form.mesh.topology.dim).size_local
+        cells = np.asarray(space.dofmap.map())[:owned]
+        node = np.arange(int(space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts), dtype=np.int32)
+        node[copies] = tied[0]
+        for cell in cells[np.isin(cells, copies).any(axis=1)]:
+            pattern.insert(node[cell], node[cell])
+        pairs = np.concatenate([node[pairs], np.stack([copies, copies], axis=1)])
     for pair in pairs:
         pattern.insert(pair, pair)
     pattern.finalize()
@@ -232,6 +247,12 @@ def matrix(form: Any, coupled: np.ndarray) -> PETSc.Mat:
     zeros = np.zeros((2 * made.getBlockSize(), 2 * made.getBlockSize()))
     for pair in pairs:  # what is not set at the first assembly is dropped
         made.setValuesBlockedLocal(pair, pair, zeros, addv=PETSc.InsertMode.ADD_VALUES)
+    if tied is not None:
+        numbers = made.getLGMap()[0].getBlockIndices().copy()
+        numbers[copies] = numbers[node[copies]]
+        mapped: Any = PETSc.LGMap()
+        mapped = mapped.create(numbers, made.getBlockSize(), made.comm)
+        made.setLGMap(mapped, mapped)
     dolfinx.fem.petsc.assemble_matrix(made, form)
     made.assemble()
     return made

@@ -95,6 +95,16 @@ class Nodes:
         rows = vector.reshape(self.count, -1)
         rows[self.copies] = rows[self.kept]
 
+    def reduce_tied(self, vector: np.ndarray) -> np.ndarray:
+        """Return nodal forces on the unknowns: the sum at the kept node of a tie, zero at its copy."""
+        if not len(self.copies):
+            return vector
+        reduced = vector.copy()
+        rows = reduced.reshape(self.count, -1)
+        rows[self.kept] += rows[self.copies]
+        rows[self.copies] = 0.0
+        return reduced
+
     @cached_property
     def once(self) -> np.ndarray:
         """True for every node this rank owns; of those that move alike, for the one that is kept."""

@@ -61,7 +61,8 @@ def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
     result, area, error = np.zeros((len(nodes), model.components, model.components)), np.zeros(len(nodes)), None
     for index, material in enumerate(model.materials):
         inside = model.by_cell(bodies.cell_body == index)
-        share = fem.assemble_summed(model.space, inside * test * measure).reshape(model.nodes, -1)[nodes, 0]
+        areas = model.layout.reduce_tied(fem.assemble_summed(model.space, inside * test * measure))
+        share = areas.reshape(model.nodes, -1)[nodes, 0]
         area += share
         try:
             result += share[:, None, None] * _impedance(material, fault, model)

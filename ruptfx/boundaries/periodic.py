@@ -14,7 +14,7 @@ class Periodic(Boundary):
     """What leaves through one edge comes in at the other: the nodes of both move alike, with the mass of both.
 
     The edges must be the same but for a shift, and meshed alike. An interface that ends at one of them goes on at the
-    other, where the bodies on both sides of it must be tied: its two ends are one point. Explicit steps only.
+    other, where the bodies on both sides of it must be tied: its two ends are one point.
     """
 
     example: ClassVar[str] = '{ kind = "periodic", first = "lower.bottom", second = "upper.top" }'

@@ -144,7 +144,9 @@ class Factors:
     def __init__(self, model: Model, tangent: Tangent) -> None:
         self.model = model
         self._owned = model.owned_nodes * model.components
-        self._free = ~model.loads.prescribed[: self._owned]
+        free = ~model.loads.prescribed
+        free.reshape(model.nodes, -1)[model.layout.copies] = False
+        self._free = free[: self._owned]
         self._ghosted = fem.dolfinx.fem.Function(model.space)
         self._whole = _Decomposed(tangent.matrix)
         self._strip: tuple[_Decomposed, np.ndarray] | None = None
@@ -155,11 +157,21 @@ class Factors:
         Parameters
         ----------
         force : ndarray, shape (nodes * components,)
-            Of this rank's own count [N].
+            Complete at every local node [N].
         """
-        self._ghosted.x.array[: self._owned] = self._whole.solve(force[: self._owned] * self._free)
+        self._ghosted.x.array[: self._owned] = self._whole.solve(self._on_unknowns(force))
+        return self._displacement()
+
+    def _on_unknowns(self, force: np.ndarray) -> np.ndarray:
+        """Return the right-hand side of this rank for a nodal force [N]."""
+        return self.model.layout.reduce_tied(force)[: self._owned] * self._free
+
+    def _displacement(self) -> np.ndarray:
+        """Return the displacement of all local nodes from the unknowns of this rank; collective."""
         self._ghosted.x.scatter_forward()
-        return self._ghosted.x.array.copy()
+        displacement: np.ndarray = self._ghosted.x.array.copy()
+        self.model.layout.equalise(displacement)
+        return displacement
 
     def near(self, force: np.ndarray) -> np.ndarray | None:
         """A^-1 force where unknowns are, in less work; None where all of the bodies are felt there; collective.
@@ -170,9 +182,8 @@ class Factors:
             return None
         decomposed, dofs = self._strip
         self._ghosted.x.array[:] = 0.0
-        self._ghosted.x.array[dofs] = decomposed.solve((force[: self._owned] * self._free)[dofs])
-        self._ghosted.x.scatter_forward()
-        return self._ghosted.x.array.copy()
+        self._ghosted.x.array[dofs] = decomposed.solve(self._on_unknowns(force)[dofs])
+        return self._displacement()
 
     def _find_strip(self, where: np.ndarray, reach: float) -> None:
         """Decompose A within reach of some places, if that is much less than all; collective."""
@@ -197,7 +208,7 @@ class Factors:
         given, found = matrices
         loads = given.getDenseArray()
         for column, force in enumerate(forces):
-            loads[:, column] = force[: self._owned] * self._free
+            loads[:, column] = self._on_unknowns(force)
         given.assemble()
         self._whole.matrix.matSolve(given, found)
         answers = found.getDenseArray().copy()
@@ -205,8 +216,7 @@ class Factors:
         found.destroy()
         for answer in answers.T:
             self._ghosted.x.array[: self._owned] = answer
-            self._ghosted.x.scatter_forward()
-            yield self._ghosted.x.array.copy()
+            yield self._displacement()
 
     def answers(self, unknowns: Unknowns, strip: bool = False) -> np.ndarray:
         """What all unknowns become under unit loads on each of them, from as many right-hand sides as needed.

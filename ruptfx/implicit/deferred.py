@@ -306,10 +306,11 @@ class Deferred:
         pull = np.zeros_like(load)
         for fault in model.faults:
             fault.interface.assemble(forces.tractions(state)[fault.name], pull)
-        residual = np.where(model.loads.prescribed, 0.0, elastic + pull - load)
+        reduce = model.layout.reduce_tied
+        residual = np.where(model.loads.prescribed, 0.0, reduce(elastic + pull - load))
         stiff = self._equilibrium.tangent.diagonal * state.displacement
         left, rounding, *sizes = np.sqrt(parallel.total(model.comm, [
-            model.layout.owned_dot(each, each) for each in (residual, stiff, elastic, pull, load)
+            model.layout.owned_dot(each, each) for each in (residual, stiff, *map(reduce, (elastic, pull, load)))
         ]))  # fmt: skip
         if left > max(10 * TOLERANCE * max(sizes), min(100 * np.finfo(float).eps * rounding, FAR * max(sizes))):
             self._log.warning(

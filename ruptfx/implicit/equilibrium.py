@@ -261,7 +261,8 @@ class Equilibrium:
 
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
         """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
-        diagonal, mass = (each.reshape(self.model.nodes, -1) for each in (self.tangent.diagonal, self.model.mass))
+        inertia = self.model.layout.reduce_tied(self.model.mass)
+        diagonal, mass = (each.reshape(self.model.nodes, -1) for each in (self.tangent.diagonal, inertia))
         c_M = rates.mass if rates else 0.0
         sides = ((diagonal[side] + c_M * mass[side]).max(axis=1) for side in (interface.plus, interface.minus))
         return np.asarray(np.minimum(*sides) / interface.weight)

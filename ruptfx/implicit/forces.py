@@ -66,6 +66,13 @@ class Forces:
         carried: np.ndarray = self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
         return carried
 
+    def acceleration(self, force: np.ndarray) -> np.ndarray:
+        """Acceleration by a nodal force [m/s2]; tied nodes accelerate as one, zero where the motion is prescribed."""
+        force, mass = force.copy(), self.model.mass.copy()
+        for each in (force, mass):
+            self.model.layout.sum_tied(each)
+        return np.where(self._driven, 0.0, force / mass)
+
     def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
         """Add the work of loads and driven edges, and what damping takes, to the energies of a state; before `commit`.
 

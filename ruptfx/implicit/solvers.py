@@ -88,6 +88,7 @@ class NewtonSolver:
         self._model, self._tangent = model, tangent
         self._step: Step
         self._owned, self._ghosted = model.owned_nodes * model.components, fem.dolfinx.fem.Function(model.space)
+        self._once = np.repeat(model.layout.once[: model.owned_nodes], model.components)
         self.history: list[float] = []
         self.iterations = 0
         matrix = tangent.matrix
@@ -134,10 +135,12 @@ class NewtonSolver:
 
     def _visit(self, step: Step, unknown: np.ndarray) -> None:
         """Evaluate at the owned unknowns unless that was done last; collective."""
-        new = not np.array_equal(step.displacement[: self._owned], unknown)
+        at = step.displacement[: self._owned]
+        new = len(at) == 0 or not np.array_equal(at[self._once], unknown[self._once])
         if parallel.anywhere(self._model.comm, new):
             self._ghosted.x.array[: self._owned] = unknown
             self._ghosted.x.scatter_forward()
+            self._model.layout.equalise(self._ghosted.x.array)
             step.evaluate(self._ghosted.x.array)
 
     def _function(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:

@@ -34,7 +34,8 @@ class Step:
     multipliers : dict of str to FaultState
         Fields with the tractions of the last outer iteration.
     displacement, residual, internal, responses, scale, round_off, error
-        Of the last evaluation; `residual` is not a number where a law failed on this rank, which is `error`.
+        Of the last evaluation; `residual` is that of the unknowns, zero at copies of tied nodes, and not a number where
+        a law failed on this rank, which is `error`.
         `round_off` [N] is what rounding leaves of large displacements in a small residual.
     """
 
@@ -126,7 +127,7 @@ class Step:
         """Collective."""
         equilibrium, model = self._equilibrium, self._equilibrium.model
         self.displacement, self.error = u.copy(), None
-        elastic = -model.internal_force(u)
+        elastic, reduce = -model.internal_force(u), model.layout.reduce_tied
         parts = [elastic, self._load]
         if self.rates:
             parts.append(model.mass * self.rates.acceleration_of(u))
@@ -140,11 +141,12 @@ class Step:
         except ProjectionError as error:
             self.error = error
             self.internal = np.full_like(u, np.nan)  # SNES takes a shorter step, on all ranks
-        self.residual = self.internal - self._load + sum(parts[2:], np.zeros_like(u))
+        self.residual = reduce(self.internal - self._load + sum(parts[2:], np.zeros_like(u)))
         driven = equilibrium.driven
         if self.error is None:
             self.residual[driven] = equilibrium.tangent.unit * (u - self.driven)[driven]
-        squares = [model.layout.owned_dot(part, part) for part in parts]
+            self.residual.reshape(model.nodes, -1)[model.layout.copies] = 0.0
+        squares = [model.layout.owned_dot(part, part) for part in map(reduce, parts)]
         stiff = equilibrium.tangent.diagonal * u
         carried, jumped = (0.0, 0.0) if self.error else self.at_interfaces(jumps)
         *summed, stiffest, jumped = parallel.total(

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 class Tangent:
     """K + J' W (dT / d[u]) J + c_M M + c_C (C + eta K_v), filled again only when something in it has changed.
 
+    Tied nodes have one unknown, that of the kept node (`fem.matrix`); the unknown of a copy stays zero.
+
     Parameters
     ----------
     model : Model
@@ -27,7 +29,7 @@ class Tangent:
     ----------
     matrix : PETSc.Mat
     diagonal : ndarray, shape (nodes * components,)
-        Of K with the elastic supports [N/m], at ghosts, too.
+        Of K with the elastic supports [N/m], at ghosts, too; tied nodes have that of their sum.
     unit : float
         Its mean [N/m].
     """
@@ -46,16 +48,23 @@ class Tangent:
         self.diagonal = ghosted.x.array.copy()
         total = parallel.total(model.comm, self.diagonal[: self._owned].sum())
         self.unit = float(total) / (model.total_nodes * model.components)
-        here, c = np.flatnonzero(model.loads.prescribed[: self._owned]), model.components
+        layout, c = model.layout, model.components
+        layout.equalise(self.diagonal)
+        given = model.loads.prescribed.copy()
+        given.reshape(model.nodes, c)[layout.copies] = True
+        here = np.flatnonzero(given[: self._owned])
         rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
-        self._driven_rows = rows.astype(fem.PETSc.IntType)
+        self._given_rows = rows.astype(fem.PETSc.IntType)
         self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """K of some elements as a matrix with room for the tangents of the interfaces."""
         faces = [fault.interface for fault in self._model.faults if not (fault.interface.one_sided or fault.slides)]
         pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
-        return fem.matrix(stiffness_form(bulk), np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs]))
+        layout = self._model.layout
+        coupled = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
+        tied = (layout.kept, layout.copies) if layout.bodies.ties else None
+        return fem.matrix(stiffness_form(bulk), coupled, tied)
 
     def update(
         self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None
@@ -67,7 +76,7 @@ class Tangent:
         blocks : dict of str to ndarray, shape (n, local, local)
             dT / d[u] by fault [Pa/m]; nothing of faults that are left out.
         driven : float
-            What driven rows have on the diagonal; nothing else is in them.
+            Diagonal entry of rows of driven nodes and of copies of tied nodes; nothing else is in them.
         held : ndarray, shape (nodes * components,), optional
             Springs to the ground [N/m]; they have to follow from the other parameters.
         """
@@ -84,7 +93,7 @@ class Tangent:
         if model.viscosity is not None and c_C:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         diagonal = matrix.createVecLeft()
-        diagonal.array[:] = (c_M * model.mass + c_C * self._dashpot)[: self._owned]
+        diagonal.array[:] = model.layout.reduce_tied(c_M * model.mass + c_C * self._dashpot)[: self._owned]
         if held is not None:
             diagonal.array[:] += held[: self._owned]
         matrix.setDiagonal(diagonal, addv=fem.PETSc.InsertMode.ADD_VALUES)
@@ -93,7 +102,7 @@ class Tangent:
             if fault.name in blocks:
                 _add_interface(matrix, fault.interface, blocks[fault.name])
         matrix.assemble()
-        matrix.zeroRowsColumns(self._driven_rows, diag=driven)
+        matrix.zeroRowsColumns(self._given_rows, diag=driven)
         return not parallel.anywhere(model.comm, any(np.any(block[:, 1:, 0]) for block in blocks.values()))
 
 

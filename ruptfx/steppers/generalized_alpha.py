@@ -42,6 +42,7 @@ class GeneralizedAlpha(Stepper):
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
     conserving: ClassVar[dict[str, object] | None] = {"scheme": "average_acceleration"}
+    keeps_ties: ClassVar[bool] = True
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
     staged: ClassVar[bool] = True
@@ -122,7 +123,7 @@ class GeneralizedAlphaMotion:
         self._equilibrium.begin(state)
         carried = self._equilibrium.forces.carried(state)
         if "acceleration" not in state.fields:
-            state.fields["acceleration"] = np.where(self._driven, 0.0, -carried / self.model.mass)
+            state.fields["acceleration"] = self._equilibrium.forces.acceleration(-carried)
         planned = state.numbers.get("dt", self.dt)
         dt = shortened = self.model.loads.shortened(state.time, planned)
         smallest = self.dt * 0.5**self._halvings
@@ -150,8 +151,8 @@ class GeneralizedAlphaMotion:
 
     def _exchange(self, state: State, sign: float) -> None:
         self._equilibrium.begin(state)
-        by_forces = self._equilibrium.forces.carried(state) / self.model.mass
-        acceleration = state.fields["acceleration"]
+        forces, acceleration = self._equilibrium.forces, state.fields["acceleration"]
+        by_forces = forces.acceleration(forces.carried(state))
         acceleration[:] = np.where(self._driven, 0.0, acceleration + sign * by_forces)
 
     def energies(self, state: State) -> dict[str, float]:

@@ -41,6 +41,7 @@ class Hybrid(Stepper):
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("explicit", "implicit")
+    keeps_ties: ClassVar[bool] = True
     closure: ClassVar[float] = 1e-3
     why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True

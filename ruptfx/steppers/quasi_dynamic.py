@@ -54,6 +54,7 @@ class QuasiDynamic(Stepper):
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    keeps_ties: ClassVar[bool] = True
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     sliding: ClassVar[bool] = False
@@ -335,6 +336,7 @@ class QuasiDynamicMotion(SlowMotion):
             On all ranks.
         """
         model, load = self.model, self.equilibrium.forces.load(time)
+        internal, load = model.layout.reduce_tied(internal), model.layout.reduce_tied(load)
         residual = np.where(model.loads.prescribed, 0.0, internal - load)
         left, *sizes = (norm(model, each) for each in (residual, internal, load))
         allowed = max(10 * TOLERANCE * max(sizes), self.equilibrium.rounding(u))

@@ -42,6 +42,7 @@ class QuasiStatic(Stepper):
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
+    keeps_ties: ClassVar[bool] = True
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True

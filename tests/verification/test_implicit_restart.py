@@ -24,15 +24,25 @@ from ruptfx.steppers.generalized_alpha import GeneralizedAlphaMotion
 pytestmark = pytest.mark.fem
 
 
-@pytest.mark.parametrize("contact", [
-    {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}, {"kind": "augmented_lagrangian"},
-], ids=lambda item: item["kind"])  # fmt: skip
+TIED = {"boundaries": [
+    {"kind": "periodic", "first": "upper.left", "second": "upper.right"},
+    {"kind": "periodic", "first": "lower.left", "second": "lower.right"},
+    {"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 5.0},
+    {"kind": "driven", "edge": "lower.bottom", "component": "x", "velocity": -5.0},
+]}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", [
+    {"faults.main.contact": {"kind": "compliant", "C_n": 300e9, "C_s": 100e9}},
+    {"faults.main.contact": {"kind": "augmented_lagrangian"}}, TIED,
+    TIED | {"faults.main.contact": {"kind": "augmented_lagrangian"}},
+], ids=["compliant", "rigid", "periodic", "periodic and rigid"])  # fmt: skip
 def test_stopped_run_goes_on_to_the_same_bits(
-    contact: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sliding = parse_case(impact(6e6, 2.0, changes={
-        "order": 2, "duration": 10e-6, "mesh.length": 16e-3, "mesh.height": 6e-3, "faults.main.contact": contact,
-        "stepper": {"kind": "generalized_alpha", "courant": 1.0}, "output.checkpoint_steps": 4,
+        "order": 2, "duration": 10e-6, "mesh.length": 16e-3, "mesh.height": 6e-3,
+        "stepper": {"kind": "generalized_alpha", "courant": 1.0}, "output.checkpoint_steps": 4, **changes,
     }))  # fmt: skip
     simulate(sliding, tmp_path / "whole", progress=False)
     step = GeneralizedAlphaMotion.step

@@ -154,14 +154,14 @@ def test_edges_that_do_not_match_are_refused() -> None:
 
 @pytest.mark.parametrize("changes, said", [
     ({"boundaries": SIDES[:1]}, r"interface 'main' at \(\S+, 0\) m: an edge of one side is tied; tie those of both"),
-    ({"boundaries": SIDES, "stepper": {"kind": "quasi_static"}},
-     r"boundaries\.0\.kind = 'periodic', .*: stepper\.kind = 'quasi_static' cannot tie nodes; use .*'leapfrog'"),
+    ({"boundaries": SIDES, "stepper": {"kind": "petsc_ts"}},
+     r"boundaries\.0\.kind = 'periodic', .*: stepper\.kind = 'petsc_ts' cannot tie nodes; use .*'leapfrog'"),
     ({"boundaries": [*SIDES, {"kind": "periodic", "first": "lower.bottom", "second": "upper.top"}]},
      r"boundaries\.0, boundaries\.1, boundaries\.2: the node at \(.*\) m is tied to two others"),
     ({"boundaries": [SIDES[0], SIDES[1],
                      {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 1.0, "ramp": 1e-6}]},
      r"one of two nodes that are tied is driven, at \(.*drive both or none"),
-], ids=["one side of an interface", "implicit steps", "two directions", "driven alone"])  # fmt: skip
+], ids=["one side of an interface", "steps of PETSc", "two directions", "driven alone"])  # fmt: skip
 def test_what_cannot_be_tied_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises((CaseError, RuptfxError), match=said):
         Model(case({"faults.main.contact": SPLIT if "stepper" not in changes else {"kind": "compliant", "C_n": 3e11,
