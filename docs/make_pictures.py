@@ -1,18 +1,23 @@
 """Draw the pictures of the site: `make pictures`, or `python docs/make_pictures.py [NAME ...] [--runs DIRECTORY]`.
 
-Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; others are
-drawn here. Nothing is quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures: tests
-compare captions with them. Pictures of `NOT_RENEWED` stay as they are, with the commands that make them.
+Pictures of `FIGURES` are figures of demos, which are run where `--runs` has no finished run of that name; those of
+`COMMANDS` are left by scripts, benchmarks and studies; others are drawn here. All of them take some hours. Nothing is
+quantised. `docs/pictures/numbers.json` keeps the numbers of the runs behind the pictures: tests compare captions with
+them.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +168,15 @@ def smooth_waves() -> Figure:
         return plots.wavefield(record, [0.4e-6, 0.7e-6])
 
 
+def smooth_sliding() -> Figure:
+    """Waves of a macro-slip, from the case in the page on rough interfaces."""
+    page = (PICTURES.parent / "gallery" / "rough_interfaces.md").read_text(encoding="utf-8")
+    _, _, after = page.partition(":caption: smooth_sliding.toml\n")
+    with tempfile.TemporaryDirectory() as folder:
+        record = simulate(parse_case(tomllib.loads(after.partition("```")[0])), out=Path(folder, "run"))
+        return plots.wavefield(record, [0.8e-3, 1.9e-3])
+
+
 @styled
 def chamfered_block() -> Figure:
     """Stresses in the block of the demo along its base, and when points slip first: pressed unevenly, and evenly."""
@@ -211,6 +225,7 @@ def impact() -> None:
 DRAWINGS = {
     "modes": modes, "signs": signs, "damping": damping,
     "smooth_stress": smooth_stress, "smooth_waves": smooth_waves,
+    "smooth_sliding": smooth_sliding,
     "chamfered_block": chamfered_block,
 }  # fmt: skip
 FIGURES = {
@@ -227,17 +242,79 @@ LUMPED = {
 """The same of lumped models, which leave their figures in their run directories."""
 ELSEWHERE = {"seismic_cycles": ("cycles", DEMOS / "pictures")}
 """Pictures that are kept beside the demos."""
-NOT_RENEWED = {
-    "tpv205, time_order, self_similar, smooth_rupture, bp1": "ruptfx bench NAME --fine",
-    "sliding_test, smooth_sliding, fibre_bench": "ruptfx bench smooth_sliding, fibre",
-    "granite_confinement": "ruptfx study demos/granite_confinement.toml",
-    "granite_maps, granite_roses, granite_boundaries, granite_windows": "python demos/granite_figures.py",
-    "mode_map, mode_map_best, modes, four_modes, slip_weakening": "ruptfx study demos/NAME.toml",
-    "rough_rupture, contact_fringes, pushed_block, pressed_block, fibre_pull_out, inclined_plates, front_types":
-        "python demos/NAME.py",
-    "spring_block": "ruptfx run demos/spring_block.toml",
-    "gmsh_mesh": "ruptfx mesh demos/gmsh.toml",
-}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that draws pictures of the site, run in an empty directory.
+
+    Attributes
+    ----------
+    command : str
+        Words after `ruptfx`, or a script of `demos/` with its arguments.
+    pictures : dict of str to str
+        Names of the pictures, and of the files that the command leaves anywhere below its directory.
+    folder : Path
+        Where the pictures are kept.
+    before : tuple of str
+        Commands whose results this one reads.
+    """
+
+    command: str
+    pictures: Mapping[str, str]
+    folder: Path = PICTURES
+    before: tuple[str, ...] = ()
+
+    def run(self, directory: Path) -> None:
+        """Run it and keep its pictures."""
+        environment = {**os.environ, "TMPDIR": str(directory)}  # scripts draw into directories made by tempfile
+        for command in (*self.before, self.command):
+            first, *words = command.split()
+            program = [str(DEMOS / first)] if first.endswith(".py") else ["-m", "ruptfx", first]
+            words = [str(DEMOS.parent / word) if word.startswith("demos/") else word for word in words]
+            subprocess.run([sys.executable, *program, *words], cwd=directory, env=environment, check=True)
+        for name, left in self.pictures.items():
+            (found,) = directory.rglob(f"{left}.png")
+            shutil.copy(found, self.folder / f"{name}.png")
+            compress(self.folder / f"{name}.png")
+
+
+def study(name: str, picture: str, file: str = "mode_map", folder: Path = DEMOS / "pictures") -> Command:
+    """Return the command of a study whose map is a picture."""
+    return Command(f"study demos/{name}.toml --out study", {picture: file}, folder)
+
+
+COMMANDS = (
+    *(Command(f"bench {name} --fine --out bench", {name: name})
+      for name in ("tpv205", "time_order", "self_similar", "smooth_rupture", "bp1")),
+    Command("bench smooth_sliding --fine --out bench", {"sliding_test": "smooth_sliding"}),
+    Command("bench fibre --out bench", {"fibre_bench": "fibre"}),
+    *(Command(f"{name}.py", {name: name})
+      for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types")),
+    Command("contact_fringes.py", {"contact_fringes": "pair"}),
+    Command("pressed_block.py", {"pressed_block": "strains"}),
+    Command("optical_methods.py", {"optical_methods": "optics"}),
+    Command("rough_rupture.py", {"rough_rupture": "arrivals"}),
+    Command("rough_rupture.py small", {"rough_rupture_small": "arrivals"}),
+    Command("mesh demos/gmsh.toml --out gmsh_mesh.png", {"gmsh_mesh": "gmsh_mesh"}),
+    Command("run demos/impact.toml --out run", {"impact_fringes": "fringes"}, DEMOS / "pictures"),
+    Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
+    Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
+    Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
+                                  "fringes": "fringes"}, DEMOS / "pictures",
+            tuple(f"study demos/{name}.toml --out studies/{name}" for name in ("mode_map", "mode_map_best"))),
+    study("mode_map", "mode_map"),
+    study("mode_map_best", "mode_map_best"),
+    study("slip_weakening_map", "slip_weakening"),
+    study("four_modes", "four_modes", "search"),
+    study("four_modes_two", "four_modes_two", "search"),
+    study("inclined_plates_map", "inclined_plates_map", folder=PICTURES),
+    Command("granite_figures.py", {name: name for name in ("granite_maps", "granite_roses", "granite_boundaries",
+                                                           "granite_windows")}, PICTURES,
+            ("study demos/granite_confinement.toml --out studies/granite",)),
+    study("granite_confinement", "granite_confinement", "curves", PICTURES),
+)  # fmt: skip
+"""Minutes for most, hours for studies."""
 NUMBERS = PICTURES / "numbers.json"
 LEFT_OUT = {"wall_time", "node_updates_per_second", "ranks", "host_cores", "versions", "title"}  # of a summary
 
@@ -279,10 +356,21 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, help="directory of runs by the names of their demos; kept, and used again")
     given = parser.parse_args()
     PICTURES.mkdir(exist_ok=True)
+    commands = {name: command for command in COMMANDS for name in command.pictures}
+    known = [*DRAWINGS, *FIGURES, *LUMPED, *ELSEWHERE, "impact", *commands]
+    if unknown := set(given.names) - set(known):
+        parser.error(f"no pictures {', '.join(sorted(unknown))}; there are {', '.join(sorted(known))}")
+    done: list[Command] = []
     with tempfile.TemporaryDirectory() as folder:
-        for name in given.names or [*DRAWINGS, *FIGURES, *LUMPED, *ELSEWHERE, "impact"]:
+        for name in given.names or known:
+            print(name, flush=True)
             if name == "impact":
                 impact()
+            elif name in commands:
+                if commands[name] not in done:
+                    with tempfile.TemporaryDirectory() as apart:
+                        commands[name].run(Path(apart))
+                    done.append(commands[name])
             elif name in DRAWINGS:
                 DRAWINGS[name]().savefig(PICTURES / f"{name}.png", dpi=160)
             elif name in LUMPED:
