@@ -134,14 +134,14 @@ class Commands(Directive):
 
 
 class Fields(Directive):
-    """What an interface carries besides the state of its law."""
+    """Table of the interface fields, without the state of the law."""
 
     def run(self) -> list[nodes.Node]:
         rows = [(item.name, item.unit, item.long_name) for item in (*FIELDS, *DERIVED, *MONITORS) if item.recorded]
         for item in OF_SLIDING:
             meanings = ", ".join(f"{number} {text}" for number, text in enumerate(item.meanings))
             text = f"{item.long_name} ({meanings})" if meanings else item.long_name
-            rows.append((item.name, item.unit, f"where interfaces slide: {text}"))
+            rows.append((item.name, item.unit, f"sliding contact only: {text}"))
         return [table(("field", "unit", "what it is"), rows, (25, 10, 65))]
 
 
@@ -206,7 +206,7 @@ class Speed(Directive):
 
 
 class Time(SphinxRole):
-    """How long a demo takes, from the saved results of `ruptfx bench demo_times`."""
+    """Processor time of a demo, from the saved results of `ruptfx bench demo_times`."""
 
     def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
         path = Path(self.env.srcdir, "verification", "results", "demo_times.json")
