@@ -1,4 +1,4 @@
-"""The bodies as a distributed mesh: parts that keep interface pairs together, named facets, body of each cell."""
+"""Bodies as a distributed mesh: partition with interface pairs on one rank, named facets, body of each cell."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ruptfx.schema import nearest
 if TYPE_CHECKING:
     from ruptfx.meshes._lattice import Lattice
 
-Facets = tuple[np.ndarray, np.ndarray]  # of both sides, vertex by vertex
+Facets = tuple[np.ndarray, np.ndarray]  # facets of both sides, vertex by vertex
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
 
 
@@ -31,7 +31,7 @@ class Tie:
         Of the case, for messages.
     first, second : str
     shift : ndarray, shape (dim,)
-        From the first to the second [m].
+        Vector from the first to the second edge [m].
     """
 
     key: str
@@ -60,13 +60,13 @@ class Bodies:
         As in `RawMesh`.
     ties : list of Tie
     surfaces : dict of str to (ndarray, ndarray)
-        Of interfaces that slide, the facets of the plus and of the minus side by vertices of the raw mesh.
+        Facets of the plus and the minus side of interfaces with finite sliding, by vertices of the raw mesh.
     bases : dict of str to Base
         As in `RawMesh`.
     open_facets : ndarray of int, shape (facets, 2)
-        Cracks that are there from the start, by vertices of the raw mesh.
+        Initial cracks, by vertices of the raw mesh.
     joints : dict of str to ndarray of int, shape (facets, 2)
-        Inner facets with a name, likewise.
+        Named inner facets, by vertices of the raw mesh.
     """
 
     mesh: fem.dolfinx.mesh.Mesh
@@ -84,15 +84,16 @@ class Bodies:
 
     @property
     def edges(self) -> list[str]:
+        """Names of the edges."""
         return [name for name in self.tags if name.rpartition(".")[2] not in ("plus", "minus")]
 
     def tag(self, edge: str, key: str) -> int:
-        """Tag of a named edge.
+        """Return the tag of a named edge.
 
         Raises
         ------
         RuptfxError
-            With the names there are.
+            If there is no such edge; the message lists the names.
         """
         if edge not in self.edges:
             raise RuptfxError(f"{key} = '{edge}': no such edge, {nearest(edge, self.edges)}")
@@ -103,18 +104,18 @@ def distribute(
     comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]] | None = None,
     sliding: Collection[str] = (), neighbours: bool = False,
 ) -> Bodies:  # fmt: skip
-    """The mesh, split over the ranks.
+    """Return the mesh, split over the ranks.
 
-    Both sides of every interface point end on the same rank, and so do those of tied edges.
+    Both sides of every interface point are on the same rank, also those of tied edges.
 
     Parameters
     ----------
     comm : MPI communicator
     source : MeshSource
     tied : dict of str to (str, str), optional
-        By key of the case: edges whose nodes move alike.
+        Edges whose nodes move alike, by key of the case.
     sliding : collection of str
-        Interfaces that slide.
+        Interfaces with finite sliding.
     neighbours : bool
         Whether ranks know all cells that share a vertex with one of theirs.
 
@@ -133,7 +134,7 @@ def distribute(
 
 
 def _ties_of(lattice: Lattice, tied: Mapping[str, tuple[str, str]]) -> list[Tie] | None:
-    """Ties of both ends of a body, or of the uppermost and the lowest edge; None where there are others."""
+    """Return the ties of both ends of a body, or of the uppermost and the lowest edge; None for others."""
     size = {
         "x": np.array([np.ptp(lattice.x), 0.0]),
         "y": np.array([0.0, max(y[-1] for y in lattice.levels.values()) - min(y[0] for y in lattice.levels.values())]),
@@ -151,14 +152,14 @@ def _ties_of(lattice: Lattice, tied: Mapping[str, tuple[str, str]]) -> list[Tie]
 
 
 def _facing(lattice: Lattice) -> list[str]:
-    """Sides of interfaces."""
+    """Return the sides of interfaces."""
     return [f"{name}.{side}" for name in (*lattice.interfaces, *lattice.one_sided) for side in ("plus", "minus")]
 
 
 def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies:
-    """Every rank makes its own cells, and as many vertices as any other.
+    """Return the mesh of a lattice: every rank makes its own cells, and an equal share of the vertices.
 
-    There are no ghost cells: whoever touches a vertex of an interface owns one of the pairs there.
+    There are no ghost cells: a rank with a vertex of an interface owns one of the pairs there.
     """
     along = {lattice.sides[tie.first][1] for tie in ties}
     cells = lattice.part(comm.rank, comm.size, bool(along & {"left", "right"}), bool(along & {"top", "bottom"}))
@@ -180,11 +181,11 @@ def _from_root(
     comm: fem.MPI.Comm, source: MeshSource, tied: Mapping[str, tuple[str, str]], sliding: Collection[str],
     neighbours: bool,
 ) -> Bodies:  # fmt: skip
-    """The mesh is built on rank 0 and split so that pairs of interface points stay together.
+    """Build the mesh on rank 0 and split it so that pairs of interface points stay together.
 
     The dual graph is partitioned with the two sides of interfaces glued together, the minus cell of every pair follows
     the plus cell, and a pair is a ghost wherever a rank touches one of its vertices without owning it. Tied edges are
-    treated in the same way. Of an interface that slides, every rank that owns a cell at it has all the others as
+    treated in the same way. In finite sliding, every rank that owns a cell at the interface has all the others as
     ghosts.
     """
     raw: RawMesh | None = None
@@ -237,7 +238,7 @@ def _from_root(
 
 
 def _destinations(data: np.ndarray, offsets: np.ndarray) -> object:
-    """Ranks of every cell, as DOLFINx wants them."""
+    """Return the ranks of every cell in the format of DOLFINx."""
     lists = fem.dolfinx.graph.adjacencylist(data, offsets)
     return getattr(lists, "_cpp_object", lists)
 
@@ -290,7 +291,7 @@ def named_facets(raw: RawMesh) -> dict[str, np.ndarray]:
 
 
 def check_facets(raw: RawMesh) -> None:
-    """Refuse facets with two names: each would keep only a part of what it names."""
+    """Refuse facets with two names, as a facet has one tag only."""
     named = {name: facets for name, facets in named_facets(raw).items() if len(facets)}
     if not named:
         return
@@ -306,9 +307,9 @@ def check_facets(raw: RawMesh) -> None:
 
 
 def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
-    """Refuse interfaces that meet where more than two sides do.
+    """Refuse interfaces that meet at points with more than two sides.
 
-    A node has one partner, or tractions add up wrongly; what slides has none.
+    A node must have one partner, else tractions are summed wrongly; nodes in finite sliding have none.
     """
     for name in raw.bases:
         if name not in sliding:
@@ -348,12 +349,12 @@ def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
 
 
 def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
-    """Facets of two edges that are the same but for a shift, in the same order, vertex by vertex.
+    """Return facets of two edges that differ by a shift only, in the same order, vertex by vertex.
 
     Raises
     ------
     RuptfxError
-        No such edge; or a vertex of the second that has no partner.
+        If there is no such edge, or a vertex of the second has no partner.
     """
     for name, edge in (("first", first), ("second", second)):
         if edge not in raw.edges:
@@ -381,8 +382,8 @@ def tied_facets(raw: RawMesh, key: str, first: str, second: str) -> Facets:
 def destinations(
     raw: RawMesh, parts: int, tied: Sequence[Facets] = (), sliding: Collection[str] = (), neighbours: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Owner, then ghost ranks, of every cell: data and offsets of an adjacency list."""
-    from scipy import sparse  # a mesh that ranks make by themselves starts without it
+    """Return owner and ghost ranks of every cell: data and offsets of an adjacency list."""
+    from scipy import sparse  # imported late: lattices do not need it
     from scipy.sparse.csgraph import connected_components
 
     count = len(raw.cells)
@@ -392,7 +393,7 @@ def destinations(
     glued = np.arange(len(raw.points))
     for plus, minus in joined:
         glued[minus] = plus
-    while np.any(glued[glued] != glued):  # a corner of tied edges at an interface: glued to what is glued itself
+    while np.any(glued[glued] != glued):  # chains, for example a corner of tied edges at an interface
         glued = glued[glued]
     cells = glued[raw.cells[:, : VERTICES[raw.cell]]]
     owner = _partition_graph(raw.cell, cells, parts)
@@ -403,7 +404,7 @@ def destinations(
     ghosts: dict[int, set[int]] = defaultdict(set)
     if pairs:
         together = np.concatenate(pairs)
-        # A cell may belong to several pairs: all that hang together follow the plus cell of the first.
+        # A cell may belong to several pairs: connected pairs all follow the plus cell of the first.
         links = sparse.coo_matrix((np.ones(len(together)), together.T), shape=(len(cells),) * 2)
         _, group = connected_components(links, directed=False)
         leader = np.empty(len(cells), dtype=np.int64)
@@ -428,7 +429,7 @@ def destinations(
 
 
 def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
-    """Owner of every cell from a graph partitioner on the dual graph of the glued mesh."""
+    """Return the owner of every cell from a graph partitioner on the dual graph of the glued mesh."""
     from scipy import sparse
 
     count = len(cells)
@@ -446,7 +447,7 @@ def _partition_graph(cell: str, cells: np.ndarray, parts: int) -> np.ndarray:
 
 
 def _cell_of_facets(raw: RawMesh) -> Callable[[np.ndarray], np.ndarray]:
-    """A function: facets by vertices -> the cell each belongs to."""
+    """Return a function from facets (by vertices) to their cells."""
     from scipy import sparse
 
     sorted_cells = raw.cells[:, : VERTICES[raw.cell]]
@@ -476,9 +477,9 @@ def _ghost_pairs(
     cells: np.ndarray, owner: np.ndarray, facets: np.ndarray, pairs: np.ndarray, group: np.ndarray,
     ghosts: dict[int, set[int]],
 ) -> None:  # fmt: skip
-    """Make a pair a ghost wherever a rank touches a vertex of the interface and owns none of the pairs there.
+    """Make a pair a ghost on every rank that has a vertex of the interface and owns none of the pairs there.
 
-    With it goes all that hangs together with it.
+    Connected pairs become ghosts together.
     """
     on_interface = np.zeros(cells.max() + 1, dtype=bool)
     on_interface[facets] = True
@@ -503,13 +504,13 @@ def _ghost_pairs(
 def _tag_facets(
     mesh: fem.dolfinx.mesh.Mesh, names: list[str], find: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[fem.dolfinx.mesh.MeshTags, dict[str, int]]:
-    """Mesh tags of the named facets this rank integrates over.
+    """Return mesh tags of the named facets over which this rank integrates.
 
     Parameters
     ----------
     find : callable
-        From facets of the hull, as the sorted numbers that their vertices had in the input, to the places of their
-        names, -1 where they have none.
+        Function from boundary facets, as sorted input indices of their vertices, to the indices of their
+        names, -1 for unnamed ones.
     """
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim - 1, dim)

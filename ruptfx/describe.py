@@ -1,4 +1,4 @@
-"""What `ruptfx describe` prints and the site's reference shows: kinds and tables of a case, key by key."""
+"""Text of `ruptfx describe` and of the reference pages: kinds and tables of a case, key by key."""
 
 from __future__ import annotations
 
@@ -63,15 +63,15 @@ TOPICS = (*TABLES, *FOLDERS, "histories", "summary")
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a table: what a user has to know of it."""
+    """Documentation of one key of a table."""
 
     name: str
     unit: str
-    """Empty for what is no number."""
+    """Unit; empty if the value is not a number."""
     bounds: str
-    """Of a number; where something else is to be chosen, the topic that tells of it."""
+    """Bounds of a number; for alternatives the topic that describes them."""
     default: str
-    """`required` where there is none."""
+    """Default value, or `required`."""
     description: str
 
 
@@ -82,16 +82,16 @@ class Entry:
     name: str
     summary: str
     details: str
-    """What its docstring says beyond the first line."""
+    """Docstring after its first line."""
     labels: dict[str, str]
     """Formula, state, source and so on."""
     keys: list[Key]
     problem: str = ""
-    """Why it does not load."""
+    """Reason why it does not load."""
 
 
 def file_schema() -> dict[str, object]:
-    """JSON schema of a file for `ruptfx run` (a case) or `ruptfx study` (a study)."""
+    """Return the JSON schema of a file for `ruptfx run` (a case) or `ruptfx study` (a study)."""
     schema, study = case_schema(), Study.model_json_schema()
     schema["title"] = "ruptfx case or study"
     schema["$defs"] |= {**study.pop("$defs"), "study": study}
@@ -100,7 +100,7 @@ def file_schema() -> dict[str, object]:
 
 
 def entries(topic: str) -> Iterator[Entry]:
-    """What is known of a topic; kinds that do not load come last, with the reason.
+    """Yield the entries of a topic; kinds that do not load come last, with the reason.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def describe_topic(what: str) -> Iterator[RenderableType]:
         if entry.problem:
             yield Panel(Text(entry.problem), title=Text(f"{entry.name} (broken)"), title_align="left", style="red")
             continue
-        # Paragraphs fill the screen; lists, indented lines and sources keep theirs.
+        # Paragraphs are reflowed to the screen; lists, indented lines and sources keep their lines.
         details = re.sub(r"(?<!\n)\n(?![\s-]|Source:)", " ", entry.details)
         text = Text(entry.summary + (f"\n\n{details}" if details else ""))
         grid = Table.grid(padding=(0, 2))
@@ -188,9 +188,9 @@ def describe_topic(what: str) -> Iterator[RenderableType]:
 
 
 def about(topic: str) -> str:
-    """What a topic is, in some words."""
+    """Return a few words about a topic."""
     if topic in FOLDERS:
-        # Read, not imported: some need DOLFINx to run, none needs it to be told of.
+        # Read instead of imported: some need DOLFINx to run, but not to be described.
         text = ast.get_docstring(ast.parse((Path(__file__).parent / topic / "__init__.py").read_text())) or ""
         return re.split(r", one|:", text)[0]
     if topic in TABLES:
@@ -199,7 +199,7 @@ def about(topic: str) -> str:
 
 
 def keys_of(cls: type[Part]) -> list[Key]:
-    """Every key of a table but its `kind`."""
+    """Return every key of a table except its `kind`."""
     schema = cls.model_json_schema()["properties"]
     return [
         Key(name, _unit(cls, name), ", ".join(filter(None, (_bounds(field), _elsewhere(cls, schema.get(name, {}))))),
@@ -210,7 +210,7 @@ def keys_of(cls: type[Part]) -> list[Key]:
 
 
 def _elsewhere(cls: type[Part], schema: object) -> str:
-    """The topics that tell what a key may be, from the JSON schema of its values."""
+    """Return the topics that describe the values of a key, from its JSON schema."""
     topics = {held.__name__: topic for topic, tables in TABLES.items() for held in tables.values() if held is not cls}
     found = [
         name if key == "x-folder" else topics.get(name.rpartition("/")[2], "")
@@ -221,7 +221,7 @@ def _elsewhere(cls: type[Part], schema: object) -> str:
 
 
 def _references(schema: object) -> Iterator[tuple[str, str]]:
-    """Folders of kinds and named tables, wherever they stand in a JSON schema."""
+    """Yield folders of kinds and named tables in a JSON schema, at any depth."""
     if isinstance(schema, dict):
         yield from ((key, str(schema[key])) for key in ("x-folder", "$ref") if key in schema)
     for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
@@ -229,7 +229,7 @@ def _references(schema: object) -> Iterator[tuple[str, str]]:
 
 
 def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:
-    """Each with the tables that it holds and that stand nowhere else."""
+    """Yield each table with the tables that it contains and that appear nowhere else."""
     seen = {cls for group in (*TABLES.values(), *CLASSES.values()) for cls in group.values()} | {Place}
     for name, cls in found.items():
         yield _entry(name, cls)
@@ -253,12 +253,12 @@ def _entry(name: str, cls: type[Part]) -> Entry:
 
 
 def _marked(text: str) -> str:
-    """Text in which code stands between single marks, as on the site; docstrings have both."""
+    """Return text with code in single marks, as on the site; docstrings have both."""
     return text.replace("``", "`")
 
 
 def _details(described: object) -> str:
-    """The docstring after its first line, without numpydoc's sections."""
+    """Return the docstring after its first line, without numpydoc sections."""
     text = _marked(inspect.cleandoc(described.__doc__ or "")).partition("\n")[2]
     return text.partition("\nRaises\n")[0].strip("\n")
 
@@ -274,7 +274,7 @@ def _unit(cls: type[Part], name: str) -> str:
 
 
 def _bounds(field: FieldInfo) -> str:
-    """`> 0`, `>= 0` ... from the metadata of the field or of its number when it may vary."""
+    """Return `> 0`, `>= 0` ... from the metadata of the field, or of its number if it may vary."""
     found = [*field.metadata]
     for member in typing.get_args(field.annotation):
         found += [item for item in getattr(member, "__metadata__", ()) if not isinstance(item, Unit)]

@@ -1,4 +1,4 @@
-"""A named edge of the bodies, as boundaries act on it: its nodes, nodal forces, dashpots and springs."""
+"""A named edge of the bodies, for boundaries: its nodes, nodal forces, dashpots and springs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ruptfx.fem import Expr
     from ruptfx.model import Model
 
-MOST_COUPLING = 0.01  # of what dashpots leave out of the impedance, over its trace
+MOST_COUPLING = 0.01  # largest off-diagonal part of the impedance, over its trace
 Limits = Sequence[Sequence[float] | None]
 
 
@@ -56,7 +56,7 @@ class Edge:
         )
 
     def _corners(self) -> np.ndarray:
-        """Local nodes of cells with nodes of their own: the owner of a cell tells the others; collective."""
+        """Return the local nodes if cells have separate nodes, sent by the owners of the cells; collective."""
         model, mesh, side = self.model, self.model.mesh, self.model.mesh.topology.dim - 1
         mesh.topology.create_connectivity(side, 0)
         mesh.topology.create_connectivity(side + 1, 0)
@@ -68,7 +68,7 @@ class Edge:
         return np.flatnonzero(fem.from_owners(model.space, marked)[:, 0] > 0)
 
     def dofs(self, component: str, limits: Limits = ()) -> np.ndarray:
-        """Local degrees of freedom of one component; `limits` along each axis bound the part that is meant [m]."""
+        """Return local degrees of freedom of one component; `limits` along each axis restrict the part [m]."""
         nodes, coordinates = self.nodes, self.model.coordinates
         x = coordinates[nodes]
         slack = 1e-9 * np.ptp(coordinates, axis=0).max(initial=0)
@@ -80,7 +80,7 @@ class Edge:
         return nodes * self.model.components + number
 
     def along(self) -> np.ndarray:
-        """x of every local node where the edge is longer than high, else y [m]; collective."""
+        """Return x of every local node if the edge is longer than high, else y [m]; collective."""
         x, comm = self.model.coordinates[self.nodes], self.model.comm
         extent = [
             parallel.largest(comm, column.max(initial=-np.inf)) + parallel.largest(comm, -column.min(initial=np.inf))
@@ -89,14 +89,14 @@ class Edge:
         return self.model.coordinates[:, int(extent[1] > extent[0])]
 
     def force(self, traction: Sequence[float], limits: Limits = ()) -> np.ndarray:
-        """Nodal force of a constant traction [Pa] on an edge [N]; `limits` along each axis bound the loaded part."""
+        """Return the nodal force of a constant traction [Pa] on an edge [N]; `limits` restrict the loaded part."""
         test = self._loaded_cells(limits) * fem.ufl.TestFunction(self.model.space)
         scalar = self.model.components == 1
         density = traction[0] * test if scalar else fem.ufl.inner(fem.ufl.as_vector(list(traction)), test)
         return fem.assemble_summed(self.model.space, self.model.around(density) * self.model.edge_measure(self.tag))
 
     def integral(self, density: Callable[[list[Expr], Expr], Expr]) -> np.ndarray:
-        """Integral over the edge of what is linear in the test function, at every local degree of freedom.
+        """Return the edge integral of a linear form of the test function, at every local degree of freedom.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class Edge:
         return fem.assemble_summed(self.model.space, self.model.around(expression) * self.model.edge_measure(self.tag))
 
     def _loaded_cells(self, limits: Limits) -> fem.dolfinx.fem.Function:
-        """1 in the cells that have a side of the edge with its middle within the limits, 0 in the others."""
+        """Return 1 in cells with a side of the edge whose middle is within the limits, 0 in others."""
         mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
         loaded = fem.dolfinx.fem.Function(fem.dolfinx.fem.functionspace(mesh, ("DG", 0)))
         middle = fem.dolfinx.mesh.compute_midpoints(mesh, side, self.facets)
@@ -121,7 +121,7 @@ class Edge:
 
     @cached_property
     def _cells(self) -> np.ndarray:
-        """The cell of every facet."""
+        """Cell of every facet."""
         mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
         mesh.topology.create_connectivity(side, side + 1)
         cells = mesh.topology.connectivity(side, side + 1)
@@ -133,14 +133,14 @@ class Edge:
         return self.model.bodies.cell_body[self._cells]
 
     def dashpot(self) -> np.ndarray:
-        """Lysmer dashpot of every degree of freedom [N s/m]: the diagonal of the impedance of its bodies; collective.
+        """Return the Lysmer dashpot of every degree of freedom [N s/m]: the diagonal of the impedance; collective.
 
-        Of an isotropic body rho c_p along the normal and rho c_s across, where the edge is along an axis.
+        For an isotropic body rho c_p along the normal and rho c_s across, if the edge is along an axis.
 
         Raises
         ------
         CaseError
-            An edge where the impedance is not a diagonal matrix.
+            If the impedance is not a diagonal matrix.
         """
         model = self.model
         coupling = self.coupling()
@@ -161,7 +161,7 @@ class Edge:
         ))  # fmt: skip
 
     def normals(self) -> np.ndarray:
-        """Unit normal of every facet, of either sign, shape (facets, dim)."""
+        """Return the unit normal of every facet, of either sign, shape (facets, dim)."""
         mesh, side = self.model.mesh, self.model.mesh.topology.dim - 1
         if len(self.facets) == 0:  # DOLFINx 0.9 divides by their number
             return np.zeros((0, side + 1))
@@ -173,9 +173,9 @@ class Edge:
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def coupling(self) -> float:
-        """What the diagonal leaves out of the impedance, over its trace; the largest of all facets, collective.
+        """Return the off-diagonal part of the impedance over its trace, the largest of all facets; collective.
 
-        0 where it is exact; else about the part of a plane wave at normal incidence that comes back.
+        0 if dashpots are exact; else about the reflected part of a plane wave at normal incidence.
         """
         model, normal = self.model, self.normals()
         worst, error = 0.0, None

@@ -1,7 +1,7 @@
-"""The finite element stack, loaded at its first use in the one order that works, and differences between its versions.
+"""The finite element stack, loaded at its first use in the required order, and differences between its versions.
 
-Every other module says ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. That costs
-nothing: modules which compute can be imported where cases are only read, and where there is no DOLFINx.
+Every other module uses ``from ruptfx import fem`` and never imports DOLFINx, petsc4py or mpi4py itself. Hence
+modules that compute can be imported where cases are only read, and without DOLFINx.
 """
 
 # ruff: noqa: I001
@@ -55,7 +55,7 @@ def _load() -> None:
     import h5py  # noqa: F401  before DOLFINx: with numba installed the other order breaks HDF5
 
     with suppress(ModuleNotFoundError):
-        # The wheel: puts its own libraries in place before petsc4py looks for them.
+        # The wheel loads its own libraries, which must happen before petsc4py searches for them.
         import dolfinx_solver  # noqa: F401
     try:
         from mpi4py import MPI
@@ -72,7 +72,7 @@ def _load() -> None:
     except ModuleNotFoundError as missing:
         raise launch.no_fem(str(missing)) from None
     with suppress(ValueError):  # not the main thread
-        # PETSc would abort the job where a reader such as `head` has seen enough; Python raises BrokenPipeError.
+        # PETSc would abort the job if a reader such as `head` closes the pipe; Python raises BrokenPipeError.
         signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     version = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
     if version < (0, 9):
@@ -81,20 +81,20 @@ def _load() -> None:
 
 
 def is_loaded() -> bool:
-    """Whether anything has asked for the stack."""
+    """Return whether the stack has been loaded."""
     return bool(VERSION)
 
 
 def finish() -> None:
-    """Leave PETSc and MPI; collective, and nothing of either can be used afterwards."""
+    """Finalise PETSc and MPI; collective; neither can be used afterwards."""
     finalize: Callable[[], None] = PETSc._finalize
     finalize()
     if not MPI.Is_finalized():
         MPI.Finalize()
 
 
-# FFCx names a compiled form after its text and flags. What -march made stays with its processor: a cache on a
-# shared disk or in an image would crash another one.
+# FFCx names a compiled form after its text and flags only. Code for -march=native may crash on another processor that
+# shares the cache (network disk, image): each processor has its own folder.
 _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
 JIT_OPTIONS = {
     "cffi_extra_compile_args": ["-O3", f"-march={native.target()}"],
@@ -104,7 +104,7 @@ JIT_OPTIONS = {
 
 
 def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fem.FunctionSpace:
-    """Lagrange space on Gauss-Lobatto-Legendre points, blocked by components (scalar when 1)."""
+    """Return the Lagrange space on Gauss-Lobatto-Legendre points, blocked by components (scalar if 1)."""
     shape = (components,) if components > 1 else None
     element = basix.ufl.element(
         "Lagrange", mesh.basix_cell().name, order, lagrange_variant=basix.LagrangeVariant.gll_warped, shape=shape
@@ -113,43 +113,44 @@ def lagrange(mesh: dolfinx.mesh.Mesh, order: int, components: int) -> dolfinx.fe
 
 
 def broken_lagrange(mesh: dolfinx.mesh.Mesh, components: int) -> dolfinx.fem.FunctionSpace:
-    """Lagrange space of order 1 in which every cell has nodes of its own, blocked by components."""
+    """Return the Lagrange space of order 1 in which every cell has its own nodes, blocked by components."""
     element = basix.ufl.element("Lagrange", mesh.basix_cell().name, 1, discontinuous=True, shape=(components,))
     return dolfinx.fem.functionspace(mesh, element)
 
 
 def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> Table:
-    """Quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
+    """Return the quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
     if mesh.basix_cell().name in ("quadrilateral", "hexahedron", "interval"):
         return {"quadrature_rule": "GLL", "quadrature_degree": 2 * order - 1}
     return {"quadrature_degree": 2 * order}
 
 
 def interpolation_points(element: Any) -> np.ndarray:
+    """Return the interpolation points of an element, in any version of DOLFINx."""
     points = element.interpolation_points
     return points() if callable(points) else points
 
 
 def geometry_dofmap(mesh: dolfinx.mesh.Mesh) -> np.ndarray:
-    """Geometry nodes of every local cell, shape (cells, nodes per cell)."""
+    """Return the geometry nodes of every local cell, shape (cells, nodes per cell)."""
     geometry = mesh.geometry
     return geometry.dofmaps[0] if VERSION >= (0, 11) else geometry.dofmap
 
 
 def tabulate(space: dolfinx.fem.FunctionSpace, reference: np.ndarray) -> np.ndarray:
-    """Shape functions of a cell and their derivatives along its axes, shape (1 + dim, nodes), at a reference point."""
+    """Return shape functions of a cell and derivatives along its axes, shape (1 + dim, nodes), at a reference point."""
     return np.asarray(space.element.basix_element.tabulate(1, reference[None]))[:, 0, :, 0]
 
 
 def reference_point(
     mesh: dolfinx.mesh.Mesh, corners: np.ndarray, point: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where a point lies in the reference cell, and dx_i / dxi_j there; None where it is outside, by Newton's method.
+    """Return the reference coordinates of a point and dx_i / dxi_j there, by Newton's method; None if outside.
 
     Parameters
     ----------
     corners : ndarray, shape (geometry nodes, dim)
-        Of one cell [m].
+        Corners of one cell [m].
     point : ndarray, shape (dim,)
         [m].
     """
@@ -182,13 +183,13 @@ def create_mesh(
     partitioner: Callable[..., object],
     order: int = 1,
 ) -> dolfinx.mesh.Mesh:
-    """Mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
+    """Create a mesh from connectivity in DOLFINx vertex order and coordinates, distributed by `partitioner`."""
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=element, partitioner=partitioner)  # type: ignore[arg-type]
 
 
 def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndarray:
-    """Assembled linear form, complete at every local degree of freedom, ghosts included, shape (local dofs,)."""
+    """Return an assembled linear form, complete at every local degree of freedom and ghost, shape (local dofs,)."""
     vector = dolfinx.fem.Function(space)
     dolfinx.fem.assemble_vector(vector.x.array, dolfinx.fem.form(form))
     vector.x.scatter_reverse(dolfinx.la.InsertMode.add)
@@ -197,7 +198,7 @@ def assemble_summed(space: dolfinx.fem.FunctionSpace, form: ufl.Form) -> np.ndar
 
 
 def from_owners(space: dolfinx.fem.FunctionSpace, nodal: np.ndarray) -> np.ndarray:
-    """A nodal field with the same bits on all ranks: those of the owner; collective.
+    """Return a nodal field with the values of the owner on all ranks, hence bitwise identical; collective.
 
     Parameters
     ----------
@@ -210,12 +211,12 @@ def from_owners(space: dolfinx.fem.FunctionSpace, nodal: np.ndarray) -> np.ndarr
 
 
 def bilinear(form: ufl.Form) -> dolfinx.fem.Form:
-    """A compiled bilinear form."""
+    """Return a compiled bilinear form."""
     return dolfinx.fem.form(form, jit_options=JIT_OPTIONS)
 
 
 def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] | None = None) -> PETSc.Mat:
-    """A compiled bilinear form as an AIJ matrix, summed over ranks, with room for coupled nodes; collective.
+    """Return a compiled bilinear form as an AIJ matrix, summed over ranks, with entries for coupled nodes; collective.
 
     Where nodes are tied, the matrix is T' K T, with T the map from the unknowns of the kept nodes to those of all
     nodes: local indices of copies are mapped to the global ones of the kept nodes, also in later additions of values
@@ -225,7 +226,7 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
     ----------
     form : dolfinx.fem.Form
     coupled : ndarray of int, shape (pairs, 2)
-        Local nodes whose unknowns all depend on each other, beyond the form's own: zeros that may be filled later.
+        Additional pairs of local nodes with coupled unknowns: zero entries that may be filled later.
     tied : (ndarray, ndarray) of int, optional
         Local nodes that are kept, and their copies; given on all ranks or on none.
     """
@@ -259,14 +260,14 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
 
 
 def local_matrix(form: object) -> Any:
-    """A compiled bilinear form over the cells this rank owns, as a SciPy matrix over its local unknowns."""
+    """Return a compiled bilinear form over the cells owned by this rank, as a SciPy matrix over local unknowns."""
     rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
-    # Columns beyond the local unknowns wait for what other ranks would add.
+    # Remove columns beyond the local unknowns, which are reserved for contributions of other ranks.
     return rows[:, : rows.shape[0]].copy()
 
 
 def option_was_read(name: str) -> bool:
-    """Whether anything has asked PETSc's database for an option, name with prefix and without dash."""
+    """Return whether an option (name with prefix, without dash) of PETSc's database was read."""
     database = PETSc.Options()
     if hasattr(database, "used"):
         return bool(database.used(name))
@@ -278,14 +279,14 @@ def option_was_read(name: str) -> bool:
 
 
 class SharedVector:
-    """Local degrees of freedom, ghosts included, that can be summed over ranks while other work goes on.
+    """Vector of local degrees of freedom, ghosts included, whose sum over ranks overlaps with other work.
 
-    Where every cell has nodes of its own there is nothing to sum: others have what their owner has.
+    If every cell has its own nodes, there is no sum: ghosts receive the values of their owner.
 
     Attributes
     ----------
     array : ndarray, shape (local dofs,)
-        Between `begin` and `end` the entries of nodes that other ranks know must be left alone.
+        Between `begin` and `end` the entries of nodes shared with other ranks must not be modified.
     """
 
     def __init__(self, space: dolfinx.fem.FunctionSpace) -> None:
@@ -297,7 +298,7 @@ class SharedVector:
             PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)  # fmt: skip
 
     def begin(self) -> None:
-        """Send what this rank contributed to nodes of others."""
+        """Start to send the contributions of this rank to nodes of others."""
         if self._vector is not None:
             self._vector.ghostUpdateBegin(*self._way)
 

@@ -1,4 +1,4 @@
-"""The common look of all figures: sizes, colours, units on axes, panel letters, remarks.
+"""Common style of all figures: sizes, colours, units on axes, panel letters, remarks.
 
 Figures are made without pyplot, so they need no display and leave no global state behind.
 """
@@ -29,12 +29,12 @@ STYLE: Any = {
     "lines.linewidth": 1.0, "lines.markersize": 4, "legend.frameon": False, "savefig.dpi": 200, "figure.dpi": 100,
     "pdf.fonttype": 42, "axes.formatter.useoffset": False, "agg.path.chunksize": 20000,
 }
-OUTLYING = 3.0  # times the range of 98 % of the values: extremes beyond are not shown whole
+OUTLYING = 3.0  # times the range of 98 % of the values: extremes beyond are cut off
 GUIDE = "#1769aa"  # wave speeds
 MUTED = "#888888"
 REMARK_SIZE, REMARK_LETTER = 6.5, 0.045  # points, and inch that a letter takes on average
 STICK_SLIP, STEADY, UNDECIDED, ACCENT = "#b5382a", "#2a6099", "#8a8a8a", "#e0a030"
-# Perceptually uniform, cut where lines and guides would not show.
+# Perceptually uniform, without the ends in which lines and guides are invisible.
 RATE_MAP = ListedColormap(matplotlib.colormaps["magma_r"](np.linspace(0.03, 0.9, 256)))
 TIME_MAP = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1, 256)))
 WAVE_MAP = "inferno"
@@ -51,7 +51,7 @@ _PREFIXES = {
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw with the common style, whatever the user's own settings are."""
+    """Wrap a drawing function so that it uses the common style, independent of the user's settings."""
 
     @wraps(draw)
     def inside(*args: object, **options: object) -> Figure:
@@ -63,7 +63,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Inside, matplotlib has the common style, whatever the user's own settings are."""
+    """Apply the common style to matplotlib within the context, independent of the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
@@ -71,7 +71,7 @@ def style() -> Iterator[None]:
 
 
 def warm_up() -> None:
-    """Load fonts, the reader of formulas and what else the first figure of a process takes longer for."""
+    """Load fonts, the formula parser and other parts that slow down the first figure of a process."""
     with style(), BytesIO() as nowhere:
         figure, axes = new_figure(1, 1, 1.0, 1.0)
         axes[0, 0].set(xlabel="$c_s$", yscale="log")
@@ -80,9 +80,9 @@ def warm_up() -> None:
 
 
 def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["savefig.dpi"]) -> None:
-    """Save a figure in the common style; its axes stay where they are then.
+    """Save a figure in the common style, with fixed axes.
 
-    It is laid out first and then drawn once: left to itself, matplotlib draws what has a layout twice.
+    The layout is computed first and then the figure drawn once: matplotlib would draw it twice.
     """
     with style():
         engine = figure.get_layout_engine()
@@ -99,7 +99,7 @@ def save(figure: Figure, path: Path | BytesIO, kind: str, dpi: float = STYLE["sa
 
 
 def scale(values: Array | float, unit: str) -> tuple[float, str]:
-    """Size and name of the unit in which the largest value reads well: 0.06 m gives (1e-3, "mm")."""
+    """Return size and name of a readable unit for the largest value: 0.06 m gives (1e-3, "mm")."""
     numbers = np.abs(np.asarray(values, dtype=float))
     largest = float(numbers[np.isfinite(numbers)].max(initial=0.0))
     choices = _PREFIXES[unit]
@@ -112,23 +112,23 @@ def scale(values: Array | float, unit: str) -> tuple[float, str]:
 
 
 def known_unit(unit: str) -> bool:
-    """Whether `scale` knows sizes of it."""
+    """Return whether `scale` has prefixes for a unit."""
     return unit in _PREFIXES
 
 
 def new_figure(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Figure, Array]:
-    """Figure and its array of axes, shape (rows, columns)."""
+    """Return a figure and its array of axes, shape (rows, columns)."""
     figure = blank_figure(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def blank_figure(width: float, height: float) -> Figure:
-    """A figure without axes [inches]."""
+    """Return a figure without axes [inches]."""
     return NotebookFigure(figsize=(width, height), layout="constrained")
 
 
 class NotebookFigure(Figure):
-    """A figure that shows itself at the end of a notebook's cell: without pyplot nothing else does it."""
+    """A figure that is displayed at the end of a notebook cell, without pyplot."""
 
     def _repr_png_(self) -> bytes:
         with BytesIO() as buffer:
@@ -137,13 +137,15 @@ class NotebookFigure(Figure):
 
 
 def letter(axes: Iterable[Axes]) -> None:
-    """Panel letters (a), (b), ... above the upper left corner."""
+    """Add panel letters (a), (b), ... above the upper left corner."""
     for index, ax in enumerate(axes):
         ax.set_title(f"({chr(ord('a') + index)})", loc="left", fontweight="bold")
 
 
 def limit(ax: Axes, values: Array, size: float = 1.0) -> bool:
-    """Keep single values from flattening a curve: set the y limits of an axis by quantiles where extremes lie far out.
+    """Set the y limits of an axis by quantiles if extremes lie far out; return whether values lie beyond.
+
+    The figure should state that in a remark.
 
     Returns whether values lie beyond the limits, which the figure should say.
     """
@@ -156,12 +158,12 @@ def limit(ax: Axes, values: Array, size: float = 1.0) -> bool:
 
 
 def note(ax: Axes, text: str) -> None:
-    """A remark in the middle of an empty panel."""
+    """Write a remark into the middle of an empty panel."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=MUTED, backgroundcolor="white")
 
 
 def empty_figure(text: str, x: str, y: str) -> Figure:
-    """A small panel with these labels that says why there is nothing in it."""
+    """Return a small panel with these labels and the reason why it is empty."""
     figure, axes = new_figure(1, 1, 2.0, WIDTH / 2)
     axes[0, 0].set(xlabel=x, ylabel=y)
     note(axes[0, 0], text)
@@ -169,12 +171,12 @@ def empty_figure(text: str, x: str, y: str) -> Figure:
 
 
 def remark(figure: Figure, *texts: str) -> None:
-    """What has to be known to read the figure right, in small type below it."""
+    """Write remarks that are needed to read the figure, in small type below it."""
     if any(texts):
         width = int(figure.get_figwidth() / REMARK_LETTER)
         figure.supxlabel("\n".join(fill(text, width) for text in texts if text), fontsize=REMARK_SIZE, color=MUTED)
 
 
 def edges(centres: Array) -> Array:
-    """Cell edges half-way between the centres; the outer cells end at the outer centres."""
+    """Return cell edges half-way between the centres; the outer cells end at the outer centres."""
     return np.concatenate([centres[:1], (centres[1:] + centres[:-1]) / 2, centres[-1:]])

@@ -1,4 +1,4 @@
-"""A point inside the bodies, as boundaries act on it and instruments look at it: shape functions, gradients, forces."""
+"""A point inside the bodies, for boundaries and instruments: shape functions, gradients, forces."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ruptfx.schema import CaseError, nearest
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
-SLACK = 1e-8  # of a cell, by which a point on its side may be outside of it
+SLACK = 1e-8  # of a cell: tolerance for points on its side
 
 
 class Inside:
-    """A point of a model; where cells meet, all of them share it alike.
+    """A point of a model; adjacent cells contribute equally.
 
     Parameters
     ----------
@@ -25,21 +25,21 @@ class Inside:
     point : sequence of float
         [m].
     body : str or None
-        Needed where several bodies have the point.
+        Name, required if several bodies contain the point.
     key : str
         Of the case, for messages.
     field : str
-        Of the key, which says where the point is.
+        Name of the field with the coordinates of the point.
 
     Attributes
     ----------
     body : int
-        Number of the one that it is in.
+        Index of the body that contains it.
 
     Raises
     ------
     CaseError
-        On all ranks: a point outside of the bodies, or on a side of several.
+        On all ranks: the point is outside of the bodies, or on a side of several.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Inside:
         self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
 
     def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Body, nodes and shape functions of every cell of this rank that has the point.
+        """Return body, nodes and shape functions of every local cell that contains the point.
 
         With their gradients the functions have shape (1 + dim, nodes).
         """
@@ -82,7 +82,7 @@ class Inside:
         return found
 
     def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Local degrees of freedom and their weights on this rank, for a sum of `value` times coefficients.
+        """Return local degrees of freedom and weights on this rank, for a sum of `value` times coefficients.
 
         The sum of a nodal field times the weights is that of its `value` times coefficients of shape
         (1 + dim, components).
@@ -95,12 +95,12 @@ class Inside:
 
     @property
     def element_size(self) -> float:
-        """Of the elements that have the point, along x, y or z [m]; collective."""
+        """Size of the elements that contain the point, along x, y or z [m]; collective."""
         extents = [float(np.ptp(self.model.coordinates[nodes], axis=0).max()) for nodes, _ in self._cells]
         return parallel.largest(self.model.comm, max(extents, default=0.0))
 
     def _sum(self, weights: np.ndarray) -> np.ndarray:
-        """Sum over the shape functions and their derivatives, with weights of shape (1 + dim, components)."""
+        """Return the sum over shape functions and their derivatives, with weights of shape (1 + dim, components)."""
         nodal = np.zeros((self.model.nodes, self.model.components))
         for nodes, shape in self._cells:
             nodal[nodes] += shape.T @ weights
@@ -109,7 +109,7 @@ class Inside:
         return total
 
     def value(self, field: np.ndarray) -> np.ndarray:
-        """What the elements of this rank add to a nodal field at the point, and to its derivatives along x, y ...
+        """Return the contribution of this rank to a nodal field at the point, and to its derivatives along x, y ...
 
         Shape (1 + dim, components); the sum over the ranks is the field there.
         """
@@ -120,13 +120,13 @@ class Inside:
         return total
 
     def force(self, force: Sequence[float]) -> np.ndarray:
-        """Nodal force of a force at the point [N], shape (nodes * components,); collective."""
+        """Return the nodal force of a force at the point [N], shape (nodes * components,); collective."""
         weights = np.zeros((1 + self.model.mesh.geometry.dim, self.model.components))
         weights[0] = force
         return self._sum(weights)
 
     def moment(self, moment: np.ndarray) -> np.ndarray:
-        """Nodal force of a moment tensor M_ij at the point [N m], shape (components, dim); collective.
+        """Return the nodal force of a moment tensor M_ij at the point [N m], shape (components, dim); collective.
 
         M_ij d phi / dx_j, exact for any field of the elements.
         """

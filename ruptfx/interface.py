@@ -3,11 +3,11 @@
 SIGN CONVENTION (converted here and nowhere else)
 
 * The normal n points from the minus to the plus body; in 2D the tangent is t = (n_y, -n_x), so that t = +x for n = +y.
-* Jump = plus minus minus. Local components are (normal, tangents...), in antiplane the single out-of-plane one.
+* Jump = u(plus) - u(minus). Local components are (normal, tangents...), in antiplane the single out-of-plane one.
   Slip is the tangential jump, opening the normal jump.
-* Traction T is what the plus body exerts on the minus body, T = stress . n: positive shear traction resists positive
+* Traction T acts from the plus body on the minus body, T = stress . n: positive shear traction resists positive
   slip. The normal component of T is tension; `normal_stress` = -T_n is compression.
-* The bodies feel -J' W T: the plus side -w T, the minus side +w T.
+* The force on the bodies is -J' W T: on the plus side -w T, on the minus side +w T.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from ruptfx.closest import closest
 from ruptfx.nodes import Nodes, largest_extent
 
 Measure = Literal["x", "arc length", "first tangent"]
-FLAT = 1e-6  # departure from a plane, and of a direction from x, up to which positions are x: an error of 1e-12
-FARTHEST = 0.01  # of its extent: largest distance of an interface from a point that stands for a position
+FLAT = 1e-6  # largest deviation from a plane, and of a direction from x, for positions to be x: an error of 1e-12
+FARTHEST = 0.01  # of its extent: largest distance from the interface of a point that defines a position
 
 
 @dataclass(frozen=True)
 class Line:
-    """What positions along an interface are, the same on every rank.
+    """Definition of positions along an interface, the same on every rank.
 
     Where an interface is flat and its (first) tangent is +x, they are x. Elsewhere, from the end at which the mean
     tangent begins: in 2D the arc length; in 3D the distance along the first tangent of the mean normal.
@@ -38,7 +38,7 @@ class Line:
     measure : str
         ``x``, ``arc length`` or ``first tangent``.
     origin : ndarray, shape (dim,)
-        Where the position is zero [m]; for ``x`` on the line or plane of the interface, which need not reach there.
+        Point of position zero [m]; for ``x`` on the line or plane of the interface, possibly beyond its ends.
     first, last : float
         Positions of the two ends [m].
     """
@@ -50,11 +50,12 @@ class Line:
 
     @property
     def length(self) -> float:
+        """Distance between the two ends [m]."""
         return self.last - self.first
 
     @property
     def meaning(self) -> str:
-        """In words."""
+        """Definition of the position as text."""
         start = "(" + ", ".join(f"{value:.6g}" for value in self.origin) + ") m"
         return {"x": "x", "arc length": f"arc length from {start}"}.get(
             self.measure, f"along the first tangent from {start}"
@@ -63,28 +64,28 @@ class Line:
 
 @dataclass(frozen=True)
 class Interface:
-    """Jump operator J of the points this rank knows; shared points are known to every rank that shares them.
+    """Jump operator J of the points of this rank; shared points exist on every rank that shares them.
 
     Attributes
     ----------
     points : ndarray, shape (n, dim)
         Coordinates [m].
     position : ndarray, shape (n,)
-        Along the interface, as `line` says [m].
+        Position along the interface, defined by `line` [m].
     number : ndarray of int, shape (n,)
-        Place in the order along the whole interface, which does not depend on the partition.
+        Global index in an order along the interface that does not depend on the partition.
     plus, minus : ndarray of int, shape (n,)
         Local nodes of both sides.
     frame : ndarray, shape (n, local, components)
         Rows are the local directions: normal and tangents.
     weight : ndarray, shape (n,)
-        Area that belongs to the point [m], [m2] in 3D.
+        Tributary length of the point [m], area [m2] in 3D.
     owned : ndarray of bool, shape (n,)
         True on exactly one rank for every point; sums over points count these.
     total : int
-        Points of the whole interface.
+        Number of points of the whole interface.
     line : Line
-        What the positions are.
+        Definition of the positions.
     other_side : str
         `meshed`, or without a minus side (`minus` is then `plus`): `rigid`, `antisymmetric`, `symmetric`.
     """
@@ -103,6 +104,7 @@ class Interface:
 
     @property
     def one_sided(self) -> bool:
+        """True if the minus side is not meshed."""
         return self.other_side != "meshed"
 
     @property
@@ -127,34 +129,35 @@ class Interface:
 
     @property
     def surface_points(self) -> np.ndarray:
-        """Coordinates of the nodes of both sides [m]; of one where they are at the same places."""
+        """Coordinates of the nodes of both sides [m]; of one side if they coincide."""
         return self.points
 
     @property
     def initial(self) -> Interface:
-        """As it was before anything moved."""
+        """The interface in the initial configuration."""
         return self
 
     @property
     def resting_jump(self) -> np.ndarray:
-        """Normal jump before anything moves, shape (n,) [m]."""
+        """Initial normal jump, shape (n,) [m]."""
         return np.zeros(len(self.plus))
 
     def without_partner(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes of both surfaces that face nothing yet and may do so later, and the length that belongs to each [m]."""
+        """Return unpaired nodes of both surfaces that may be paired later, and the tributary length of each [m]."""
         return np.zeros(0, dtype=np.int64), np.zeros(0)
 
     @property
     def has_normal(self) -> bool:
-        """False in antiplane, where nothing moves normal to the interface."""
+        """False in antiplane, which has no motion normal to the interface."""
         return self.frame.shape[2] > 1
 
     @property
     def tangents(self) -> int:
+        """Number of tangents."""
         return self.frame.shape[1] - self.has_normal
 
     def jump(self, field: np.ndarray) -> np.ndarray:
-        """The discontinuity of a displacement in the local frame, J u.
+        """Return the displacement jump in the local frame, J u.
 
         Parameters
         ----------
@@ -167,19 +170,19 @@ class Interface:
         return self.rate(field)
 
     def rate(self, field: np.ndarray) -> np.ndarray:
-        """J field, of a velocity or a change of displacement: the same, except where the interface slides."""
+        """Return J field, for a velocity or an increment of displacement; equal to `jump` except in finite sliding."""
         nodal = field.reshape(-1, self.frame.shape[2])
         difference = nodal[self.plus] if self.one_sided else nodal[self.plus] - nodal[self.minus]
         return np.einsum("ikc,ic->ik", self.rows, difference)
 
     def stencil(self) -> tuple[np.ndarray, np.ndarray]:
-        """What every row of J is made of: local nodes, shape (n, k), and blocks, shape (n, k, local, components)."""
+        """Return the local nodes, shape (n, k), and blocks of every row of J, shape (n, k, local, components)."""
         if self.one_sided:
             return self.plus[:, None], self.rows[:, None]
         return np.stack([self.plus, self.minus], axis=1), np.stack([self.rows, -self.rows], axis=1)
 
     def assemble(self, traction: np.ndarray, out: np.ndarray) -> None:
-        """out += J' W traction, with the traction in the local frame, shape (n, local)."""
+        """Add J' W traction to `out`, with the traction in the local frame, shape (n, local)."""
         vector = self.weight[:, None] * np.einsum("ikc,ik->ic", self.rows, traction)
         nodal = out.reshape(-1, self.frame.shape[2])
         np.add.at(nodal, self.plus, vector)
@@ -187,19 +190,19 @@ class Interface:
             np.subtract.at(nodal, self.minus, vector)
 
     def add_force(self, out: np.ndarray, traction: np.ndarray, scale: np.ndarray) -> None:
-        """out -= scale J' W traction: what the bodies feel, times e.g. the inverse mass of every degree of freedom."""
+        """Subtract scale J' W traction from `out`: the force on the bodies, scaled for example by the inverse mass."""
         force = np.zeros_like(out)
         self.assemble(traction, force)
         out -= scale * force
 
     def split(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Normal and tangential part of local components, shapes (n,) and (n, tangents)."""
+        """Return normal and tangential part of local components, shapes (n,) and (n, tangents)."""
         if not self.has_normal:
             return np.zeros(len(local)), local
         return local[:, 0], local[:, 1:]
 
     def nearest(self, comm: fem.MPI.Comm, point: np.ndarray) -> tuple[float, np.ndarray]:
-        """Position [m] and coordinates of the nearest point of a 2D interface; collective.
+        """Return position [m] and coordinates of the nearest point of a 2D interface; collective.
 
         Parameters
         ----------
@@ -209,7 +212,7 @@ class Interface:
         Raises
         ------
         RuptfxError
-            On all ranks, when it is farther than a hundredth of the extent of the interface.
+            On all ranks, if it is farther than a hundredth of the extent of the interface.
         """
         rows = np.column_stack([self.number, self.position, self.points])[self.owned]
         rows = parallel.share_rows(comm, rows)
@@ -232,22 +235,22 @@ class Interface:
 def build_interface(nodes: Nodes, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
-    Where interfaces follow each other the point they share belongs to the one that comes first in `bodies.interfaces`,
-    with the area and the normal of both, as if they were one. Where an interface ends inside welded bodies its end has
-    one node, hence no jump, and is not a point of it. Its two ends at tied edges are one point, with the area and the
-    normal of both. Where every cell has nodes of its own (`[fracture]`), the points are the ends of the facets, each in
-    the middle of the half facet that it stands for; a rank knows those that it owns.
+    The common point of adjacent interfaces belongs to the one that comes first in `bodies.interfaces`,
+    with the area and the normal of both, as if they were one. An interface that ends inside welded bodies has
+    one node at its end, hence no jump and no point. Its two ends at tied edges are one point, with the area and the
+    normal of both. If every cell has its own nodes (`[fracture]`), the points are the ends of the facets, each at
+    the middle of its half facet; a rank has the points that it owns.
 
     Parameters
     ----------
     nodes : Nodes
-        Of the displacement.
+        Nodes of the displacement.
     name : str
 
     Raises
     ------
     RuptfxError
-        On all ranks, when a node of one side has no partner on the other.
+        On all ranks, if a node of one side has no partner on the other.
     """
     space, bodies, coordinates, components = nodes.space, nodes.bodies, nodes.coordinates, nodes.components
     comm, dim = nodes.comm, coordinates.shape[1]
@@ -276,7 +279,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
         tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
         normal, weight = _normals_and_weights(nodes, tags, minus)
     if other_side != "meshed":
-        normal = -normal  # that of the plus body points the other way
+        normal = -normal  # the outward normal of the plus body is opposite
     if other_side in ("antisymmetric", "symmetric"):
         weight = 0.5 * weight
     owned = plus < nodes.owned
@@ -284,7 +287,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
     position, number, total, line = _order(comm, points, owned, normal)
-    if ends:  # the interface goes on by half of what its last points stand for
+    if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
             for place in (0, total - 1)
@@ -312,20 +315,20 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
 
 
 def _rounded(values: Any, extent: float) -> Any:
-    """Lengths without their last digits [m], which depend on the partition."""
+    """Return lengths without their last digits [m], which depend on the partition."""
     return np.round(values / extent, 13) * extent + 0.0  # no minus zero
 
 
 @dataclass(frozen=True)
 class _FacetEnds:
-    """Ends of the facets of one side of an interface, where every cell has nodes of its own.
+    """Ends of the facets of one side of an interface between cells with separate nodes.
 
     Attributes
     ----------
     nodes : ndarray of int, shape (n,)
-        Local nodes; this rank owns them.
+        Local nodes owned by this rank.
     places : ndarray, shape (n, dim)
-        Middle of the half facet that an end stands for [m]: both ends at a vertex have places of their own.
+        Middle of the half facet of each end [m]: both ends at a vertex have different positions.
     normal : ndarray, shape (n, dim)
         Unit normal out of the body.
     weight : ndarray, shape (n,)
@@ -381,7 +384,7 @@ def _facet_ends(nodes: Nodes, side: str) -> _FacetEnds:
 def _pair(
     at_plus: np.ndarray, at_minus: np.ndarray, plus: np.ndarray, minus: np.ndarray, name: str, extent: float
 ) -> tuple[np.ndarray, np.ndarray, Exception | None]:
-    """Nodes of the two sides at the same place."""
+    """Return pairs of nodes of the two sides at the same position, and an error if one has no partner."""
     if len(plus) == 0 and len(minus) == 0:
         return plus, minus, None
     if len(plus) == 0 or len(minus) == 0:
@@ -404,7 +407,7 @@ def _pair(
 
 
 def _normals_and_weights(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normal out of the minus body and area of chosen nodes, summed over facets, ranks and tied nodes."""
+    """Return unit normal out of the minus body and area of chosen nodes, summed over facets, ranks and tied nodes."""
     space, mesh, ufl = nodes.space, nodes.space.mesh, fem.ufl
     dim, components = mesh.geometry.dim, space.dofmap.index_map_bs
     ds = ufl.Measure(
@@ -431,7 +434,7 @@ def _normals_and_weights(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray
 
 
 def local_frame(normal: np.ndarray) -> np.ndarray:
-    """Rows normal and tangents of every point, shape (n, dim, dim); in 3D the first tangent is closest to +x."""
+    """Return rows normal and tangents of every point, shape (n, dim, dim); in 3D the first tangent is closest to +x."""
     if normal.shape[1] == 2:
         return np.stack([normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)], axis=1)
     toward = np.zeros_like(normal)
@@ -445,12 +448,12 @@ def local_frame(normal: np.ndarray) -> np.ndarray:
 def _order(
     comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int, Line]:
-    """Position and place in the whole interface, its number of points, and what the positions are."""
+    """Return position and global index of points, the number of all points, and the definition of positions."""
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
     mean = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
     along, extent = local_frame(mean[None])[0, 1], np.ptp(places, axis=0).max()
-    # Along the mean tangent, then by the other coordinates: the same on any number of ranks.
+    # Order along the mean tangent, then by the other coordinates: independent of the number of ranks.
     keys = np.round(np.stack([places @ along, *places.T[::-1]]) / extent, 9)
     places = places[np.lexsort(keys[::-1])]
     x_axis = np.eye(len(along))[0]

@@ -1,4 +1,4 @@
-"""All boundaries of a case together, as steppers use them."""
+"""All boundaries of a case together, as used by steppers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Loads:
-    """Sum of what boundaries do, over the local degrees of freedom.
+    """Sum of all boundary actions over the local degrees of freedom.
 
     Parameters
     ----------
@@ -33,17 +33,17 @@ class Loads:
     motions : list of Motion
     forces : list of Force
     ended : list of Force
-        Forces of the stage before, which explicit steps around its end still feel.
+        Forces of the previous stage, which still act in explicit steps around its end.
     dashpot : ndarray, shape (nodes * components,)
         Damping force per velocity [N s/m].
     supports : list of Support
     start, end : float
-        From when to when they act [s].
+        Times between which they act [s].
 
     Raises
     ------
     RuptfxError
-        On all ranks: a boundary that does not fit the bodies.
+        On all ranks, if a boundary does not fit the bodies.
     """
 
     start, end = 0.0, np.inf
@@ -73,7 +73,7 @@ class Loads:
             self._refuse_without_effect(key, number)
 
     def _refuse_without_effect(self, key: str, number: int) -> None:
-        """Refuse a boundary that drives what another one drives, or acts only on what is driven; collective.
+        """Refuse a boundary that drives degrees of freedom twice, or acts only on driven ones; collective.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class Loads:
                 )
 
     def _reach(self, action: Action) -> list[tuple[str, np.ndarray]]:
-        """Local degrees of freedom on which an action acts, with its component in words; all together with dashpots."""
+        """Return the local degrees of freedom of an action, by component as text; those of dashpots together."""
         dofs, c = [], self.model.components
         if action.force is not None:
             size = np.abs(action.force.values)  # shape functions are zero at other nodes to rounding
@@ -123,15 +123,15 @@ class Loads:
         return bool(np.any(marked[model.space.dofmap.list].sum(axis=1) > of_end))
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
-        """What a boundary does."""
+        """Return the actions of a boundary."""
         return [boundary.act(self, key)]
 
     def actions_of(self, boundary: Boundary) -> list[Action]:
-        """What the boundary does that differs from the given one by its amounts only."""
+        """Return the actions of the boundary here that differs from the given one in its amounts only."""
         return next((found for other, found in self._acts if other.in_place_of(boundary)), [])
 
     def edge(self, name: str, key: str) -> Edge:
-        """An edge of the bodies; `key` of the case is for messages.
+        """Return an edge of the bodies; `key` of the case is for messages.
 
         Raises
         ------
@@ -141,12 +141,12 @@ class Loads:
         return Edge(self.model, name, key)
 
     def inside(self, point: Sequence[float], body: str | None, key: str) -> Inside:
-        """A point of the bodies [m]; `key` of the case is for messages.
+        """Return a point of the bodies [m]; `key` of the case is for messages.
 
         Raises
         ------
         CaseError
-            On all ranks: no such point, or one of several bodies where none is named.
+            On all ranks: no such point, or several bodies contain it and none is named.
         """
         return Inside(self.model, point, body, key)
 
@@ -160,7 +160,7 @@ class Loads:
 
     @property
     def acting(self) -> np.ndarray:
-        """True for every degree of freedom a boundary acts on."""
+        """True for every degree of freedom on which a boundary acts."""
         acting = (self.dashpot != 0) | self.prescribed
         for force in (*self.forces, *self.ended):
             acting[force.dofs] = True
@@ -169,47 +169,47 @@ class Loads:
         return acting
 
     def drive(self, velocity: np.ndarray, time: float) -> None:
-        """Give driven edges the velocity they have at a time [s], in place."""
+        """Set the velocity of driven edges at a time [s], in place."""
         for motion in self.motions:
             velocity[motion.dofs] = motion.velocity(time)
 
     def accelerate(self, acceleration: np.ndarray, time: float) -> None:
-        """Give driven edges the acceleration they have at a time [s], in place."""
+        """Set the acceleration of driven edges at a time [s], in place."""
         for motion in self.motions:
             acceleration[motion.dofs] = motion.acceleration(time)
 
     def shortened(self, time: float, dt: float) -> float:
-        """A step from a time on [s], or what is left until these loads end; as it is where only rounding tells."""
+        """Return a step from a time on [s], or the remaining time of these loads, up to rounding."""
         left = self.end - time
         return dt if dt <= (1 + 1e-9) * left else left
 
     def moved(self, displacement: np.ndarray, start: float, end: float) -> np.ndarray:
-        """A displacement at one time [s] with driven edges where they are at another [m]."""
+        """Return a displacement at time `start` with driven edges at their position at time `end` [m]."""
         moved = displacement.copy()
         for motion in self.motions:
             moved[motion.dofs] = displacement[motion.dofs] + motion.displacement(end) - motion.displacement(start)
         return moved
 
     def force(self, time: float) -> np.ndarray:
-        """Nodal force at a time [s], shape (nodes * components,) [N]."""
+        """Return the nodal force at a time [s], shape (nodes * components,) [N]."""
         total = np.zeros(len(self.dashpot))
         for force in self.forces:
             total[force.dofs] += force.factor(time) * force.values
         return total
 
     def mean_factors(self, time: float, since: float) -> list[float | np.ndarray]:
-        """Factors of `forces` and `ended` in an explicit step at a time, `since` after the one before [s]."""
+        """Return factors of `forces` and `ended` in an explicit step at a time, `since` after the previous one [s]."""
         return [force.factor(time) for force in self.forces]
 
     def add_support_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
-        """Add what elastic supports resist to nodal forces [N], in place."""
+        """Add the forces of elastic supports to nodal forces [N], in place."""
         u, total = displacement.reshape(-1, self.model.components), force.reshape(-1, self.model.components)
         for support in self.supports:
             total[support.nodes] -= np.einsum("nij,nj->ni", support.stiffness, u[support.nodes])
 
 
 def _resting(dofs: np.ndarray) -> Motion:
-    """What does not move: the radial displacement on an axis of revolution."""
+    """Return a zero motion, for the radial displacement on an axis of revolution."""
 
     def zero(time: float) -> float:
         return 0.0

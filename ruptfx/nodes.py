@@ -1,4 +1,4 @@
-"""The nodes of a model: which of them other ranks share, sums over them, and an order that no partition changes."""
+"""Nodes of a model: nodes shared with other ranks, sums over them, and a partition-independent order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from ruptfx.closest import closest
 
 
 def largest_extent(points: np.ndarray) -> float:
-    """Of points along an axis [m]; one axis after the other, which takes a thirtieth of the time of all together."""
+    """Return the largest extent of points along an axis [m].
+
+    One axis after the other, which takes a thirtieth of the time of all together.
+    """
     return float(max(np.ptp(column) for column in points.T)) if len(points) else 0.0
 
 
@@ -27,19 +30,19 @@ class Nodes:
     Attributes
     ----------
     count, owned, total : int
-        Local nodes, those of them this rank owns, and nodes of all ranks.
+        Numbers of local nodes, of nodes owned by this rank, and of nodes of all ranks.
     components : int
     broken : bool
-        Whether every cell has nodes of its own.
+        True if every cell has its own nodes.
     coordinates : ndarray, shape (count, dim)
         [m].
     kept, copies : ndarray of int, shape (n,)
-        Local nodes that move alike, pair by pair; whoever has one of them has both.
+        Pairs of tied local nodes, which move alike; a rank with one of them has both.
 
     Raises
     ------
     RuptfxError
-        On all ranks: a node that would be tied to two others.
+        On all ranks, if a node would be tied to two others.
     """
 
     def __init__(self, space: fem.dolfinx.fem.FunctionSpace, bodies: Bodies) -> None:
@@ -55,7 +58,7 @@ class Nodes:
         self.kept, self.copies = self._tied()
 
     def _tied(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of nodes of tied edges; collective."""
+        """Return pairs of nodes of tied edges; collective."""
         pairs, error = [np.zeros((2, 0), dtype=np.int64)], None
         extent = largest_extent(self.coordinates)
         for tie in self.bodies.ties:
@@ -85,13 +88,13 @@ class Nodes:
         return kept, copies
 
     def sum_tied(self, vector: np.ndarray) -> None:
-        """Give nodes that move alike the sum of what they have, in place."""
+        """Replace the values of tied nodes by their sum, in place."""
         rows = vector.reshape(self.count, -1)
         rows[self.kept] += rows[self.copies]
         rows[self.copies] = rows[self.kept]
 
     def equalise(self, vector: np.ndarray) -> None:
-        """Give copies what the nodes have that are kept, in place."""
+        """Copy the values of kept nodes to their copies, in place."""
         rows = vector.reshape(self.count, -1)
         rows[self.copies] = rows[self.kept]
 
@@ -107,7 +110,7 @@ class Nodes:
 
     @cached_property
     def once(self) -> np.ndarray:
-        """True for every node this rank owns; of those that move alike, for the one that is kept."""
+        """True for every node owned by this rank, of tied nodes for the kept one."""
         once = np.arange(self.count) < self.owned
         once[self.copies] = False
         return once
@@ -122,7 +125,7 @@ class Nodes:
             vector[:] = x.array
 
     def take_from_owners(self, vector: np.ndarray) -> None:
-        """Give nodes that other ranks own what those have, in place; collective."""
+        """Replace values at ghost nodes by those of their owners, in place; collective."""
         if self.comm.size > 1:
             x = self._exchange.x
             x.array[:] = vector
@@ -131,7 +134,7 @@ class Nodes:
 
     @cached_property
     def body(self) -> np.ndarray:
-        """Index of the body of every local node, the first where welded bodies share it; collective."""
+        """Index of the body of every local node, the first one for welded bodies; collective."""
         dofs, c = self.space.dofmap.list, self.components
         body = np.zeros(self.count, dtype=np.int64)
         for number in reversed(range(len(self.bodies.names))):
@@ -143,9 +146,9 @@ class Nodes:
 
     @cached_property
     def numbering(self) -> np.ndarray:
-        """Place of every local node in an order that does not depend on the partition; collective.
+        """Global index of every local node in an order that does not depend on the partition; collective.
 
-        It is that of body, y and x, or, where every cell has its own nodes, of cells and corners of the input.
+        The order is by body, y and x, or, if every cell has its own nodes, by cells and corners of the input.
         """
         if self.broken:
             number = np.empty(self.count, dtype=np.int64)
@@ -167,11 +170,11 @@ class Nodes:
 
     @cached_property
     def slabs(self) -> slabs.Slabs:
-        """The order of `numbering`, as rows of owned nodes; collective."""
+        """Distribution of the rows of owned nodes in the order of `numbering`; collective."""
         return slabs.Slabs(self.comm, self.numbering[: self.owned], self.total)
 
     def collect(self, field: np.ndarray) -> np.ndarray:
-        """This rank's slab of a nodal field in the order of `numbering`; collective.
+        """Return the block of this rank of a nodal field in the order of `numbering`; collective.
 
         Parameters
         ----------
@@ -184,12 +187,12 @@ class Nodes:
         return self.slabs.collect(field.reshape(self.count, -1)[: self.owned])
 
     def spread(self, slab: np.ndarray) -> np.ndarray:
-        """The inverse of `collect`, ghosts included; shape (count * columns,)."""
+        """Return the nodal field of a block, ghosts included, shape (count * columns,); the inverse of `collect`."""
         return slabs.Slabs(self.comm, self.numbering, self.total).spread(slab).ravel()
 
     @cached_property
     def shared(self) -> np.ndarray:
-        """True for every local node that another rank knows too."""
+        """True for every local node that exists on another rank, too."""
         if self.comm.size == 1:
             return np.zeros(self.count, dtype=bool)
         flag = self._exchange.x
@@ -200,6 +203,9 @@ class Nodes:
         return flag.array.reshape(self.count, -1)[:, 0] > 0
 
     def owned_dot(self, a: np.ndarray, b: np.ndarray) -> float:
-        """Sum over the degrees of freedom this rank owns; where nodes are tied, each counts its own share."""
+        """Return the scalar product over the degrees of freedom owned by this rank.
+
+        Tied nodes count their own shares.
+        """
         owned = self.owned * self.components
         return float(a[:owned] @ b[:owned])

@@ -1,8 +1,8 @@
-"""Figures of a run are drawn by processes of their own, which import what that takes while the run still computes.
+"""Processes that draw the figures of a run; they import matplotlib while the run still computes.
 
-`prepare` starts one where there is a core to spare; told by `look_at` that a run has its mesh, it sets up what pictures
-of it share; asked by `draw`, it divides into as many as there are cores, and ends. Whoever has imported what draws
-already, or has one core only, draws by itself.
+`prepare` starts one process if there is a free core. `look_at` announces the mesh of a run, of which the process
+prepares the shared raster. `draw` requests the figures: the process forks into one per core, and ends. A process that
+has imported matplotlib already, or has one core only, draws by itself.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ruptfx import RuptfxError, run_files
 if TYPE_CHECKING:
     from ruptfx.record import Files
 
-MOST = 4  # processes that draw: there are hardly more figures that take long
-LONG = ("wavefield", "snapshots", "fringes")  # what takes longest is begun first
-LATER = "RUPTFX_FIGURES"  # set by a launcher that draws when the ranks have ended
+MOST = 4  # largest number of drawing processes: few figures take long
+LONG = ("wavefield", "snapshots", "fringes")  # the slowest figures are started first
+LATER = "RUPTFX_FIGURES"  # set by a launcher that draws after the ranks have ended
 
 COMMAND = [sys.executable, "-m", __name__]
 
@@ -32,22 +32,22 @@ _waiting: subprocess.Popen[str] | None = None
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def prepare() -> None:
-    """Let a process import what draws, if there is a core for it."""
+    """Start a process that imports matplotlib, if there is a core for it."""
     global _waiting
     if _waiting is None and "ruptfx.plots" not in sys.modules and cores() > 1:
-        # A session of its own: Ctrl-C is for the run. It ends with its input, however this process ends.
+        # Own session: Ctrl-C reaches the run only. The process ends when its input is closed, however this one ends.
         _waiting = subprocess.Popen(
             COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
         )
 
 
 def start_up() -> Callable[[], float]:
-    """Start such a process for nothing; what is returned waits for its end and tells its processor time [s]."""
+    """Start such a process for a measurement; the returned function waits for its end and gives its time [s]."""
     process = subprocess.Popen(COMMAND, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
     def took() -> float:
@@ -59,7 +59,7 @@ def start_up() -> Callable[[], float]:
 
 
 def dismiss() -> None:
-    """There is nothing to draw."""
+    """End the waiting process without a figure."""
     global _waiting
     if _waiting is not None:
         _waiting.kill()
@@ -68,11 +68,11 @@ def dismiss() -> None:
 
 
 def look_at(out: Path) -> None:
-    """The mesh of this run is in its files."""
+    """Tell the waiting process that the files of this run contain its mesh."""
     if _waiting is not None:
         assert _waiting.stdin is not None
-        with suppress(OSError):  # it broke down; `draw` will do without it
-            # Not through its buffer: what waited there would be an error when that is closed.
+        with suppress(OSError):  # the process has failed; `draw` works without it
+            # Unbuffered, because buffered data would raise an error when a broken pipe is closed.
             os.write(_waiting.stdin.fileno(), (json.dumps(["look at", str(out.absolute())]) + "\n").encode())
 
 
@@ -88,13 +88,13 @@ def draw(out: Path) -> None:
         from ruptfx import plots
         from ruptfx.record import Files
 
-        with Files(out, trust=True, checks=False) as record:  # the run of this command
+        with Files(out, trust=True, checks=False) as record:  # trusted: the run of this command
             drawn = plots.save_all(record)
     run_files.add(out, drawn)
 
 
 def _drawn_by_others(out: Path) -> list[Path] | None:
-    """Return what the process that waits has drawn; None where there is none, or where it broke down."""
+    """Return the files drawn by the waiting process; None if there is none, or if it failed."""
     global _waiting
     process, _waiting = _waiting, None
     if process is None:
@@ -116,8 +116,8 @@ def _drawn_by_others(out: Path) -> list[Path] | None:
 
 
 def main() -> None:
-    """Import, wait for a run, draw it, say what went wrong."""
-    # Whatever prints to standard output must not reach the one who waits for the answer.
+    """Import matplotlib, wait for a run, draw it, and report errors."""
+    # Prints of libraries to standard output must not mix with the answer.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     from ruptfx import plots
@@ -133,11 +133,11 @@ def main() -> None:
             break
         with suppress(RuptfxError, OSError), Files(path) as record:
             plots.set_up(record)
-    os._exit(0)  # somebody waits, and taking all imports apart takes long
+    os._exit(0)  # skips the slow clean-up of imports, because the parent process waits
 
 
 def _answer(out: Path) -> tuple[list[str], str | None]:
-    """Draw a run; names of the files in its directory, and what went wrong."""
+    """Draw a run; return the names of its files, and the error message or None."""
     from ruptfx import plots
 
     try:
@@ -148,11 +148,11 @@ def _answer(out: Path) -> tuple[list[str], str | None]:
 
 
 def _together(out: Path, names: list[str]) -> list[Path]:
-    """Draw those of these figures that suit a run, in as many processes as there are cores."""
+    """Draw those of the given figures that suit a run, in one process per core."""
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    # Forked, they have everything imported; nothing here has threads or open files of HDF5.
+    # Forked processes share all imports; there are no threads and no open HDF5 files here.
     with ProcessPoolExecutor(min(cores(), MOST), mp_context=get_context("fork")) as pool:
         submitted = [pool.submit(_draw_one, out, name) for name in names]
         return [path for drawn in submitted for path in drawn.result()]
@@ -166,10 +166,10 @@ def _draw_one(out: Path, name: str) -> list[Path]:
 
 @cache
 def _record(out: Path) -> Files:
-    """Of a process that draws several of its figures."""
+    """Return the record of a run, cached in a process that draws several figures."""
     from ruptfx.record import Files
 
-    return Files(out, trust=True, checks=False)  # the run of the command that waits
+    return Files(out, trust=True, checks=False)  # trusted: the run of the waiting command
 
 
 if __name__ == "__main__":

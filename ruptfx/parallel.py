@@ -1,6 +1,6 @@
-"""Everything collective that is not the finite element stack's own: raise on all ranks, gather, reduce.
+"""Collective operations besides those of the finite element stack: raise on all ranks, gather, reduce.
 
-Also rounding that makes numbers the same on any number of ranks.
+Also rounding of numbers for results that do not depend on the number of ranks.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Result = TypeVar("Result")
 
 
 def raise_on_all(comm: Comm, error: Exception | None) -> None:
-    """Every rank calls this; if any rank has an error, all raise the one of the lowest such rank.
+    """Raise the error of the lowest rank that has one on all ranks; collective.
 
     Parameters
     ----------
     comm : MPI communicator
     error : Exception or None
-        What went wrong on this rank.
+        Error of this rank.
 
     Raises
     ------
     RuptfxError
-        The first error's own type when it is one of ours, so that the caller can tell them apart.
+        Of the type of the first error if that is a RuptfxError, so that callers can distinguish errors.
     """
     found = comm.allgather(None if error is None else (type(error), str(error)))
     first = next((item for item in found if item is not None), None)
@@ -42,14 +42,14 @@ def raise_on_all(comm: Comm, error: Exception | None) -> None:
 
 
 def rest(comm: Comm) -> None:
-    """Wait for all ranks asleep: MPI itself would wait busily, and take the core from whoever works."""
+    """Wait for all ranks in sleep, as MPI barriers wait busily and occupy a core."""
     everyone = comm.Ibarrier()
     while not everyone.Test():
         time.sleep(0.01)
 
 
 def on_root(comm: Comm, action: Callable[[], Result]) -> Result:
-    """The result of `action` on rank 0, on every rank; an error there is raised everywhere."""
+    """Run `action` on rank 0 and return its result on every rank; an error there is raised everywhere."""
     result, error = None, None
     if comm.rank == 0:
         try:
@@ -61,36 +61,36 @@ def on_root(comm: Comm, action: Callable[[], Result]) -> Result:
 
 
 def total(comm: Comm, values: npt.ArrayLike) -> np.ndarray:
-    """Sum over ranks of an array or a number."""
+    """Return the sum over ranks of an array or a number."""
     return np.asarray(comm.allreduce(np.asarray(values, dtype=float)))
 
 
 def largest(comm: Comm, value: float) -> float:
-    """Largest value of all ranks."""
+    """Return the largest value of all ranks."""
     return max(comm.allgather(float(value)))
 
 
 def anywhere(comm: Comm, flag: bool) -> bool:
-    """Whether it holds on any rank."""
+    """Return whether the flag is set on any rank."""
     return any(comm.allgather(bool(flag)))
 
 
 def gather_rows(comm: Comm, rows: np.ndarray) -> np.ndarray | None:
-    """Rows of all ranks, one below the other, on rank 0; None elsewhere."""
+    """Return the rows of all ranks, one below the other, on rank 0; None elsewhere."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)
     return None if parts is None else np.concatenate(parts)
 
 
 def share_rows(comm: Comm, rows: np.ndarray) -> np.ndarray:
-    """Rows of all ranks, one below the other, on every rank."""
+    """Return the rows of all ranks, one below the other, on every rank."""
     return np.concatenate(comm.allgather(np.ascontiguousarray(rows)))
 
 
 def places(comm: Comm, rows: np.ndarray) -> np.ndarray:
-    """Where rows of this rank stand among those of all, sorted by their last column, then by the one before and so on.
+    """Return the global index of each local row in the order of its last column, then the previous one and so on.
 
-    Each rank sorts about as many as it has, those between two rows that are taken as limits (sample sort): they never
-    come together on one rank. Rows that are the same keep the order of the ranks.
+    Each rank sorts about as many rows as it has, those between two sampled limits (sample sort): the rows never
+    are gathered on one rank. Equal rows keep the order of the ranks.
 
     Returns
     -------
@@ -121,13 +121,13 @@ def places(comm: Comm, rows: np.ndarray) -> np.ndarray:
 
 
 def _sorted(rows: np.ndarray) -> np.ndarray:
-    """Order of rows by their last column, then by the one before and so on; often the last is enough."""
+    """Return the order of rows by their last column, then the previous one and so on; often the last suffices."""
     order = np.argsort(rows[:, -1], kind="stable")
     last = rows[order, -1]
     return np.lexsort(rows.T) if np.any(last[1:] == last[:-1]) else order
 
 
 def three_digits(value: float) -> float:
-    """Rounded down, so that a result does not depend on the last digits of an eigenvalue and hence on the ranks."""
+    """Return a value rounded down to three digits, so that rounding errors of an eigenvalue have no effect on ranks."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 2)
     return float(np.floor(value / unit * (1 + 1e-9)) * unit)

@@ -1,8 +1,8 @@
-"""Record: reads the directory of a finished, running or killed run. Needs neither DOLFINx nor MPI.
+"""Record: reader of the directory of a finished, running or killed run. Needs neither DOLFINx nor MPI.
 
-A run directory holds ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
+A run directory contains ``case.toml`` (the resolved case), ``interface.h5`` (histories along the interface;
 with several interfaces ``interface_NAME.h5``), ``bulk.h5`` (snapshots of the two bodies), ``energy.csv``,
-``run.log``, of bodies that break ``cracks.h5``, ``events.h5`` and ``edges.csv``, ``files.json`` with names and
+``run.log``, with fracture ``cracks.h5``, ``events.h5`` and ``edges.csv``, ``files.json`` with names and
 checksums of all files, and, written last, ``summary.json``: a run that has it is complete. ``figures/`` follow.
 """
 
@@ -35,7 +35,7 @@ _AGAIN = "if the run is still going, try again in a moment; if it was killed, ru
 
 
 class RecordError(RuptfxError):
-    """A run directory, or a file of it, that cannot be read; the message names it and the remedy."""
+    """Error of an unreadable run directory or file; the message names it and the remedy."""
 
 
 class MissingFileError(RecordError):
@@ -43,7 +43,7 @@ class MissingFileError(RecordError):
 
 
 class Data(Protocol):
-    """What analysis and figures use of the arrays of a file: those of `Columns` and of an `xarray.Dataset`."""
+    """Interface of the arrays of a file for analysis and figures: `Columns` or an `xarray.Dataset`."""
 
     @property
     def attrs(self) -> Mapping[Any, Any]: ...
@@ -59,10 +59,10 @@ class Data(Protocol):
 
 
 class Files:
-    """One run, read from its directory as NumPy arrays; every file is opened when first asked for.
+    """One run, read from its directory as NumPy arrays; every file is opened at its first use.
 
-    What is computed and drawn at the end of a run reads this; for people there is `Record`, which is the same with
-    names of axes, units and all that xarray can do.
+    Analysis and figures at the end of a run use this class. `Record` for users adds
+    named axes, units and the methods of xarray.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Files:
     trust : bool
         Run the plug-ins of the run where figures need the code of its laws. They can do what you can.
     checks : bool
-        Compare every file of a complete run with its checksum when it is first asked for; not needed by who has just
+        Compare every file of a complete run with its checksum at its first use; not needed by the process that has just
         written it.
 
     Attributes
@@ -126,7 +126,7 @@ class Files:
 
     @property
     def complete(self) -> bool:
-        """Whether the run ended by itself."""
+        """True if the run ended normally."""
         return (self.path / "summary.json").is_file()
 
     @property
@@ -160,8 +160,8 @@ class Files:
         return {str(data.attrs.get("fault", path.stem)): data for path, data in opened}
 
     def _opened(self, path: Path) -> h5py.File:
-        """A file, until the record is closed."""
-        # Without file locking a run that still writes is neither disturbed nor refused.
+        """Open a file until the record is closed."""
+        # No file locking, so that a file can be read while a run still writes it.
         self._open.append(h5py.File(path, "r", locking=False))
         return self._open[-1]
 
@@ -193,7 +193,7 @@ class Files:
         return found
 
     def _histories(self, file: h5py.File, group: str | None = None) -> Any:
-        """The arrays of an interface, or of an instrument."""
+        """Return the arrays of an interface, or of an instrument."""
         import h5netcdf
 
         whole = h5netcdf.File(file)
@@ -201,7 +201,7 @@ class Files:
         times = len(file[named.variables["time"].name])
 
         def stored(item: h5netcdf.Variable) -> Stored:
-            """As HDF5 has it, which h5netcdf asks for its size again and again; not where a killed run cut it short."""
+            """Return the HDF5 data set, which is faster than h5netcdf; not if a killed run has truncated it."""
             plain = file[item.name]
             return item if item.dimensions[0] == "time" and len(plain) < times else plain
 
@@ -218,7 +218,7 @@ class Files:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
 
     def _snapshots(self, file: h5py.File) -> Any:
-        """The arrays of the bodies."""
+        """Return the arrays of the bodies."""
         columns = {name: Column(item, _axes(name, item.ndim), item.attrs) for name, item in file.items()}
         return Columns(columns, dict(file.attrs))
 
@@ -249,13 +249,13 @@ class Files:
         return self._arrays(self._existing("events.h5"), lambda name: ("event",))
 
     def _arrays(self, path: Path, axes: Callable[[str], tuple[str, ...]]) -> Any:
-        """All of a file, in memory; `axes` are the names of those of an array."""
+        """Return all arrays of a file, in memory; `axes` gives the names of the axes of an array."""
         try:
             with h5py.File(path, "r", locking=False) as file:
                 columns = {}
                 for name, item in file.items():
                     if item.attrs.get("CLASS") == b"DIMENSION_SCALE" and "units" not in item.attrs:
-                        continue  # NetCDF keeps the length of an axis in an array of its own
+                        continue  # NetCDF stores the length of an axis in a separate array
                     values = item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[()]
                     named = {key: item.attrs[key] for key in ("units", "long_name") if key in item.attrs}
                     columns[name] = Column(values, axes(name), named)
@@ -265,7 +265,7 @@ class Files:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
 
     def _labelled(self, columns: dict[str, Column], attributes: dict[str, Any]) -> Any:
-        """Arrays that are in memory, with names of axes and units."""
+        """Return arrays in memory with names of axes and units."""
         return Columns(columns, attributes)
 
     def _read_table(self, path: Path, unit: Callable[[str], str], needed: tuple[str, ...] = ()) -> Data:
@@ -288,12 +288,12 @@ class Files:
         return self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
 
     def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> Any:
-        """Columns against time, with their units."""
+        """Return columns against time, with their units."""
         made = {name: Column(values, ("time",), {"units": units[name]}) for name, values in columns.items()}
         return Columns(made, {"units": notes})
 
     def close(self) -> None:
-        """Close the files; the record opens them again when asked."""
+        """Close the files; the record opens them again at the next use."""
         for name in ("interfaces", "bulk", "instruments", "cracks", "events", "edges"):
             self.__dict__.pop(name, None)
         while self._open:
@@ -307,7 +307,7 @@ class Files:
 
 
 class Record(Files):
-    """One run, read from its directory; every file is opened when first asked for.
+    """One run, read from its directory; every file is opened at its first use.
 
     Parameters
     ----------
@@ -334,11 +334,11 @@ class Record(Files):
     energy : xarray.Dataset
         Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
     instruments : dict of xarray.Dataset
-        What each instrument measured against its `time` [s], by its name; empty without instruments.
+        Signals of each instrument against its `time` [s], by name; empty without instruments.
     forces : xarray.Dataset
-        Of the first interface that slides: forces [N/m], parts of its length and works [J/m] against `time` [s].
+        First interface with finite sliding: forces [N/m], fractions of its length and works [J/m] against `time` [s].
     cracks : xarray.Dataset
-        Snapshots of all facets that may break against `time` [s] and `facet`, with `points` [m] and `lines`.
+        Snapshots of all cohesive facets against `time` [s] and `facet`, with `points` [m] and `lines`.
     events : xarray.Dataset
         Facets that failed, in their order, against `event`.
     edges : xarray.Dataset
@@ -433,13 +433,13 @@ class Record(Files):
 
 
 def _written(time: np.ndarray) -> int:
-    """How many saved times are real: a killed run may leave fill values behind."""
+    """Return the number of valid saved times: a killed run may leave fill values at the end."""
     good = np.isfinite(time) & np.append(True, np.diff(time) > 0)
     return int(good.argmin()) if not good.all() else len(time)
 
 
 def _axes(name: str, dimensions: int) -> tuple[str, ...]:
-    """Names of the axes of a bulk quantity."""
+    """Return the names of the axes of a bulk quantity."""
     if name in _MESH:
         return _MESH[name]
     last = "stress_component" if name == "stress" else "component"
@@ -447,7 +447,7 @@ def _axes(name: str, dimensions: int) -> tuple[str, ...]:
 
 
 def _bulk_variable(name: str, stored: xarray.Variable) -> xarray.Variable:
-    """The same with names of its axes; still on disk."""
+    """Return the variable with names of its axes, still on disk."""
     stored.dims = _axes(name, stored.ndim)
     stored.attrs = {key: str(value) for key, value in stored.attrs.items()}
     return stored

@@ -1,8 +1,8 @@
-"""How case files become objects: strict parts, alternatives found by file name, errors that name the key.
+"""Conversion of case files to objects: strict parts, alternatives found by file name, errors that name the key.
 
 A `Part` is one table of a case file. An `Alternative` is a part chosen by `kind`, and its kind is the name of the
-file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``. Nothing is registered anywhere. Besides,
-installed packages offer alternatives by entry points, ``[project.entry-points."ruptfx.friction"]``, and a case brings
+file it lives in: `ruptfx/friction/coulomb.py` is ``kind = "coulomb"``; there is no registry. Furthermore,
+installed packages offer alternatives by entry points, ``[project.entry-points."ruptfx.friction"]``, and a case may name
 plug-ins (`ruptfx.plugins`).
 """
 
@@ -46,11 +46,11 @@ from ruptfx.quantities import parse
 
 
 class CaseError(RuptfxError):
-    """A case (or a part of one) that cannot be used; every line names a key, its value and the remedy."""
+    """Error of an invalid case or part; every line names a key, its value and the remedy."""
 
     @classmethod
     def from_validation(cls, error: ValidationError, where: str = "") -> CaseError:
-        """Reword pydantic's report: one line per problem, ``key = value: what is wrong``."""
+        """Convert the report of pydantic: one line per problem, ``key = value: problem``."""
         lines = []
         for item in error.errors(include_url=False):
             # Tags of unions (`<number>`) and of dictionaries (`[key]`) are pydantic's own steps, not keys of the case.
@@ -70,7 +70,7 @@ class CaseError(RuptfxError):
 
 
 def shown_key(key: object) -> str:
-    """A key as messages show it: on one line, and not too long."""
+    """Return a key as shown in messages: on one line, and not too long."""
     text = str(key)
     text = text if text.isprintable() else repr(text)
     return text if len(text) < 60 else text[:57] + "..."
@@ -80,7 +80,7 @@ MAX_DEPTH = 40
 
 
 def check_tables(table: Mapping[str, object]) -> None:
-    """Refuse what no reader of a case could hold or show: deep nesting, and integers beyond 64 bits, as in TOML.
+    """Refuse deep nesting and integers beyond 64 bits, which TOML does not have.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def check_tables(table: Mapping[str, object]) -> None:
 
 
 def plain(value: object) -> object:
-    """Arrays and numbers of NumPy, also in lists, as those of Python, which is all that a case holds."""
+    """Convert NumPy arrays and numbers, also in lists, to Python types."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [plain(item) for item in value] if isinstance(value, list) else value
@@ -127,7 +127,7 @@ def set_key(table: Table, key: str, value: object) -> None:
 
 
 def nearest(word: str, known: Iterator[str] | list[str]) -> str:
-    """`did you mean 'x'?` for the closest known word, or the list of known ones."""
+    """Return `did you mean 'x'?` for the closest known word, or the list of known ones."""
     known = sorted(known)
     if not known:
         return "there are none"
@@ -136,7 +136,7 @@ def nearest(word: str, known: Iterator[str] | list[str]) -> str:
 
 
 class Bound:
-    """The number type behind a field that may vary: what it refuses, a profile must not reach either."""
+    """Number type of a field that may vary: its bounds also apply to the values of a profile."""
 
     def __init__(self, number: Any) -> None:
         self._type = TypeAdapter(number)
@@ -176,7 +176,7 @@ else:
 
 
 class Part(BaseModel, metaclass=_Reworded):
-    """One table of a case: frozen, numbers are numbers, an unknown key is an error that names the nearest one."""
+    """One table of a case: immutable, strictly typed; an unknown key is an error that names the nearest one."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -190,7 +190,7 @@ class Part(BaseModel, metaclass=_Reworded):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """With a description of `kind`, too: what the kind is."""
+        """Return the JSON schema with a description of `kind`."""
         schema = handler(core)
         kind = handler.resolve_ref_schema(schema).get("properties", {}).get("kind")
         if kind is not None:
@@ -210,17 +210,17 @@ class Part(BaseModel, metaclass=_Reworded):
         return values
 
     def __dir__(self) -> list[str]:
-        """Keys and methods of its own, as completion shows them: without those of pydantic."""
+        """Return the own keys and methods for completion, without those of pydantic."""
         hidden = set(dir(BaseModel)) - {"model_copy"}
         return sorted(name for name in super().__dir__() if not name.startswith("__") and name not in hidden)
 
     def at(self, position: np.ndarray) -> Self:
-        """The same part with every profile evaluated at the points.
+        """Return the part with every profile evaluated at the points.
 
         Parameters
         ----------
         position : ndarray, shape (n,)
-            Along the interface [m].
+            Position along the interface [m].
         """
         changes: Table = {}
         for name, field in type(self).model_fields.items():
@@ -237,11 +237,11 @@ class Part(BaseModel, metaclass=_Reworded):
         return self.substituted(changes) if changes else self
 
     def substituted(self, changes: Table) -> Self:
-        """The same part with fields that are no longer those of a case, unchecked: arrays at points, expressions."""
+        """Return the part with unchecked values of other types: arrays at points, expressions."""
         return super().model_copy(update=changes)
 
     def model_copy(self, *, update: Mapping[str, object] | None = None, deep: bool = False) -> Self:
-        """The same part with other values, checked as if they came from a case.
+        """Return the part with other values, checked as if they came from a case.
 
         Raises
         ------
@@ -254,15 +254,16 @@ class Part(BaseModel, metaclass=_Reworded):
 
 
 class Alternative(Part):
-    """A part chosen by ``kind``, which is the name of its file; outside of this package, the name of its class."""
+    """A part chosen by ``kind``: the name of its file; for plug-ins the name of its class."""
 
     @classmethod
     def kind(cls) -> str:
+        """Return the ``kind`` of the class."""
         return kind_in(cls)
 
     @classmethod
     def summary(cls) -> str:
-        """First line of the docstring."""
+        """Return the first line of the docstring."""
         return first_line(cls)
 
     @model_serializer(mode="wrap")
@@ -275,14 +276,14 @@ plugged: ContextVar[Mapping[str, Mapping[str, type]]] = ContextVar("plugged", de
 
 
 def kind_in(cls: type) -> str:
-    """``kind`` of a class: the name of its file in a folder of this package; elsewhere, MyLaw is `my_law`."""
+    """Return the ``kind`` of a class: the name of its file in a folder of this package; elsewhere MyLaw is `my_law`."""
     if cls.__module__.startswith("ruptfx."):
         return cls.__module__.rpartition(".")[2]
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
 
 
 def home(cls: type) -> str | None:
-    """Package of the contract that a class keeps: `ruptfx.friction` for friction laws; None if it keeps none."""
+    """Return the package of the contract of a class, `ruptfx.friction` for friction laws; None if it has none."""
     for base in cls.__mro__[1:]:
         if Alternative in base.__bases__ or base.__module__ == "ruptfx.operators":
             return base.__module__
@@ -290,14 +291,14 @@ def home(cls: type) -> str | None:
 
 
 def own_kinds(package: str) -> list[str]:
-    """Names of the files in a folder of alternatives."""
+    """Return the names of the files in a folder of alternatives."""
     path = importlib.import_module(package).__path__
     return sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
 
 
 @cache
 def offered() -> dict[str, dict[str, EntryPoint]]:
-    """What installed packages offer, by contract; to find it a file of every one of them is read, so once only."""
+    """Return the entry points of installed packages, by contract; cached, because one file per package is read."""
     found: dict[str, dict[str, EntryPoint]] = {}
     for entry in entry_points():
         found.setdefault(entry.group, {})[entry.name] = entry
@@ -305,17 +306,17 @@ def offered() -> dict[str, dict[str, EntryPoint]]:
 
 
 def installed(package: str) -> dict[str, EntryPoint]:
-    """What installed packages offer, by kind."""
+    """Return the entry points of installed packages for a folder, by kind."""
     return offered().get(package, {})
 
 
 def kinds(package: str) -> list[str]:
-    """Names of the alternatives in a folder, for example ``kinds("ruptfx.friction")``, and of those from outside."""
+    """Return the kinds of a folder, for example ``kinds("ruptfx.friction")``, with plug-ins and installed ones."""
     return sorted({*own_kinds(package), *installed(package), *plugged.get().get(package, {})})
 
 
 def from_outside(package: str, kind: str) -> type | None:
-    """The class that a plug-in or an installed package calls ``kind``; None where there is none.
+    """Return the class of a ``kind`` from a plug-in or an installed package; None if there is none.
 
     Raises
     ------
@@ -340,7 +341,7 @@ def from_outside(package: str, kind: str) -> type | None:
 
 
 def load_error(file: str | Path, error: BaseException) -> str:
-    """What went wrong when a file was loaded, and in which of its lines."""
+    """Return the message of an error during the loading of a file, with its line."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     trace = error.__traceback__
     while trace is not None:
@@ -352,7 +353,7 @@ def load_error(file: str | Path, error: BaseException) -> str:
 
 
 def find(package: str, kind: str) -> type[Alternative]:
-    """The class that ``kind`` names in a folder of alternatives.
+    """Return the class of a ``kind`` in a folder of alternatives.
 
     Raises
     ------
@@ -379,7 +380,7 @@ def find(package: str, kind: str) -> type[Alternative]:
 
 
 def own_module(package: str, kind: str) -> ModuleType:
-    """The file of a folder of alternatives.
+    """Import a file of a folder of alternatives.
 
     Raises
     ------
@@ -394,12 +395,12 @@ def own_module(package: str, kind: str) -> ModuleType:
 
 
 def alternatives(package: str) -> dict[str, type[Alternative]]:
-    """Every alternative of a folder by kind, but those that do not load."""
+    """Return every alternative of a folder that loads, by kind."""
     return {kind: cls for kind in kinds(package) if isinstance(cls := _attempt(package, kind), type)}
 
 
 def broken(package: str) -> dict[str, str]:
-    """Why the other files of a folder do not load, by kind."""
+    """Return the reason why each other file of a folder does not load, by kind."""
     return {kind: error for kind in kinds(package) if isinstance(error := _attempt(package, kind), str)}
 
 
@@ -414,7 +415,7 @@ _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would r
 
 
 def alternative(package: str) -> Any:
-    """Field type: any alternative of that folder, given as an object or as a table with ``kind``."""
+    """Return the field type of a folder: any of its alternatives, as an object or a table with ``kind``."""
 
     def choose(value: object, info: ValidationInfo) -> object:
         if isinstance(value, str):
@@ -438,7 +439,7 @@ def alternative(package: str) -> Any:
 
 
 def json_schema(root: type[Part], packages: list[str]) -> Table:
-    """JSON schema of a case, each folder of alternatives being one ``oneOf`` under ``$defs``."""
+    """Return the JSON schema of a case, with one ``oneOf`` under ``$defs`` per folder of alternatives."""
     schema = root.model_json_schema()
     definitions = schema.setdefault("$defs", {})
     for package in packages:
@@ -462,7 +463,7 @@ def json_schema(root: type[Part], packages: list[str]) -> Table:
 
 
 def first_line(described: object) -> str:
-    """Of a docstring."""
+    """Return the first line of a docstring."""
     return (described.__doc__ or "").strip().partition("\n")[0]
 
 
@@ -491,7 +492,7 @@ class Unit(str):
         return schema
 
     def read(self, value: object) -> object:
-        """Text with a unit as a number, alone or in a list; everything else as it is.
+        """Convert text with a unit to a number, alone or in a list; return everything else unchanged.
 
         Raises
         ------
@@ -503,18 +504,18 @@ class Unit(str):
 
 
 def unit_of(part: type[Part], name: str) -> str:
-    """Unit of a field, `1` when it has none."""
+    """Return the unit of a field, `1` if it has none."""
     found = [item for item in _marks(part.model_fields[name]) if isinstance(item, Unit)]
     return str(found[0]) if found else "1"
 
 
 def has_mark(part: type[Part], name: str, mark: type) -> bool:
-    """Whether the type of a field carries metadata of a class."""
+    """Return whether the type of a field has metadata of a class."""
     return any(isinstance(item, mark) for item in _marks(part.model_fields[name]))
 
 
 def _marks(field: FieldInfo) -> list[object]:
-    """Metadata of a field; of an optional one it is inside its union with None."""
+    """Return the metadata of a field; those of an optional field are inside its union with None."""
     inner = [item for member in get_args(field.annotation) for item in getattr(member, "__metadata__", ())]
     return [*field.metadata, *inner]
 

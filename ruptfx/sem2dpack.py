@@ -1,7 +1,7 @@
-"""Inputs of SEM2DPACK as cases: a Cartesian box with one horizontal slip-weakening fault.
+"""Conversion of SEM2DPACK inputs to cases: a Cartesian box with one horizontal slip-weakening fault.
 
-Read are Fortran namelists, ``&NAME key = value, ... /``, and the numbers that follow some of them. What a case would
-need and cannot have is refused by its name; what it does not need (plots, receivers) is said to be left out.
+The reader accepts Fortran namelists, ``&NAME key = value, ... /``, and the numbers after some of them. Unsupported
+blocks are refused by name; blocks without influence on the solution (plots, receivers) are skipped with a note.
 
 Source: the users' guide of SEM2DPACK and the descriptions of its input blocks (github.com/jpampuero/sem2dpack).
 """
@@ -26,28 +26,28 @@ ASSIGNED = re.compile(r"(\w+)\s*=\s*((?:'[^']*'|\"[^\"]*\"|[^='\"])*?)(?=,?\s*\w
 
 
 class ConversionError(RuptfxError):
-    """An input that is none, or that asks for what a case cannot say; names the block and the key."""
+    """Error of an invalid or unsupported input; names the block and the key."""
 
 
 @dataclass
 class Block:
-    """One namelist: its values by key in lower case, and the numbers that follow it."""
+    """One namelist: its values by key in lower case, and the numbers after it."""
 
     name: str
     values: dict[str, list[Value]]
     numbers: list[float] = field(default_factory=list)
 
     def get(self, key: str, default: Value) -> Value:
-        """The first value of a key."""
+        """Return the first value of a key."""
         return self.values.get(key, [default])[0]
 
     def number(self, key: str, default: float | None = None) -> float:
-        """A number.
+        """Return a number.
 
         Raises
         ------
         ConversionError
-            It is required and missing, or none.
+            If it is missing without default, or not a number.
         """
         value = self.values.get(key, [default])[0]
         if isinstance(value, bool | str) or value is None:
@@ -55,14 +55,14 @@ class Block:
         return float(value)
 
     def pair(self, key: str) -> tuple[float, float]:
-        """Two numbers."""
+        """Return two numbers."""
         found = self.values.get(key, [])
         if len(found) != 2 or not all(isinstance(value, float) for value in found):
             raise ConversionError(f"&{self.name}: {key} is required, two numbers")
         return float(found[0]), float(found[1])
 
     def refuse(self, *keys: str) -> None:
-        """Refuse keys that a case has no word for, unless they say nothing."""
+        """Refuse unsupported keys, unless they have no effect."""
         for key in keys:
             if self.get(key, 0.0) not in (0.0, False, ""):
                 value = self.get(key, "")
@@ -70,14 +70,14 @@ class Block:
 
 
 def convert(text: str, source: str = "Par.inp") -> str:
-    """The case file, with what was left out or is different as comments at its head.
+    """Return the case file; omissions and differences are comments at its head.
 
     Parameters
     ----------
     text : str
         Content of the input file.
     source : str
-        What to call it.
+        Name of the input file.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def convert(text: str, source: str = "Par.inp") -> str:
 
 
 def convert_file(path: Path) -> str:
-    """As `convert`, of a file.
+    """Return the case file of an input file, as `convert`.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def convert_file(path: Path) -> str:
 
 
 def blocks(text: str) -> Iterator[Block]:
-    """The namelists of a text in order."""
+    """Yield the namelists of a text in order."""
     text = "\n".join(_without_comment(line) for line in text.splitlines())
     found = list(NAMELIST.finditer(text))
     if not found:
@@ -121,7 +121,7 @@ def blocks(text: str) -> Iterator[Block]:
 
 
 def _without_comment(line: str) -> str:
-    """A line up to # or !, unless quoted."""
+    """Return a line up to # or !, unless quoted."""
     found = re.match(r"(?:[^'\"#!]|'[^']*'|\"[^\"]*\")*", line)
     return found[0] if found else ""
 
@@ -135,7 +135,7 @@ def _values(text: str) -> dict[str, list[Value]]:
 
 
 def _repeated(word: str) -> list[Value]:
-    """A word of Fortran; 2*0.5 is 0.5 twice."""
+    """Return the values of a Fortran word; 2*0.5 is 0.5 twice."""
     times, star, rest = word.partition("*")
     if star and times.isdigit():
         return [_value(rest)] * int(times)
@@ -162,7 +162,7 @@ def _number(word: str) -> float:
 
 
 class _Reader:
-    """Turns blocks into a case; `notes` says what is different then."""
+    """Conversion of blocks to a case; `notes` lists the differences."""
 
     def __init__(self, found: list[Block]) -> None:
         self.found, self.notes = found, []  # type: list[Block], list[str]
@@ -177,7 +177,7 @@ class _Reader:
                 raise ConversionError(f"&{block.name}: only {', '.join(sorted(known))} are read; write the case")
 
     def one(self, name: str, required: bool = True) -> Block:
-        """The block of a name that is there once."""
+        """Return the block of a name that must occur once."""
         same = [block for block in self.found if block.name == name]
         if len(same) > 1 or (required and not same):
             raise ConversionError(f"&{name}: is there {len(same)} times instead of once")
@@ -206,7 +206,7 @@ class _Reader:
         return {**table, "faults": faults, "boundaries": boundaries}
 
     def _box(self, box: Block) -> None:
-        """Mesh, and what edges are called: the fault becomes y = 0."""
+        """Set mesh and names of edges: the fault becomes y = 0."""
         if str(self.one("MESH_DEF").get("method", "")).upper() != "CARTESIAN":
             raise ConversionError("&MESH_DEF: method: only 'CARTESIAN' is read; give other meshes as gmsh_file")
         box.refuse("fztag", "split")
@@ -267,7 +267,7 @@ class _Reader:
         return faults, boundaries
 
     def _following(self, place: int) -> list[Block]:
-        """The blocks that belong to the boundary at a place."""
+        """Return the blocks that belong to the boundary at an index."""
         own = []
         for block in self.found[place + 1 :]:
             if not block.name.startswith(("BC_", "DIST_")) or block.name == "BC_DEF":
@@ -289,7 +289,7 @@ class _Reader:
         return found
 
     def _held(self, block: Block, edges: list[str], components: int) -> list[Table]:
-        """Components of the motion that are zero; those that are free need no entry."""
+        """Return boundaries with zero motion; free components need none."""
         block.refuse("hsrc", "vsrc", "hstf", "vstf")
         names = {"h": "z"} if components == 1 else {"h": "x", "v": "y"}
         held = [ours for theirs, ours in names.items() if str(block.get(theirs, "N")).upper() == "D"]
@@ -333,7 +333,7 @@ class _Reader:
         return {"contact": {"kind": "split_node"}, "initial_stress": initial, "friction": friction}
 
     def _varying(self, block: Block, key: str, default: float, shapes: Iterator[Block]) -> float | Table:
-        """A number, or a patch where the key with H names a distribution."""
+        """Return a number, or a patch if the key with H names a distribution."""
         shape = str(block.get(f"{key}h", "")).upper()
         if not shape:
             return block.number(key, default)

@@ -1,4 +1,4 @@
-"""Rows of all ranks in one order that no partition changes, of which every rank holds a slab: nothing is gathered."""
+"""Redistribute rows into a partition-independent order, one contiguous block per rank, without gathering them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Indices = npt.NDArray[np.int64]
 
 
 class _Exchange:
-    """Rows on their way to other ranks, and back; made by all ranks together.
+    """Exchange of rows with other ranks in both directions; created by all ranks together.
 
     Parameters
     ----------
     comm : MPI communicator
     target : ndarray of int, shape (rows,)
-        The rank each local row goes to.
+        Destination rank of each local row.
     """
 
     def __init__(self, comm: Comm, target: Indices) -> None:
@@ -30,13 +30,13 @@ class _Exchange:
         self._received = np.array(comm.alltoall(self._sent.tolist()), dtype=np.int64)
 
     def there(self, rows: Numbers) -> Numbers:
-        """What all ranks have sent here, by rank; shape (received, columns) from (rows, columns)."""
+        """Send rows to their targets; return those received, by rank, shape (received, columns)."""
         if self._comm.size == 1:
             return rows
         return self._move(rows[self._order], self._sent, self._received)
 
     def back(self, received: Numbers) -> Numbers:
-        """The inverse."""
+        """Send received rows back, the inverse of `there`."""
         if self._comm.size == 1:
             return received
         rows = np.empty((len(self._order), received.shape[1]))
@@ -46,32 +46,32 @@ class _Exchange:
     def _move(self, rows: Numbers, sent: Indices, received: Indices) -> Numbers:
         columns = rows.shape[1]
         arrived = np.empty((int(received.sum()), columns))
-        leaving = np.ascontiguousarray(rows, dtype=np.float64)  # also of whole numbers: the others receive doubles
+        leaving = np.ascontiguousarray(rows, dtype=np.float64)  # also integers: other ranks receive doubles
         self._comm.Alltoallv((leaving, (sent * columns).tolist()), (arrived, (received * columns).tolist()))
         return arrived
 
 
 def bounds(total: int, ranks: int) -> Indices:
-    """Places at which the slabs of some ranks begin, and the last ends; shape (ranks + 1,)."""
+    """Return the first row of each block, and the end of the last; shape (ranks + 1,)."""
     return total * np.arange(ranks + 1) // ranks
 
 
 class Slabs:
-    """An order cut into one slab per rank; made by all ranks together.
+    """A global order cut into one block per rank; created by all ranks together.
 
     Parameters
     ----------
     comm : MPI communicator
     place : ndarray of int, shape (rows,)
-        Place of every local row; the same place may be asked for by several ranks.
+        Global index of every local row; several ranks may have the same index.
     total : int
-        Number of places.
+        Number of global rows.
 
     Attributes
     ----------
     total : int
     here : slice
-        Places of the slab of this rank.
+        Global indices of the block of this rank.
     """
 
     def __init__(self, comm: Comm, place: Indices, total: int) -> None:
@@ -82,11 +82,11 @@ class Slabs:
         self._place = arrived[:, 0].astype(np.int64) - self.here.start
 
     def collect(self, rows: Numbers) -> Numbers:
-        """The slab of this rank, shape (places, columns), from rows of all, shape (rows, columns); collective."""
+        """Return the block of this rank, shape (places, columns), from local rows (rows, columns); collective."""
         slab = np.empty((self.here.stop - self.here.start, rows.shape[1]))
         slab[self._place] = self._exchange.there(rows)
         return slab
 
     def spread(self, slab: Numbers) -> Numbers:
-        """The inverse of `collect`; collective."""
+        """Return the local rows from the block, the inverse of `collect`; collective."""
         return self._exchange.back(slab[self._place])

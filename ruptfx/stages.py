@@ -1,9 +1,9 @@
-"""Loading in stages: press, hold, shear. The same bodies and interfaces, other boundaries and damping.
+"""Loading in stages: press, hold, shear, with the same bodies but other boundaries and damping.
 
-Time, state, records and checkpoints run through. The boundaries of a stage see the time since it began. One that was
-there in the stage before, with another amount, goes on from where that had come: over its ramp it goes from the old
-velocity or traction to the new one. Implicit steps end where a stage does, explicit ones with the first behind its end;
-as a traction there acts from half a step before, it is shared between the two stages.
+Time, state, records and checkpoints are continuous. Boundaries use the time since the start of their stage. A boundary
+of the previous stage with another amount continues from its value: over its ramp it changes from the old
+velocity or traction to the new one. Implicit steps end at the end of a stage, explicit ones with the first step beyond
+it; as a traction acts from half a step earlier, that step is shared between the two stages.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Floats = NDArray[np.float64]
 
 
 def bind(model: Model) -> Motion:
-    """The stepper of a case, through all its stages if it has some; collective.
+    """Return the stepper of a case, through all its stages if it has some; collective.
 
     Raises
     ------
     CaseError
-        A time step that a stage does not allow.
+        If a stage does not allow the time step.
     """
     return Staged(model) if model.case.stages else model.case.stepper.bind(model)
 
 
 class Staged:
-    """The stepper of a case through its stages; fixed steps are those that the strictest of them allows.
+    """Stepper of a case through its stages; a fixed step is the smallest that the stages allow.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Staged:
 
     @property
     def ends(self) -> list[tuple[float, Loads]]:
-        """When the stages end [s], and what acts then."""
+        """End of every stage [s] with its loads."""
         given = zip(self.starts, self._models, strict=True)
         return [(start + view.case.stages[number].duration, view.loads) for number, (start, view) in enumerate(given)]
 
@@ -73,7 +73,7 @@ class Staged:
         motion = self._of(state)
         try:
             motion.step(state)
-        finally:  # a rank with an error takes part
+        finally:  # collective: a rank with an error must take part
             if self._stage_of(state) > self._number:
                 motion.leave(state)
                 self._of(state).enter(state)
@@ -83,11 +83,14 @@ class Staged:
         return self._of(state).energies(state)
 
     def _stage_of(self, state: State) -> int:
-        """That of the next step."""
+        """Return the stage of the next step."""
         return int(np.searchsorted(self.starts, state.time + 1e-6 * self.dt, side="right")) - 1
 
     def _of(self, state: State) -> StagedMotion:
-        """The motion of the next step. Its arrays are made when it begins: the bulk kernel holds those of one."""
+        """Return the motion of the next step.
+
+        Its arrays are created at the start of its stage, because the bulk kernel stores those of one motion only.
+        """
         number = self._stage_of(state)
         if number > self._number:
             self._motion, self._number = self._bind(number), number
@@ -98,7 +101,7 @@ class Staged:
 
 
 def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> Model:
-    """The same bodies and interfaces with the boundaries and the damping of a stage."""
+    """Return a view of the model with the boundaries and the damping of a stage."""
     stage, case = model.case.stages[number], model.case
     view = copy.copy(model)
     changes = {"damping": stage.damping, "boundaries": stage.boundaries}
@@ -111,16 +114,16 @@ def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> 
 
 
 class StageLoads(Loads):
-    """Boundaries that begin at some time, from where those of the stage before had come.
+    """Boundaries of a stage, which continue from the values of the previous stage.
 
     Parameters
     ----------
     model, boundaries, key :
         As for `Loads`.
     start : float
-        When the stage begins [s].
+        Start of the stage [s].
     before : Loads, optional
-        Of the stage before.
+        Loads of the previous stage.
     """
 
     def __init__(
@@ -131,10 +134,10 @@ class StageLoads(Loads):
         self.ended = [] if before is None else before.forces
 
     def mean_factors(self, time: float, since: float) -> list[float | Floats]:
-        """Factors in an explicit step, of which the stage before has the part until its end.
+        """Return the factors in an explicit step, shared with the previous stage around its end.
 
-        A step acts from half a step before its time to half a step after it; the first one of a stage may be late, then
-        the part of the stage before is negative. So constant forces give the impulse of their duration.
+        A step acts from half a step before its time to half a step after it; if the first one of a stage is late,
+        the part of the previous stage is negative. Thus constant forces give the impulse of their duration.
         """
         own = 0.5 + (time - self.start) / since if time - self.start < (1 - 1e-6) * since else 1.0
         shares = [*(own for _ in self.forces), *(1 - own for _ in self.ended)]
@@ -142,7 +145,7 @@ class StageLoads(Loads):
                 for share, force in zip(shares, (*self.forces, *self.ended), strict=True)]
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:
-        """What a boundary does, later, and what is left of the one in its place before."""
+        """Return the delayed action of a boundary, and the decaying one of its predecessor."""
         found, start = boundary.act(self, key), self.start
         before = [] if self._before is None else self._before.actions_of(boundary)
         speed = sum(old.motion.velocity(start) for old in before if old.motion is not None)
@@ -165,10 +168,10 @@ def _falling(start: float, rise: float) -> Callable[[float], float]:
 
 
 def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float) -> Prescribed:
-    """A motion from some time on, besides a speed [m/s] that vanishes over its ramp."""
+    """Return a motion from a time on, plus a speed [m/s] that decays over its ramp."""
 
     def rest(time: float) -> float | Floats:
-        """What the vanishing speed adds to the displacement [m]."""
+        """Return the displacement added by the decaying speed [m]."""
         return speed * (time - 0.5 * time**2 / rise if time < rise else 0.5 * rise)
 
     return Prescribed(
@@ -180,5 +183,5 @@ def _later(motion: Prescribed, start: float, speed: float | Floats, rise: float)
 
 
 def _since(start: float, time: float) -> float:
-    """Time since a stage began, which rounding does not put before it."""
+    """Return the time since the start of a stage, not negative by rounding."""
     return max(time - start, 0.0)

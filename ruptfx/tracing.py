@@ -1,11 +1,11 @@
-"""Pointwise NumPy formulas, recorded once: exact derivatives and C code from the same lines.
+"""Pointwise NumPy formulas, recorded once, with exact derivatives and C code from the same source lines.
 
 A friction law or a contact method is called with `Expression` objects instead of arrays; NumPy's own dispatch turns
 ``np.exp(x) * y`` into a graph. From the graph come the derivative with respect to any symbol, a NumPy function and C
-statements. Equal subexpressions are one node, so that nothing is computed twice.
+statements. Equal subexpressions are one node, so that each is computed once.
 
 Supported are arithmetic, also in place, comparisons, logic, ``np.where``, ``np.select``, ``np.clip`` and NumPy's
-pointwise functions; what needs a number, like a Python ``if``, cannot be recorded and says so. `record` adds where.
+pointwise functions; operations that need a number, like a Python ``if``, raise an error. `record` adds the line.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Recorded = TypeVar("Recorded")
 
 
 def _refuse(what: str, instead: str) -> Callable[..., NoReturn]:
-    """A special method of a value that is not known yet."""
+    """Return a special method that raises an error, for a value that is not yet known."""
 
     def method(self: Array, *args: Array, **options: Array) -> NoReturn:
         raise RuptfxError(f"{what}: {instead}")
@@ -102,12 +102,12 @@ def _node(op: str, *args: Array) -> Expression:
 
 
 def symbol(name: str) -> Expression:
-    """An input of the formula."""
+    """Return an input of the formula."""
     return _node("symbol", name)
 
 
 def constant(value: Array) -> Expression:
-    """A number in the formula.
+    """Return a number in the formula.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _is(node: Array, value: float) -> bool:
 
 
 def apply(op: str, *inputs: Array) -> Expression:
-    """A new node, simplified where an argument is 0 or 1 (derivatives are full of them).
+    """Return a new node, simplified if an argument is 0 or 1 (frequent in derivatives).
 
     Raises
     ------
@@ -181,7 +181,7 @@ _SPELLED: dict[str, Callable[..., Array]] = {
     "radians": lambda x: x * (np.pi / 180),
     "floor_divide": lambda x, y: np.floor(x / y),
     "remainder": lambda x, y: x - np.floor(x / y) * y,
-    # NaN stays NaN.
+    # NaN must stay NaN.
     "heaviside": lambda x, middle: np.where(x < 0, 0.0, np.where(x > 0, 1.0, np.where(x == 0, middle, x))),
 }
 
@@ -262,7 +262,7 @@ def _where(condition: Array, *values: Array) -> Expression:
 def _clip(
     x: Array, low: Array = None, high: Array = None, *, min: Array = None, max: Array = None, **given: Array
 ) -> Expression:
-    """The signature of `numpy.clip`, whose bounds have two names each."""
+    """Trace `numpy.clip`, whose bounds have two names each."""
     low, high = given.pop("a_min", low if min is None else min), given.pop("a_max", high if max is None else max)
     if given:
         raise RuptfxError(f"numpy.clip with {', '.join(given)}= cannot be traced")
@@ -300,14 +300,14 @@ def record(
     function : callable
         A bound method of a friction law or contact method.
     inputs
-        Symbols, or what holds them.
+        Symbols, or containers of symbols.
     as_ : callable
-        Makes of what it returns what it should be, or raises.
+        Converts the returned value to the expected type, or raises an error.
 
     Raises
     ------
     RuptfxError
-        What cannot be recorded, or any other error in the method, with its file, line and name.
+        If an operation cannot be recorded, or after any other error in the method; with file, line and name.
     """
     try:
         return as_(function(*inputs))
@@ -316,13 +316,13 @@ def record(
 
 
 def located(error: Exception, function: Callable[..., Array]) -> str:
-    """An error with file, line and method of the innermost law or contact method on the way to it."""
+    """Return an error message with file, line and method of the innermost law or contact method in the traceback."""
     trace = error.__traceback__
     code = getattr(function, "__func__", function).__code__
     line = code.co_firstlineno
     while trace is not None:
         frame = trace.tb_frame
-        # Of the law, not what a missing attribute leads to.
+        # Use the line in the law, not that of __getattr__ after a missing attribute.
         if isinstance(frame.f_locals.get("self"), Alternative) and not frame.f_code.co_name.startswith("__"):
             code, line = frame.f_code, trace.tb_lineno
         trace = trace.tb_next
@@ -339,7 +339,7 @@ def _reason(error: Exception) -> str:
 
 
 def derivative(expression: Expression, variable: Expression) -> Expression:
-    """Exact derivative of a traced expression with respect to a symbol (forward mode on the graph)."""
+    """Return the exact derivative of a traced expression with respect to a symbol (forward mode on the graph)."""
     slopes: dict[Expression, Expression] = {}
     for node in _ordered([expression]):
         if node is variable:
@@ -348,7 +348,7 @@ def derivative(expression: Expression, variable: Expression) -> Expression:
         total = constant(0)
         inner = [slopes.get(arg) if isinstance(arg, Expression) else None for arg in node.args]
         if node.op in _RULES and any(slope is not None and not _is(slope, 0) for slope in inner):
-            if node.op == "where":  # 0 * inf in the branch not taken must not spoil the other
+            if node.op == "where":  # 0 * inf in the unused branch must not affect the other
                 condition, x, y = node.args
                 total = apply("where", condition, slopes[x], slopes[y])
             else:
@@ -360,15 +360,15 @@ def derivative(expression: Expression, variable: Expression) -> Expression:
 
 
 def depends(expression: Array, variables: Iterable[Expression]) -> bool:
-    """Whether any of the symbols occurs in a traced expression (or number)."""
+    """Return whether any of the symbols occurs in a traced expression (or number)."""
     return isinstance(expression, Expression) and not set(_ordered([expression])).isdisjoint(variables)
 
 
 def _ordered(roots: Iterable[Expression]) -> list[Expression]:
-    """Every node once, arguments before their users."""
+    """Return every node once, arguments before their users."""
     order: dict[Expression, None] = {}
     todo = [(root, False) for root in reversed(list(roots))]
-    while todo:  # not by recursion: a loop in a law nests deeply
+    while todo:  # iterative, because a loop in a law makes deep graphs
         node, visited = todo.pop()
         if visited:
             order[node] = None
@@ -379,7 +379,7 @@ def _ordered(roots: Iterable[Expression]) -> list[Expression]:
 
 
 def to_c(outputs: Mapping[str, Expression | float], end: str = "\n") -> str:
-    """C statements that assign every output from what the symbols are named, with this between them."""
+    """Return C statements that assign every output from variables with the names of the symbols."""
     targets = {name: x if isinstance(x, Expression) else constant(x) for name, x in outputs.items()}
     names: dict[Expression, str] = {}
     lines: list[str] = []
@@ -403,7 +403,7 @@ def _literal(value: float, infinity: str, nan: str) -> str:
 
 
 def to_numpy(outputs: Mapping[str, Expression], inputs: list[str]) -> Callable[..., tuple[np.ndarray, ...]]:
-    """A function of arrays, in the order of `inputs`, that returns the outputs in their order."""
+    """Return a function of arrays, in the order of `inputs`, that returns the outputs in their order."""
     names: dict[Expression, str] = {}
     lines: list[str] = []
     for node in _ordered(outputs.values()):
