@@ -1,7 +1,7 @@
-"""Bodies of revolution about the x axis: y is the radius, and all there is goes round it.
+"""Bodies of revolution about the x axis: y is the radius, and all bodies and loads are axisymmetric.
 
 Volumes and areas of the section count 2 pi r times, so that forces are newtons and energies joules, not per metre. The
-strain has a third principal one, u_r / r around the axis; a material sees it as a strain in three dimensions,
+strain has a third principal value, u_r / r around the axis; materials use the three-dimensional strain
 
     [[du_x/dx, (du_x/dr + du_r/dx) / 2, 0], [., du_r/dr, 0], [0, 0, u_r / r]].
 
@@ -18,12 +18,12 @@ from ruptfx.schema import CaseError
 
 
 def around(density: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane) -> fem.Expr:
-    """What a density of the section is worth all round the axis; as it is in any other plane."""
+    """Return a density of the section times 2 pi r in axisymmetric bodies; unchanged in other planes."""
     return density if plane != "axisymmetric" else 2 * np.pi * fem.ufl.SpatialCoordinate(mesh)[1] * density
 
 
 def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh) -> fem.Expr:
-    """The strain in three dimensions, shape (3, 3); on the axis u_r / r is du_r/dr, its limit."""
+    """Return the three-dimensional strain, shape (3, 3); on the axis u_r / r is du_r/dr, its limit."""
     ufl = fem.ufl
     r = ufl.SpatialCoordinate(mesh)[1]
     beside, e = ufl.gt(r, 0), ufl.sym(ufl.grad(displacement))
@@ -32,7 +32,7 @@ def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh) -> fem.Expr:
 
 
 def on_axis(coordinates: np.ndarray) -> np.ndarray:
-    """Which points lie on the axis, shape (points,).
+    """Return which points lie on the axis, shape (points,).
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def on_axis(coordinates: np.ndarray) -> np.ndarray:
 
 
 def put_on_axis(mesh: fem.dolfinx.mesh.Mesh) -> CaseError | None:
-    """Give vertices that rounding keeps from the axis the radius zero; an error if some are on the other side of it."""
+    """Set the radius of vertices near the axis to zero; return an error if some are on the other side of it."""
     x = mesh.geometry.x
     x[on_axis(x), 1] = 0.0
     if np.any(x[:, 1] < 0):
@@ -56,19 +56,20 @@ def put_on_axis(mesh: fem.dolfinx.mesh.Mesh) -> CaseError | None:
 
 
 def mass_on_axis(space: fem.dolfinx.fem.FunctionSpace, cell_density: np.ndarray) -> np.ndarray:
-    """What nodes on the axis gain of the lumped mass, and their neighbours lose [kg]; of the cells of this rank.
+    """Return the lumped mass that nodes on the axis gain and their neighbours lose [kg], for the cells of this rank.
 
-    The quadrature that belongs to the element gives a node at r = 0 no mass, and what has none cannot be stepped. Along
-    every line of nodes from the axis through a cell some is added times c_i, the weights of the divided difference of
-    all nodes, which leaves integrals of polynomials of one degree less than the element's as they are. Still the motion
-    next to the axis is of second order in the size of the cells there, and frequencies, as their volume goes with the
-    square of it, of fourth. 1 / (order + 2) of what would leave a mass of zero elsewhere is taken: with order 1 that is
-    the lumped mass of exact integration, and with none is the axis stiffer than the other nodes of its cells.
+    The quadrature of the element gives a node at r = 0 no mass, with which an explicit step is impossible. Along
+    every line of nodes from the axis through a cell mass is added in proportion to c_i, the weights of the divided
+    difference of all nodes, which leaves integrals of polynomials of one degree less than the element's as they are.
+    Still the motion next to the axis is of second order in the size of the cells there, and frequencies, as their
+    volume goes with the square of it, of fourth. 1 / (order + 2) of what would leave a mass of zero elsewhere is taken:
+    with order 1 that is the lumped mass of exact integration, and with none is the axis stiffer than the other nodes of
+    its cells.
 
     Parameters
     ----------
     space : FunctionSpace
-        Of the displacement.
+        Space of the displacement.
     cell_density : ndarray, shape (cells,)
         [kg/m3].
 
@@ -103,7 +104,7 @@ def mass_on_axis(space: fem.dolfinx.fem.FunctionSpace, cell_density: np.ndarray)
 
 
 def _cell_masses(space: fem.dolfinx.fem.FunctionSpace, cell_density: np.ndarray) -> np.ndarray:
-    """Mass that every cell gives to each of its nodes, shape (cells, nodes)."""
+    """Return the mass that every cell contributes to each of its nodes, shape (cells, nodes)."""
     mesh, order = space.mesh, space.element.basix_element.degree
     broken = fem.dolfinx.fem.functionspace(mesh, fem.basix.ufl.element(
         "Lagrange", mesh.basix_cell().name, order, lagrange_variant=fem.basix.LagrangeVariant.gll_warped,

@@ -56,23 +56,23 @@ MOST_RECORDS = 1e7
 
 
 class FaultCase(Part):
-    """One interface of the mesh: how contact is enforced, which friction law, what it carries initially."""
+    """One interface of the mesh: contact method, friction law, initial state."""
 
     contact: AnyContact
-    """How opening and slip are enforced."""
+    """Contact method for opening and slip."""
     friction: AnyFriction
-    """The law of the strength."""
+    """Friction law."""
     cohesion: AnyCohesion | None = None
-    """What holds both sides together in tension and shear, besides friction, until it has failed."""
+    """Cohesive law in tension and shear, in addition to friction."""
     initial_stress: InitialStress
-    """What the interface carries before anything moves."""
+    """Initial stress of the interface."""
     gap: VaryingGap | None = None
-    """Distance of the two sides where nothing has moved; the initial normal stress is zero where it is open."""
+    """Initial gap between the two sides; the initial normal stress is zero where it is open."""
     sliding: Sliding | None = None
-    """With this table, even an empty one, the two sides slide over each other as far as they like, and their meshes
+    """Finite sliding: with this table, even an empty one, the two sides may slide any distance, and their meshes
     need not match."""
     nucleation: list[AnyNucleation] = []
-    """What starts the rupture; entries act together."""
+    """Nucleation of the rupture; entries act together."""
 
     @field_validator("nucleation", mode="before")
     @classmethod
@@ -84,7 +84,7 @@ Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")
 
 
 class Output(Part):
-    """What to save and how often; without intervals, 300 interface records and 6 bulk snapshots.
+    """Saved data and their intervals; default are 300 interface records and 6 bulk snapshots.
 
     Records are made at the multiples of an interval, and a last one at the duration.
     """
@@ -92,40 +92,40 @@ class Output(Part):
     interface_interval: Duration | None = None
     """Time between records of the interface; duration / 300 without it."""
     interface_steps: Annotated[int, Field(ge=1)] | None = None
-    """Also save the interface every so many steps: where steps vary, records follow what happens."""
+    """Also save the interface every so many steps, for steps of variable length."""
     forces_interval: Duration | None = None
-    """Time between rows of `forces.csv` of interfaces that slide, which are then means over it, of every step; without
-    it, values of the moment at every record of the interface."""
+    """Time between rows of `forces.csv` in finite sliding, which are then means over it, of every step; without
+    it, instantaneous values at every record of the interface."""
     bulk_interval: Duration | None = None
     """Time between snapshots of the bodies; duration / 6 without it."""
     bulk_fields: Annotated[list[Literal["velocity", "displacement", "stress", "fringe"]], Field(min_length=1)] = [
         "velocity", "displacement", "stress", "fringe"
     ]
-    """What snapshots hold; `fringe` is sigma_1 - sigma_2 in the plane of x and y."""
+    """Fields of snapshots; `fringe` is sigma_1 - sigma_2 in the plane of x and y."""
     bulk_precision: Literal["double", "single"] = "double"
-    """Of the numbers in snapshots: 15 digits, or 7 in half the space."""
+    """Precision of the numbers in snapshots: 15 digits, or 7 in half the space."""
     bulk_compression: Annotated[int, Field(ge=0, le=9)] = 0
-    """Of snapshots, without loss: 0 is none, 9 the most work (gzip)."""
+    """Lossless compression of snapshots: 0 is none, 9 the strongest (gzip)."""
     checkpoint_minutes: Annotated[float, Field(gt=0), Unit("min")] = 10.0
     """Wall-clock time between checkpoints."""
     checkpoint_steps: Annotated[int, Field(ge=1)] | None = None
     """Steps between checkpoints, instead."""
     rupture_threshold: Speed = 1e-3
-    """Slip rate whose first passing by a closed point is its rupture time; what is slower sticks, where states of
-    contact are told."""
+    """Slip rate whose first passage at a closed point is its rupture time; slower points count as sticking in contact
+    states."""
     rupture_after: Time | None = None
-    """Rupture times count from then on; what slips or opens before, while bodies are pressed and sheared, is none.
-    Without it, from the first nucleation of the interface that begins after zero, or from zero."""
+    """Time from which on rupture times count; earlier slip or opening, during pressing and shearing, is ignored.
+    Default is the first nucleation of the interface that begins after zero, or zero."""
     figures: bool = True
-    """Whether a run ends with its pictures."""
+    """Draw figures at the end of a run."""
     plate_thickness: Length | None = None
-    """Of the bodies, as a polariscope looks through them; fringes need it."""
+    """Thickness of the bodies along the light of a polariscope; required for fringes."""
 
 
 class KelvinVoigt(Part):
-    """Viscosity next to the interfaces: the stress of the strain plus eta times that of the strain rate.
+    """Viscosity next to the interfaces: stress = C : (strain + eta strain rate).
 
-    It removes the noise that elements make behind a sharp front; too much of it delays the front.
+    It removes mesh noise behind a sharp front; too much of it delays the front.
     """
 
     fraction: Fraction = 0.1
@@ -148,7 +148,7 @@ class Damping(Part):
     """Damping of the bodies."""
 
     waves: ClassVar[bool] = True
-    """It acts on motion, and needs a stepper that computes waves (`Stepper.inertia`)."""
+    """True, because damping acts on motion and needs a stepper with inertia (`Stepper.inertia`)."""
 
     mass: Rate = 0.0
     """Force per mass and velocity."""
@@ -157,69 +157,69 @@ class Damping(Part):
 
 
 class Stage(Part):
-    """A stage of loading: what it does not give is that of the case."""
+    """A stage of loading; keys without a value are those of the case."""
 
     duration: Duration
-    """Of the stage; those of all stages add up to the duration of the case."""
+    """Duration of the stage; those of all stages add up to the duration of the case."""
     boundaries: list[AnyBoundary] | None = None
-    """What acts instead, at times since the stage began. A boundary that is there before and after goes over its ramp
-    from where it had come to its new amount."""
+    """Boundaries of the stage, with times since its start. A boundary of the previous stage that continues changes over
+    its ramp from its current to its new amount."""
     damping: Damping | None = None
     """Damping instead."""
 
 
 class Case(CaseFile):
-    """Everything one run needs.
+    """A complete case of a run.
 
     Raises
     ------
     CaseError
-        On anything that cannot be used: the key, its value and the remedy.
+        For any invalid input; the message gives the key, its value and the remedy.
     """
 
     title: str = ""
-    """What figures and tables are headed with."""
+    """Title of figures and tables."""
     plane: Plane
     """Plane stress, plane strain, antiplane shear (motion in z only), a solid in three dimensions, or `axisymmetric`,
     the section of bodies of revolution about y = 0: y is the radius."""
     order: Annotated[int, Field(ge=1, le=8)] = 4
     """Polynomial order of the spectral elements."""
     operator: str = "matrix_free"
-    """How the stiffness is applied: `matrix_free` is fastest and takes isotropic bodies, `ufl_form` takes all."""
+    """Application of the stiffness: `matrix_free` is fastest, for isotropic bodies; `ufl_form` is for all."""
     duration: Duration
     """Simulated time."""
     large_rotations: bool = False
-    """Whether bodies may turn by any angle: strains are then those of Biot, U - 1 of 1 + grad u = R U, which a rotation
-    leaves alone, and small ones obey Hooke's law as before. In the plane, in explicit steps, without faults."""
+    """Allow rotations by any angle: strains are then those of Biot, U - 1 of 1 + grad u = R U, which a rotation
+    does not change; Hooke's law for small strains is the same. In the plane, in explicit steps, without faults."""
     positions: Literal["x"] | None = None
     """Positions along interfaces on x are x. Required where positions are given and such an interface does not begin
     at x = 0: until version 0.1 they were lengths from its left end."""
     mesh: AnyMesh
     """Shape, size and elements of the bodies."""
     materials: dict[Name, AnyMaterial]
-    """By body; `default` is for the bodies not listed."""
+    """Materials by body; `default` is for the bodies not listed."""
     faults: dict[Name, FaultCase] = {}
-    """Interfaces by name; the meshes made here call theirs `main`."""
+    """Interfaces by name; that of generated meshes is `main`."""
     fracture: AnyFracture | None = None
-    """How the bodies break, along the facets of a mesh of triangles; without it, they do not."""
+    """Fracture of the bodies along the facets of a mesh of triangles."""
     collisions: AnyCollisions | None = None
-    """How pieces and bodies meet that were no neighbours; without it they pass through each other."""
+    """Contact between bodies and fragments that were not neighbours; without it they pass through each other."""
     initial_velocity: dict[Name, Velocity] = {}
-    """Of bodies that move when the run begins, by body, in explicit steps; the others are at rest."""
+    """Initial velocity by body, in explicit steps; other bodies are at rest."""
     boundaries: list[AnyBoundary] = []
-    """What acts on edges and inside of the bodies, an entry each; edges that are not named are free."""
+    """Conditions and loads on edges and inside of the bodies, an entry each; edges that are not named are free."""
     damping: Damping = Damping()
     """Damping of the bodies; none without it."""
     stepper: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
-    """How time advances; keys without `kind` are those of `leapfrog`."""
+    """Time stepper; keys without `kind` are those of `leapfrog`."""
     output: Output = Output()
-    """What is saved and how often."""
+    """Saved data and their intervals."""
     instruments: list[AnyInstrument] = []
-    """What measures during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
+    """Measurements during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
     stages: list[Stage] = []
-    """One after the other, with other boundaries and damping: press, hold, shear."""
+    """Successive stages with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
-    """What ends the run before its duration."""
+    """Rules that stop the run before its duration."""
 
     @field_validator("stepper", mode="before")
     @classmethod
@@ -275,7 +275,7 @@ class Case(CaseFile):
                 )
 
     def all_boundaries(self) -> Iterator[tuple[str, Boundary]]:
-        """With their keys, those of stages as well."""
+        """Yield all boundaries with their keys, also those of stages."""
         for number, boundary in enumerate(self.boundaries):
             yield f"boundaries.{number}", boundary
         for number, stage in enumerate(self.stages):
@@ -283,7 +283,7 @@ class Case(CaseFile):
                 yield f"stages.{number}.boundaries.{index}", boundary
 
     def all_dampings(self) -> Iterator[tuple[str, Damping]]:
-        """With their keys, those of stages as well."""
+        """Yield all dampings with their keys, also those of stages."""
         yield "damping", self.damping
         for number, stage in enumerate(self.stages):
             if stage.damping is not None:
@@ -373,14 +373,14 @@ class Case(CaseFile):
 
     @property
     def initial_tensor(self) -> np.ndarray | None:
-        """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None where only tractions are given."""
+        """Uniform initial stress of the bodies, shape (dim, dim) [Pa]; None if only tractions are given."""
         dim = 3 if self.plane == "solid" else 2
         given = (fault.initial_stress.matrix(dim) for fault in self.faults.values())
         return next((tensor for tensor in given if tensor is not None), None)
 
     @property
     def intervals(self) -> dict[str, float]:
-        """Time between records [s] by what is recorded: interfaces, bodies, and forces where they are means."""
+        """Time between records [s] of interfaces, bodies, and averaged forces."""
         output = self.output
         found = {
             "interface": output.interface_interval or self.duration / 300,
@@ -400,7 +400,7 @@ class Case(CaseFile):
 
 
 def parse_case(table: Table, directory: Path | None = None) -> Case | LumpedModel:
-    """A case from tables; relative paths in it are relative to `directory`. A top-level ``kind`` names a lumped model.
+    """Return a case from tables, with paths relative to `directory`; a top-level ``kind`` names a lumped model.
 
     Raises
     ------
@@ -450,7 +450,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Case | LumpedM
 
 
 def read_toml(path: Path) -> Table:
-    """Tables of a TOML file, unchecked.
+    """Return the tables of a TOML file, unchecked.
 
     Raises
     ------
@@ -461,12 +461,12 @@ def read_toml(path: Path) -> Table:
         return load_toml(path.read_text(encoding="utf-8-sig"))
     except CaseError as error:
         raise CaseError(f"{path}: {error}") from None
-    except (OSError, ValueError) as error:  # the name may be none, the bytes no text
+    except (OSError, ValueError) as error:  # ValueError: invalid file name, or bytes that are not text
         raise CaseError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def load_toml(text: str) -> Table:
-    """Tables of a TOML text.
+    """Return the tables of a TOML text.
 
     Raises
     ------
@@ -476,7 +476,7 @@ def load_toml(text: str) -> Table:
         table = tomllib.loads(text)
     except RecursionError:
         raise CaseError("not valid TOML: nested too deeply") from None
-    except ValueError as error:  # also of integers with thousands of digits
+    except ValueError as error:  # also raised by integers with thousands of digits
         raise CaseError(f"not valid TOML: {error}") from None
     check_tables(table)
     return table
@@ -503,7 +503,7 @@ def override(table: Table, item: str) -> None:
 
 
 def case_schema() -> Table:
-    """JSON schema of a case file: of a field run, or of a lumped model where ``kind`` stands at the top."""
+    """Return the JSON schema of a case file: of a field run, or with a top-level ``kind`` of a lumped model."""
     schema = json_schema(Case, [f"ruptfx.{folder}" for folder in (*FOLDERS, "lumped")])
     definitions = schema.pop("$defs")
     definitions["case"] = schema

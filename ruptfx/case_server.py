@@ -1,8 +1,8 @@
-"""Runs case after case in one MPI job: what a study keeps going on every core.
+"""One MPI job that runs many cases, used by studies on every core.
 
 Start-up (imports, compiled forms) is paid once, and a crash ends this process, not the study. Rank 0 reads one job
 per line from standard input and answers each with one line on standard output; when the input ends, because the
-study has ended or was killed, the job in hand is dropped at once.
+study has ended or was killed, the current job is dropped immediately.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ Job = Table
 
 
 class Jobs:
-    """The line of jobs on rank 0: ``{"case": tables, "directory": path, "keep": [...]}`` or null for the end."""
+    """Queue of jobs on rank 0: ``{"case": tables, "directory": path, "keep": [...]}`` or null for the end."""
 
     def __init__(self) -> None:
-        # Whatever prints to standard output while a case runs must not reach the one who waits for the answer.
+        # Prints of libraries to standard output must not mix with the answers.
         self._answers = os.fdopen(os.dup(1), "w")
         os.dup2(2, 1)
         self._queue: queue.Queue[Job | None] = queue.Queue()
@@ -40,15 +40,17 @@ class Jobs:
         os._exit(0)
 
     def next(self) -> Job | None:
+        """Wait for the next job."""
         return self._queue.get()
 
     def answer(self, text: Table) -> None:
+        """Send an answer."""
         self._answers.write(json.dumps(text) + "\n")
         self._answers.flush()
 
 
 def main() -> None:
-    """Serve until the job null comes or the input ends."""
+    """Serve until the job null arrives or the input ends."""
     comm = fem.MPI.COMM_WORLD
     jobs = Jobs() if comm.rank == 0 else None
     frozen = False
@@ -57,13 +59,13 @@ def main() -> None:
         if jobs:
             jobs.answer(answer)
         gc.collect()  # frees the communicators of the meshes, of which MPI has a few thousand
-        if not frozen:  # all that is imported by now stays: to look through it takes a tenth of a second
+        if not frozen:  # exclude all imports from garbage collection, which saves a tenth of a second
             gc.freeze()
             frozen = True
 
 
 def _run(job: Job, comm: fem.MPI.Comm) -> Table:
-    """The answer to one job: status and scalars, or the error."""
+    """Return the answer to one job: status and scalars, or the error."""
     try:
         case, out = parse_case(job["case"]), Path(job["directory"]) / "run"
         simulate(case if "run" in job["keep"] else _lean(case), out, comm, progress=False)
@@ -76,7 +78,7 @@ def _run(job: Job, comm: fem.MPI.Comm) -> Table:
     except RuptfxError as error:
         return {"status": "failed", "error": str(error)}
     except Exception:
-        if comm.size > 1:  # other ranks may wait for this one for ever
+        if comm.size > 1:  # other ranks may wait for this one in a collective call
             traceback.print_exc()
             sys.stderr.flush()
             comm.Abort(1)
@@ -84,7 +86,7 @@ def _run(job: Job, comm: fem.MPI.Comm) -> Table:
 
 
 def _lean(case: Case | LumpedModel) -> Case | LumpedModel:
-    """Without the stresses of the bodies: of a run that nobody keeps, pictures show velocities only."""
+    """Return the case without stresses of the bodies: pictures of a run that is not kept show velocities only."""
     if not isinstance(case, Case) or "velocity" not in case.output.bulk_fields:
         return case
     return case.model_copy(update={"output": case.output.model_copy(update={"bulk_fields": ["velocity"]})})

@@ -41,6 +41,7 @@ app = typer.Typer(
 
 @app.callback(invoke_without_command=True)
 def main(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    """Print the version on request."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
@@ -53,7 +54,7 @@ for _heading, _names in COMMANDS.items():
 
 
 def program() -> None:
-    """`ruptfx` as a program: with DOLFINx loaded it ends without taking it apart, which takes a quarter of a second."""
+    """Run `ruptfx` as a program; with DOLFINx loaded, exit without the slow clean-up of the interpreter."""
     try:
         app(prog_name="ruptfx")
     except SystemExit as ended:
@@ -61,7 +62,7 @@ def program() -> None:
             raise
         fem.finish()
         atexit._run_exitfuncs()
-        sys.stdout.flush()  # what those said, too
+        sys.stdout.flush()  # includes the output of exit handlers
         sys.stderr.flush()
         # Not os._exit: MPICH tells mpiexec in an exit handler of C that this rank is done, and where none did mpiexec
         # takes it for a crash and now and then kills the others. No thread of Python's may run meanwhile (PyDLL).

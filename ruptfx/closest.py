@@ -1,6 +1,6 @@
-"""The nearest of some points: at once where points coincide but for rounding, as nodes of interfaces do.
+"""Nearest neighbours of points, with a fast path for points that coincide up to rounding, as interface nodes do.
 
-Only others need SciPy's tree, whose import takes as long as all of DOLFINx.
+Other points need SciPy's tree, whose import takes as long as that of DOLFINx.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ ROUNDING = 1e-10  # of their largest coordinate, up to which points coincide
 
 
 def closest(points: np.ndarray, others: np.ndarray) -> Found:
-    """Distance from every point to the nearest of others, and its number.
+    """Return the distance from every point to the nearest of others, and its index.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def closest(points: np.ndarray, others: np.ndarray) -> Found:
 
 
 def _coinciding(points: np.ndarray, others: np.ndarray) -> Found | None:
-    """The same where every point is that of an other; None where one is not, or where it is not clear."""
+    """Return the same for coinciding point sets; None if any point has no unique match."""
     dim = others.shape[1]
     direction = np.sqrt([2.0, 3.0, 5.0])[:dim]  # along which no two points of a mesh are expected to be alike
     close = ROUNDING * max(np.abs(others).max(initial=0.0), np.abs(points).max(initial=0.0))
     along = others @ direction
     order = np.argsort(along)
     reach = close * direction.sum()
-    single = np.diff(along[order], prepend=-np.inf) > 2 * reach  # the first of those that coincide
+    single = np.diff(along[order], prepend=-np.inf) > 2 * reach  # the first of coinciding points
     along, order = along[order][single], order[single]
     number = order[np.minimum(np.searchsorted(along, points @ direction - reach), len(along) - 1)]
     distance = np.linalg.norm(points - others[number], axis=1)

@@ -1,6 +1,6 @@
-"""Named arrays of a file, on disk until they are asked for: as much of an `xarray.Dataset` as figures and analysis use.
+"""Named arrays of a file, read on demand: the subset of `xarray.Dataset` used by figures and analysis.
 
-Importing xarray takes longer than all that the end of a run reads.
+The import of xarray takes longer than all reading at the end of a run.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Column:
     dims : tuple of str
         Names of its axes.
     attrs : mapping, optional
-        What the file says of it, its units for example.
+        Attributes in the file, for example units.
     rows : range, optional
-        Those that count of the first axis; all when left out.
+        Rows of the first axis to use; default is all.
     """
 
     def __init__(
@@ -48,16 +48,17 @@ class Column:
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Shape of the array."""
         return (len(self._rows), *self._stored.shape[1:]) if self.dims else ()
 
     @cached_property
     def values(self) -> Array:
-        """In memory from now on."""
+        """The array, in memory from the first access on."""
         rows = self._rows
         return np.asarray(self._stored[slice(rows.start, rows.stop, rows.step)] if self.dims else self._stored[()])
 
     def isel(self, time: Rows) -> Column:
-        """At some times, by number; the same where it has no time."""
+        """Return the column at some times, by index; unchanged without a time axis."""
         if "time" not in self.dims:
             return self
         if isinstance(time, slice):
@@ -71,7 +72,7 @@ class Column:
 
 
 class Columns(Mapping[str, Column]):
-    """Arrays by name, with what the file says of itself.
+    """Arrays by name, with the attributes of the file.
 
     Parameters
     ----------
@@ -97,5 +98,5 @@ class Columns(Mapping[str, Column]):
         return {dim: size for column in self.values() for dim, size in zip(column.dims, column.shape, strict=True)}
 
     def isel(self, time: slice) -> Columns:
-        """Everything at some times."""
+        """Return all columns at some times."""
         return Columns({name: column.isel(time) for name, column in self.items()}, self.attrs)

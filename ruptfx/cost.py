@@ -1,8 +1,8 @@
-"""What a whole run takes in processor time, memory and disk, measured in a rehearsal; and whether there is the memory.
+"""Cost of a whole run in processor time, memory and disk, measured in a rehearsal; check of the available memory.
 
-The rehearsal is the beginning of the run: real steps for half a second, records and snapshots, so that it knows this
-machine, this mesh and this friction law. A process that draws is started as in a run, and its start is what figures are
-counted by. What is not of the run, such as the other rows of `ruptfx check`, is left out.
+The rehearsal is the beginning of the run: real steps for half a second, records and snapshots, so that it includes this
+machine, this mesh and this friction law. A figure process is started as in a run; the cost of figures is estimated from
+its start-up time. Work outside of the run, such as other rows of `ruptfx check`, is excluded.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.steppers import Motion
 
-NEVER = {"interface": 10**9, "bulk": 10**9, "forces": 10**9}  # when the next records are due, by number
-SECONDS, FEWEST = 0.5, 6  # steps of the rehearsal: processor time that is enough, and how many there are at least
+NEVER = {"interface": 10**9, "bulk": 10**9, "forces": 10**9}  # index of the next records, to suppress them
+SECONDS, FEWEST = 0.5, 6  # steps of the rehearsal: sufficient processor time [s], and smallest number
 LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`)
-# Bytes per node of a model in its first step, by components of the motion: the least that a run takes. Two components
+# Bytes per node of a model in its first step, by components of the motion: lower bound of a run. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
 PER_NODE = {1: 130.0, 2: 245.0}
-# Processor time of the start of the program at most, and of the analysis at its end, over that of a fixed piece of
-# Python; of a plain panel of a figure over that of the start of what draws (`ruptfx bench command_cost`).
+# Largest processor time of the start of the program, and of the analysis at its end, over that of a fixed piece of
+# Python; of a plain panel of a figure over that of the start of the figure process (`ruptfx bench command_cost`).
 START, ANALYSIS, PANEL = 40.0, 1.0, 0.085
-PACES = 5  # parts of that piece, the middle one of which counts
-# Bytes of memory of what draws: all imported, more for each pixel of the bodies, and more where these break.
+PACES = 5  # parts of that piece, of which the median is used
+# Memory of the figure process [bytes]: imports, additional for each pixel of the bodies, additional with fracture.
 DRAWS, PIXEL, CRACKS = 125e6, 180.0, 160e6
-PICTURE, GRAINS = 0.2e6, 1.1e6  # bytes of a figure's file, and more of all those of a body that breaks, cell by cell
+PICTURE, GRAINS = 0.2e6, 1.1e6  # bytes of a figure file, and additional bytes of all figures with fracture
 BYTES = {"double": 8, "single": 4}
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of a run on one rank with all it leaves.
+    """Cost of a run on one rank with all outputs.
 
     Attributes
     ----------
@@ -68,17 +68,17 @@ class Cost:
 
 
 def rehearse(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Cost:
-    """The cost of a run.
+    """Return the cost of a run.
 
     Parameters
     ----------
     model : Model
     motion : Motion
     steps : int or None
-        None where their number is not known; only the first are counted then.
+        None if their number is unknown; only the first steps are counted then.
     started, built : float
-        Processor time of this program when it began with the model, and when it had it [s]. Before is what starting
-        takes, in a program that did nothing else.
+        Processor time of this program at the start and end of building the model [s]. The time before is that of
+        start-up, in a program without other work.
     """
     case, pace = model.case, _pace()
     figures = work_of_figures(case) if case.output.figures else {}
@@ -108,7 +108,7 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
 
 
 class _Beginning:
-    """The first steps of a run, with what the loop does around them and records when they are asked for.
+    """First steps of a run, with the work of the loop around them, and records on request.
 
     Made, it has the first state, a step, a record of the end of that, and a snapshot, in which what needs it is
     compiled.
@@ -126,7 +126,7 @@ class _Beginning:
         self._step(watched=False)
 
     def step_and_record(self) -> None:
-        """Energies of a record come from its step."""
+        """Make a step and a record; energies of a record come from its step."""
         self._step(watched=True)
         self._record("interface")
 
@@ -142,7 +142,7 @@ class _Beginning:
         self.recorder.due(self.state)
 
     def _record(self, what: str) -> None:
-        """Make the recorder believe that this is due."""
+        """Make one kind of record due and write it."""
         self.recorder.next = NEVER | {what: 0}
         self.recorder.last[what] = -1.0
         self.recorder.record(self.state)
@@ -150,12 +150,12 @@ class _Beginning:
 
 
 def _pace() -> float:
-    """Processor time of a fixed piece of Python [s], about 0.04."""
+    """Return the processor time of a fixed piece of Python [s], about 0.04."""
     return PACES * median(_once(lambda: sum(len(f"{number:.3g}") for number in range(20_000))) for _ in range(PACES))
 
 
 def _each(action: Callable[[], object], seconds: float, fewest: int, most: float = np.inf) -> float:
-    """Processor time of an action [s], the mean of as many as take so long."""
+    """Return the mean processor time of an action [s], repeated for so many seconds."""
     begin, times = time.process_time(), 0
     while times < most and (times < fewest or time.process_time() - begin < seconds):
         action()
@@ -168,7 +168,7 @@ def _once(action: Callable[[], object]) -> float:
 
 
 def _bytes_of_files(model: Model, steps: int | None) -> float:
-    """Numbers in interface.h5, bulk.h5 (before compression) and instruments.h5 and, as text of 20, in energy.csv."""
+    """Return the bytes of interface.h5, bulk.h5 (uncompressed), instruments.h5 and, as text, energy.csv."""
     case = model.case
     records, snapshots = counts(case, steps)
     numbers = 0.0
@@ -183,18 +183,18 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     of_snapshot = sum(columns[name] for name in case.output.bulk_fields) * BYTES[case.output.bulk_precision]
     mesh = 8 * (dim + 2**dim)  # points, and about as many cells between them
     if model.cracks is not None:
-        # Ends, lines, normal, length and bodies of every facet once; what snapshots show of it, one byte the status.
+        # Once per facet: ends, line, normal, length, bodies; per snapshot: its fields, the status with one byte.
         numbers += int(model.cracks.owned.sum()) * (10 + snapshots * (len(SNAPSHOTS) - 1 + 1 / 8))
     return 8 * numbers + model.total_nodes * (snapshots * of_snapshot + mesh) + 20 * (len(ENERGIES) + 2) * records
 
 
 def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:
-    """The instruments of a case and the numbers that each of them makes."""
+    """Return the instruments of a case and the channels of each."""
     return Samples(model, dt, BulkFields(model).initial_stress_at).instruments
 
 
 def counts(case: Case, steps: int | None) -> tuple[int, int]:
-    """Return the numbers of records of the interfaces and of snapshots of the bodies, at most one of each step."""
+    """Return the numbers of records of the interfaces and of snapshots of the bodies, at most one per step."""
     records, snapshots = (count(case.intervals[what], case.duration) for what in ("interface", "bulk"))
     if steps is None:
         return 1 + records, snapshots
@@ -204,7 +204,7 @@ def counts(case: Case, steps: int | None) -> tuple[int, int]:
 
 
 def work_of_figures(case: Case) -> dict[str, int]:
-    """The figures that such a run ends with, at most, each with how many plain panels take as long."""
+    """Return the figures of such a run (at most), each with its cost in plain panels."""
     work = {"energy_budget": 4}
     if case.faults:
         work |= {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
@@ -225,14 +225,14 @@ def work_of_figures(case: Case) -> dict[str, int]:
 
 
 def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
-    """Refuse a mesh that does not fit into the memory of this machine, before any of it is made; collective.
+    """Refuse a mesh that does not fit into the memory of this machine, before it is built; collective.
 
-    Only for meshes whose size is known beforehand; what is counted is the least that a run takes.
+    Only for meshes whose size is known beforehand; the estimate is a lower bound of a run.
 
     Raises
     ------
     RuptfxError
-        On all ranks: how much it would take, and what to do.
+        On all ranks; the message gives the memory and the remedy.
     """
     lattice, there = case.mesh.lattice(), available()
     here = comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if comm.size > 1 else 1
@@ -250,7 +250,7 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
 
 
 def largest_memory() -> float:
-    """The most that this program ever held [bytes]; getrusage would count the program that started it, too."""
+    """Return the peak memory of this program [bytes]; getrusage would include the program that started it."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:
@@ -259,7 +259,7 @@ def largest_memory() -> float:
 
 
 def available(root: Path = Path("/")) -> float | None:
-    """Memory that is free for this process [bytes]: of the machine, and of its control group; None where not known."""
+    """Return the free memory for this process [bytes], of the machine and of its control group; None if unknown."""
     try:
         lines = (root / "proc/meminfo").read_text().splitlines()
     except OSError:

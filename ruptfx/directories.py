@@ -1,7 +1,7 @@
-"""Directories of results: one process at a time writes there, and a run is replaced only by one that is complete.
+"""Result directories: one process at a time writes there, and a run is replaced only by a complete one.
 
-A run that replaces another is computed in the hidden directory `.new` of the other one. When it is complete, its files
-take the place of those that `files.json` names; all others are the user's and stay.
+A run that replaces another is computed in the hidden directory `.new` inside the other one. When it is complete, its
+files replace those listed in `files.json`; all others belong to the user and stay.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ FINAL = "final"  # the checkpoint of a complete run
 
 @contextmanager
 def reserved(out: Path) -> Iterator[None]:
-    """Make a directory and keep others out of it until the end, however that comes.
+    """Create a directory and lock it for other processes until the end of the context.
 
-    The lock is the operating system's, so a killed process leaves none behind. If a process was killed while it
-    replaced a run, that is brought to its end.
+    The lock belongs to the operating system, which releases it if the process is killed. If a process was killed while
+    it replaced a run, the replacement is completed first.
 
     Raises
     ------
     RuptfxError
-        Another process works there, or nothing can be written.
+        If another process uses the directory, or it is not writable.
     """
     file = _locked(out)
     try:
         replace(out)
         yield
     finally:
-        # A directory that was refused keeps no trace; removed before the lock is given up.
+        # Leave no files in a refused directory; remove them before the lock is released.
         Path(file.name).unlink(missing_ok=True)
         file.close()
 
 
 def _locked(out: Path) -> IO[str]:
-    """The open lock file, locked.
+    """Return the open lock file, locked.
 
     Raises
     ------
@@ -85,12 +85,12 @@ def _locked(out: Path) -> IO[str]:
 
 
 def is_finished(out: Path, case: CaseFile) -> bool:
-    """Whether a directory holds the complete run of this case.
+    """Return whether a directory contains the complete run of this case.
 
     Raises
     ------
     RuptfxError
-        It holds a run of another case, or its case was changed.
+        If it contains a run of another case, or its case was changed.
     """
     end_replacement(out)
     if _case_hash(out / NEW) == case.hash:
@@ -106,7 +106,7 @@ def is_finished(out: Path, case: CaseFile) -> bool:
 
 
 def _case_hash(out: Path) -> str | None:
-    """Hash of the case whose run a directory holds; None where that cannot be told."""
+    """Return the hash of the case of the run in a directory; None if unknown."""
     try:
         return str(read_case(out / run_files.CASE).hash)
     except RuptfxError:
@@ -129,26 +129,26 @@ def unfinished(out: Path) -> Path:
 
 
 def home(place: Path) -> Path:
-    """Return the run directory to which a place belongs where a run is computed."""
+    """Return the run directory to which a directory of computation belongs."""
     return place.parent if place.name == NEW else place
 
 
 def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -> Path:
-    """Return an empty directory for a new run: `out`, or its `.new` where a run is to be replaced.
+    """Return an empty directory for a new run: `out`, or its `.new` if a run is to be replaced.
 
     Parameters
     ----------
     out : Path
-        Reserved.
+        Reserved directory.
     again : case, optional
-        Begin this case again where it was stopped early.
+        Start this case again if its run was stopped early.
     overwrite : bool
         Replace a run of any case, once the new one is complete.
 
     Raises
     ------
     RuptfxError
-        The directory holds something else already, or cannot be written.
+        If the directory contains other files, or is not writable.
     """
     if not any(path.name != LOCK for path in out.iterdir()):
         return out
@@ -166,12 +166,12 @@ def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -
 
 
 def check_replaceable(out: Path) -> None:
-    """Refuse a directory whose files a new run could not replace.
+    """Refuse a directory whose run cannot be replaced.
 
     Raises
     ------
     RuptfxError
-        It holds no run, or one that left no list of its files.
+        If it contains no run, or one without a list of its files.
     """
     if not _holds_a_run(out):
         raise RuptfxError(f"{out}: exists already and is no run; choose another --out, or remove it")
@@ -183,7 +183,7 @@ def check_replaceable(out: Path) -> None:
 
 
 def refuse_links(out: Path) -> None:
-    """Refuse a directory with symbolic links that lead out of it: what goes on there would write through them.
+    """Refuse a directory with symbolic links out of it, through which a run would write.
 
     Raises
     ------
@@ -199,13 +199,13 @@ def refuse_links(out: Path) -> None:
 
 
 def _holds_a_run(out: Path) -> bool:
-    """Return whether a run began here: it had the directory for itself."""
+    """Return whether a run was started here in an empty directory."""
     marks = ("run.log", "result.nc", run_files.NAME)
     return (out / run_files.CASE).is_file() and any((out / name).is_file() for name in marks)
 
 
 def renew(place: Path) -> Path:
-    """Make a hidden directory anew, of which all content is ours.
+    """Create a hidden directory anew; all its files are ours.
 
     Raises
     ------
@@ -220,14 +220,14 @@ def renew(place: Path) -> Path:
 
 
 def end_replacement(out: Path) -> None:
-    """Let a complete run in `.new` take its place, if the process that was to do it was killed."""
+    """Complete the replacement by a complete run in `.new`, if the process that did it was killed."""
     if (out / NEW / run_files.SUMMARY).is_file():
         with reserved(out):
             pass
 
 
 def replace(out: Path) -> None:
-    """Put a complete run in `.new` in the place of the run in a reserved directory; nothing where there is none.
+    """Replace the run in a reserved directory by the complete run in `.new`, if there is one.
 
     May be repeated after a kill at any point: `.new` has its summary until the very end, and from the first change the
     directory has none, so that it never passes as a complete run meanwhile.
@@ -269,12 +269,12 @@ def replace(out: Path) -> None:
 
 
 def _inside(out: Path, name: str) -> Path:
-    """Path of a listed file.
+    """Return the path of a listed file.
 
     Raises
     ------
     OSError
-        A link leads out of the directory.
+        If a link leads out of the directory.
     """
     path = out / name
     if path.parent != out and path.parent.is_symlink():
@@ -283,7 +283,7 @@ def _inside(out: Path, name: str) -> Path:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file, and its folder when nothing else is in it."""
+    """Remove a file, and its folder if it is empty then."""
     if path.is_file() or path.is_symlink():
         path.unlink()
     with suppress(OSError):  # not empty, or not there

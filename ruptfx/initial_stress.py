@@ -1,6 +1,6 @@
-"""The stress an interface and its bodies carry in the initial state, from which displacements are measured.
+"""Stress of an interface and its bodies in the initial state, from which displacements are measured.
 
-It is in equilibrium with what presses the bodies together, and boundaries come on top of it.
+It is in equilibrium with the loads that press the bodies together; boundaries act in addition.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 
 class InitialStress(Part):
-    """Stress an interface carries before anything happens: its tractions, or the stress tensor of the bodies.
+    """Initial stress of an interface: its tractions, or the stress tensor of the bodies.
 
-    The bodies' own stress does not act on the motion, but snapshots and fringes show it. Tractions do not tell all of
-    it: without a tensor it is taken to be the uniform stress that carries the mean tractions of the first interface,
-    with no stress along that interface; in 2D a pressure that varies along a flat one is there everywhere across. Give
-    the tensor where the bodies are also loaded sideways.
+    The stress of the bodies does not affect the motion, but snapshots and fringes include it. Tractions do not define
+    all of it: without a tensor the assumption is the uniform stress with the mean tractions of the first interface,
+    without stress along that interface; in 2D a pressure that varies along a flat one is constant across it. Give
+    the tensor if the bodies are also loaded sideways.
     """
 
     normal: VaryingPressure | None = None
     """Normal stress, positive in compression."""
     shear: VaryingStress | None = None
-    """Shear traction along the (first) tangent; without it, what a rate-and-state law carries whose slip rate and
+    """Shear traction along the (first) tangent; default is that of a rate-and-state law whose slip rate and
     state are both given, else zero."""
     tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
     """Uniform stress of the bodies instead, the same for all interfaces that give it, tension positive: xx, yy, xy, in
@@ -46,7 +46,7 @@ class InitialStress(Part):
         return self
 
     def matrix(self, dim: int) -> np.ndarray | None:
-        """The tensor as a matrix, shape (dim, dim) [Pa]; None where tractions are given."""
+        """Return the tensor as a matrix, shape (dim, dim) [Pa]; None if tractions are given."""
         if self.tensor is None:
             return None
         entries = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]}[dim]
@@ -56,12 +56,12 @@ class InitialStress(Part):
         return stress
 
     def tractions(self, face: Interface, law: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
-        """Normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
+        """Return normal stress and shear traction at the points of an interface, shapes (n,) and (n, tangents) [Pa].
 
         Raises
         ------
         CaseError
-            Shear stress, slip rate and state of a rate-and-state law that contradict each other.
+            If shear stress, slip rate and state of a rate-and-state law contradict each other.
         """
         shear = np.zeros((len(face.position), face.tangents))
         tensor = self.matrix(face.frame.shape[2])

@@ -1,4 +1,4 @@
-"""Starting a run on several ranks with the mpiexec that belongs to this environment's mpi4py."""
+"""Start of a run on several ranks with the mpiexec that matches mpi4py of this environment."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from pathlib import Path
 
 from ruptfx import RuptfxError
 
-STOP = "RUPTFX_STOP"  # file by which the launcher asks the ranks to stop
+STOP = "RUPTFX_STOP"  # path of the file with which the launcher asks the ranks to stop
 PR_SET_PDEATHSIG = 1  # of prctl(2)
-RANKS = "RUPTFX_RANKS"  # what the launcher asked for; the ranks compare it with what they got
+RANKS = "RUPTFX_RANKS"  # number of ranks requested by the launcher, which the ranks compare with the actual one
 
 
 def no_fem(missing: str) -> RuptfxError:
-    """The error where DOLFINx is missing, with commands that install it."""
+    """Return the error of a missing DOLFINx, with commands that install it."""
     return RuptfxError(
         f"DOLFINx is not installed here ({missing}). Install it, in a clone of ruptfx, with: make env; or with: "
         f"{shlex.quote(sys.executable)} -m pip install '.[fem]' (Linux x86-64); "
@@ -32,7 +32,7 @@ def no_fem(missing: str) -> RuptfxError:
 
 
 def need_fem() -> None:
-    """Refuse to start ranks that could not compute.
+    """Refuse to start ranks if DOLFINx is missing.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def need_fem() -> None:
 
 
 def find_mpiexec() -> str:
-    """`mpiexec` beside this Python, else the system's `mpirun`.
+    """Return `mpiexec` next to this Python, else `mpirun` of the system.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def find_mpiexec() -> str:
 
 
 def mpi_command(ranks: int, module: str, *arguments: str) -> list[str]:
-    """Command line of ``python -m MODULE ARGUMENTS`` on `ranks` ranks."""
+    """Return the command line of ``python -m MODULE ARGUMENTS`` on `ranks` ranks."""
     return [find_mpiexec(), "-n", str(ranks), sys.executable, "-m", module, *arguments]
 
 
 def mpi_environment(ranks: int) -> dict[str, str]:
-    """Environment of a run on `ranks` ranks: one thread per rank, any number of ranks."""
+    """Return the environment of a run on `ranks` ranks: one thread per rank, any number of ranks."""
     environment = dict(os.environ, **{RANKS: str(ranks), "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1")})
-    # Open MPI: containers run as root on as many ranks as asked for, whatever the number of cores.
+    # Open MPI: allow root (in containers) and more ranks than cores.
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
     environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
     environment.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
@@ -74,7 +74,7 @@ def mpi_environment(ranks: int) -> dict[str, str]:
 
 
 def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
-    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks, with these variables besides; returns the exit code.
+    """Run ``python -m ruptfx ARGUMENTS`` on `ranks` ranks with further variables; return the exit code.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
     if sys.stderr.isatty():
         environment["RUPTFX_TERMINAL"] = "1"
         environment.setdefault("COLUMNS", str(shutil.get_terminal_size().columns))
-    # Made when the ranks are asked to stop and not before: a launcher that is killed leaves nothing behind.
+    # Created only when the ranks are asked to stop: a killed launcher leaves no file.
     asked = Path(tempfile.gettempdir(), f"ruptfx_stop_{secrets.token_hex(8)}")
     environment[STOP] = str(asked)
     # A session of its own: Open MPI's mpirun would kill the ranks at the first Ctrl-C of the terminal, before they
@@ -97,7 +97,7 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
     )  # fmt: skip
 
     def stop(number: int, _: object) -> None:
-        if asked.exists():  # asked twice: end the ranks at once
+        if asked.exists():  # second request: end the ranks immediately
             process.send_signal(number)
         else:
             part = asked.with_suffix(".new")
@@ -114,22 +114,22 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
 
 
 def _end_with(parent: int) -> None:
-    """Let the kernel end this process when its parent ends, however that comes; on Linux."""
+    """Let the kernel end this process when its parent ends in any way (Linux only)."""
     if sys.platform != "linux":
         return
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # it ended before
+    if os.getppid() != parent:  # the parent has already ended
         os._exit(1)
 
 
 def asked_to_stop() -> str:
-    """What the launcher was told, a signal's name; empty while it was told nothing."""
+    """Return the name of the signal with which the launcher asked to stop; empty without a request."""
     path = os.environ.get(STOP)
     return Path(path).read_text() if path and os.path.exists(path) else ""
 
 
 def check_size(size: int) -> None:
-    """Refuse to run when the launcher and mpi4py are of different MPI libraries.
+    """Refuse to run if the launcher and mpi4py use different MPI libraries.
 
     Raises
     ------

@@ -19,7 +19,7 @@ class Basis:
     Attributes
     ----------
     points, weights : ndarray, shape (order + 1,)
-        And the weights of their quadrature.
+        Points and weights of the quadrature.
     inverse : ndarray, shape (order + 1, order + 1)
         From values at the points to coefficients of Legendre polynomials.
     """
@@ -30,6 +30,7 @@ class Basis:
 
     @classmethod
     def of_order(cls, order: int) -> Basis:
+        """Return the basis of an order."""
         last = legendre.Legendre.basis(order)
         points = np.concatenate([[-1.0], np.sort(last.deriv().roots().real), [1.0]])
         points = 0.5 * (points - points[::-1])  # symmetric to the last digit
@@ -41,22 +42,22 @@ class Basis:
         return len(self.points) - 1
 
     def values(self, at: Floats) -> Floats:
-        """At some places, shape (..., order + 1)."""
+        """Return the values of the polynomials at some positions, shape (..., order + 1)."""
         return legendre.legvander(at, self.order) @ self.inverse
 
     def slopes(self, at: Floats) -> Floats:
-        """Derivatives at some places, shape (..., order + 1)."""
+        """Return the derivatives at some positions, shape (..., order + 1)."""
         derivative = legendre.legder(self.inverse)  # of every column
         return legendre.legvander(at, self.order - 1) @ derivative
 
     def between(self, at: Floats, wanted: Floats, values: Floats) -> Floats:
-        """Where polynomials that grow along [-1, 1] have wanted values, by Newton's method from `at`.
+        """Return where increasing polynomials on [-1, 1] have given values, by Newton's method from `at`.
 
         Parameters
         ----------
         at, wanted : ndarray, shape (...)
         values : ndarray, shape (..., order + 1)
-            Of the polynomials at the points.
+            Values of the polynomials at the points.
         """
         if self.order == 1:
             return (2 * wanted - values[..., 0] - values[..., 1]) / (values[..., 1] - values[..., 0])
@@ -74,7 +75,7 @@ basis_of_order = cache(Basis.of_order)
 
 
 def nodes_between(ends: Floats, order: int) -> Floats:
-    """Ends of elements with their inner nodes.
+    """Return the ends of elements together with their inner nodes.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The drawing of `ruptfx mesh`: what a case means by its names, normals and positions."""
+"""Drawing of `ruptfx mesh`: names, normals and positions of a case on its mesh."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from ruptfx.model import Model
 from ruptfx.places import patches
 
 BODIES = ("#dfe9f2", "#f3e6dd", "#e3efdd", "#efe0ef", "#f2efd8")
-LINE = 9  # points from one label to the next
+LINE = 9  # distance between labels in points
 NORMAL, TANGENT, PATCH = "#1769aa", "#2e7d32", "#c8501e"
 
 
 @styled
 def draw(case: Case) -> Figure:
-    """Elements and names of bodies, edges and interfaces, with origin, normal, tangent and patches; one rank.
+    """Draw elements and names of bodies, edges and interfaces, with origin, normal, tangent and patches; one rank.
 
     Raises
     ------
     RuptfxError
-        The mesh is three-dimensional, or cannot be used.
+        If the mesh is three-dimensional or invalid.
     """
     raw = case.mesh.build()
     if raw.points.shape[1] != 2:
@@ -61,7 +61,7 @@ def _draw_bodies(axes: Axes, raw: RawMesh) -> None:
 
 
 def _free_place(centres: np.ndarray, taken: list[np.ndarray], apart: float) -> np.ndarray:
-    """The middle of a body or, where another one has it, as of grains that are mixed, a cell that is free."""
+    """Return the middle of a body or, if another label is there, as for mixed grains, a free cell."""
     middle = centres.mean(axis=0)
     free = np.ones(len(centres), dtype=bool)
     for place in taken:
@@ -73,7 +73,7 @@ def _free_place(centres: np.ndarray, taken: list[np.ndarray], apart: float) -> n
 
 
 def _name(axes: Axes, sides: np.ndarray, name: str) -> None:
-    """An edge in black, its name beside its middle."""
+    """Draw an edge in black, with its name beside its middle."""
     axes.add_collection(LineCollection(list(sides), color="black", linewidth=1.2))
     middles = sides.mean(axis=1)
     middle = middles[np.argmin(np.linalg.norm(middles - middles.mean(axis=0), axis=1))]  # on it, where it is curved
@@ -90,7 +90,7 @@ def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> No
     if face.line.measure != "x":
         axes.plot(*face.line.origin, "o", color="black", markersize=4)
     middle = order[len(order) // 4]
-    below = face.other_side == "meshed"  # else there are the numbers of the axis
+    below = face.other_side == "meshed"  # else the tick labels of the axis are there
     marked = list(patches(model.placed[fault.name], f"faults.{fault.name}"))
     label = f"interface {fault.name}: position = {face.line.meaning}"
     place = face.points[middle if below else order[len(order) // 2]]
@@ -114,6 +114,6 @@ def _draw_interface(axes: Axes, model: Model, fault: Fault, length: float) -> No
 
 
 def _across(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Normal of an interface in antiplane, which has no local frame in the plane; of the chord from end to end."""
+    """Return the normal of an interface in antiplane, which has no local frame in the plane, from its chord."""
     along = np.array([x[-1] - x[0], y[-1] - y[0]])
     return np.array([-along[1], along[0]]) / np.linalg.norm(along)

@@ -1,8 +1,8 @@
-"""C compiled at first use with the compiler FFCx needs anyway, for the widest vectors here, and cached.
+"""C code, compiled at first use with the compiler that FFCx needs anyway, for the widest vectors, and cached.
 
 RUPTFX_MARCH=x86-64-v3, or another value of the compiler's `-march`, compiles for that processor instead.
 
-NaN stays NaN: the flags allow contraction and explicit `omp simd` loops, never finite-math assumptions.
+NaN is preserved: the flags allow contraction and explicit `omp simd` loops, never finite-math assumptions.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _loaded: dict[str, ctypes.CDLL] = {}
 
 
 def load(name: str, source: str, defines: Mapping[str, object] | None = None) -> ctypes.CDLL:
-    """The compiled shared library of a C source; from the cache when it was compiled before.
+    """Return the shared library of a C source, compiled now or taken from the cache.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ def target() -> str:
 
 
 def _choices() -> tuple[tuple[str, ...], ...]:
-    """Options for the target, tried in this order, the fastest first; an empty one is the portable build."""
+    """Return options for the target, fastest first; an empty one is the portable build."""
     return (WIDEST, WIDEST[:1], ("-mcpu=native",), ()) if target() == "native" else ((f"-march={target()}",),)
 
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """Uninitialised array that begins on a cache line, as vector loads want it."""
+    """Return an uninitialised array aligned to a cache line, for vector loads."""
     size = math.prod(shape)
     raw = np.empty(size + 8)
     offset = (-raw.ctypes.data // 8) % 8
@@ -91,7 +91,7 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 @cache
 def find_compiler() -> tuple[str, ...]:
-    """Command of the C compiler: $CC, else what Python was built with, else gcc, cc or clang.
+    """Return the command of the C compiler: $CC, else that of the Python build, else gcc, cc or clang.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def _version(compiler: tuple[str, ...]) -> str:
 
 @cache
 def _processor() -> str:
-    """What `-march=native` depends on, model and instruction sets: a cache may be on a shared disk."""
+    """Return what `-march=native` depends on, model and instruction sets: a cache may be on a shared disk."""
     try:
         lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
     except OSError:
@@ -127,12 +127,12 @@ def _processor() -> str:
 
 @cache
 def cache_directory() -> Path:
-    """$XDG_CACHE_HOME/ruptfx or ~/.cache/ruptfx, made for this user alone.
+    """Return $XDG_CACHE_HOME/ruptfx or ~/.cache/ruptfx, created for this user only.
 
-    What lies there is loaded into this process, so that others could run what they like where they may write. A
-    directory that is not this user's own, or that others may write to, is left alone with a warning that names the
-    remedy. There, and where nothing can be written, a private temporary directory does until the process ends: what
-    is compiled is then compiled again by every run.
+    Libraries from the cache are loaded into this process: if others could write there, they could run any code. A
+    directory of another user, or one that others may write to, is not used; a warning gives the
+    remedy. In this case, and if the directory is not writable, a private temporary directory is used, so that
+    every run compiles again.
     """
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     try:
@@ -155,7 +155,7 @@ def _private() -> tempfile.TemporaryDirectory[str]:
 
 
 def _danger(path: Path) -> str:
-    """Why others may have changed what is there: owner and mode in words; empty where only this user can."""
+    """Return why other users may have changed a directory, by owner and mode; empty if they cannot."""
     found, user = path.stat(), os.geteuid()
     if found.st_uid != user:
         return f"{path} belongs to user {found.st_uid}, not to {user}"
@@ -188,7 +188,7 @@ def _compile(compiler: tuple[str, ...], text: str, file: Path) -> None:
                 f"{compiler[0]} refuses -march=native ({reason}); using a portable build, which is slower",
                 stacklevel=4,
             )
-        built.chmod(0o700)  # whatever the umask allows others
+        built.chmod(0o700)  # independent of the umask
         kept = file.with_suffix(".c")
         os.replace(source, kept)
         os.replace(built, file)

@@ -1,4 +1,4 @@
-"""How cases and records show themselves in a notebook: as HTML, with units, and what a key means on its name."""
+"""HTML of cases and records in notebooks, with units, and descriptions of keys as tooltips."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from ruptfx.record import Record
 
 PICTURE = 560  # largest width and height of a picture [pixels]; those of the run directory are larger
-MOST_NUMBERS = 6  # of a list that are shown
+MOST_NUMBERS = 6  # largest number of entries shown of a list
 
 
 def shown_part(part: Part) -> str:
-    """A part of a case as tables to unfold; what was not given, but is the default, in grey."""
+    """Return a part of a case as foldable tables; default values are grey."""
     name = part.kind() if isinstance(part, Alternative) else type(part).__name__
     return _unfolded(name, part, True)
 
@@ -43,7 +43,7 @@ def _unfolded(name: str, part: Part, unfold: bool) -> str:
 
 
 def _parts_in(key: str, value: object) -> list[tuple[str, Part]]:
-    """The parts that a key holds, by what leads to them."""
+    """Return the parts inside a key, by their dotted keys."""
     if isinstance(value, Part):
         return [(key, value)]
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
@@ -65,7 +65,7 @@ def _shown(value: object) -> str:
 
 
 def shown_record(record: Record) -> str:
-    """A record: what is there, its numbers, its pictures in small."""
+    """Return a record as HTML: its content, its numbers, and small pictures."""
     rows = []
     for name, value in (record.summary or {}).items():
         if isinstance(value, int | float | str) and not isinstance(value, bool):
@@ -81,7 +81,7 @@ def shown_record(record: Record) -> str:
 
 
 def _small(path: Path) -> str:
-    """A picture for the page, as base64."""
+    """Return a small picture for the page, as base64."""
     from PIL import Image
 
     with Image.open(path) as picture, io.BytesIO() as buffer:

@@ -1,4 +1,4 @@
-"""Numbers from text files, in SI units; errors name the file and the line.
+"""Numbers from text files, in SI units; errors give the file and the line.
 
 A header may give the unit of a column: `time (us)`, `time [us]`, `t/us`, `time us`, `time_us`, or units alone in a line
 below the names. A column whose header has no unit is in SI units.
@@ -19,15 +19,15 @@ from ruptfx.quantities import OtherKind, factor
 
 Units = tuple[str, str | None]
 
-MOST_BYTES = 100_000_000  # of a file with numbers
+MOST_BYTES = 100_000_000  # largest size of a file with numbers
 
 _BRACKETED = re.compile(r"(.*?)[\s/]*[(\[]([^()\[\]]*)[)\]]")
-_NAMES = ("min", "bar", "deg", "rad")  # units that are words of names, too: x_min
+_NAMES = ("min", "bar", "deg", "rad")  # units that are also parts of names: x_min
 _SLASHED = re.compile(r"(\S.*?)\s*/\s*(\S.*)")
 
 
 def number(word: str | None, path: str | Path, line: int, scale: Fraction | int = 1) -> float:
-    """A finite number, times the factor of its column.
+    """Return a finite number, times the factor of its column.
 
     Raises
     ------
@@ -39,19 +39,19 @@ def number(word: str | None, path: str | Path, line: int, scale: Fraction | int 
         value = np.nan
     if not np.isfinite(value):
         raise ValueError(f"line {line} of {path}: {(word or '').strip()!r} is not a finite number")
-    # In exact arithmetic, so that 60 in microseconds is the very number 60e-6.
+    # In exact arithmetic, so that 60 in microseconds equals 60e-6 bitwise.
     return value if scale == 1 else float(Fraction(Decimal((word or "").strip())) * scale)
 
 
 def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
-    """Name of a column and the factor of its numbers to a unit, None where its header gives no unit.
+    """Return the name of a column and the factor of its numbers to a unit, None if its header has no unit.
 
     Parameters
     ----------
     cell : str
         Header of the column.
     unit : str or None
-        The unit that is wanted; None for the SI unit of whatever the header says.
+        Target unit; None for the SI unit of the unit in the header.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def name_and_factor(cell: str, unit: str | None) -> tuple[str, Fraction | None]:
 
 
 def _factor_or_none(text: str, unit: str | None) -> Fraction | None:
-    """Factor of a text that is a unit of the right kind, else None.
+    """Return the factor of a text that is a unit of the right kind, else None.
 
     Raises
     ------
@@ -102,16 +102,16 @@ def _factor_or_none(text: str, unit: str | None) -> Fraction | None:
 def factors(
     above: Sequence[tuple[int, str]], units: Sequence[str | None], given: int, path: str | Path
 ) -> list[Fraction | None]:
-    """Factor of each column to its unit, from the header; None where it gives no unit.
+    """Return the factor of each column to its unit, from the header; None without a unit.
 
     Parameters
     ----------
     above : sequence of (int, str)
         Lines above the first number, with their numbers; the last that gives units is the header.
     units : sequence of str or None
-        Those wanted of the columns.
+        Target units of the columns.
     given : int
-        How many columns the numbers have. A comment is a header only if it has as many cells as they or `units`.
+        Number of columns of the data. A comment is a header only if it has as many cells as the data or `units`.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def factors(
 def named_columns(
     header: Sequence[str], units: Mapping[str, str], path: str | Path, line: int
 ) -> dict[str, tuple[int, Fraction | int]]:
-    """Number and factor of each column that a header names, alone or with a unit; the others are left out.
+    """Return index and factor of each named column of a header; ignore other columns.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _name_and_factor(cell: str, unit: str | None, where: str) -> tuple[str, Frac
 
 
 def _cells(text: str, columns: int) -> list[str]:
-    """Cells of a header, between semicolons, commas, tabs, closing brackets or else blanks."""
+    """Return the cells of a header, separated by semicolons, commas, tabs, closing brackets or else blanks."""
     if columns == 1:
         return [text.rstrip(";,")]
     separator = next((mark for mark in ";,\t" if mark in text), None)
@@ -173,6 +173,7 @@ def _cells(text: str, columns: int) -> list[str]:
 
 
 def is_number(word: str) -> bool:
+    """Return whether a word is a number."""
     try:
         float(word)
     except ValueError:
@@ -181,7 +182,7 @@ def is_number(word: str) -> bool:
 
 
 def require_increasing(values: Sequence[float] | np.ndarray, lines: Sequence[int], path: str | Path) -> None:
-    """Refuse a column in which a number is not larger than the one before.
+    """Refuse a column that is not strictly increasing.
 
     Raises
     ------
@@ -196,12 +197,12 @@ def require_increasing(values: Sequence[float] | np.ndarray, lines: Sequence[int
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file that a case names.
+    """Return the text of a file named in a case.
 
     Raises
     ------
     ValueError
-        It cannot be read, is a device or a pipe, or too large.
+        If it cannot be read, is a device or a pipe, or too large.
     """
     try:
         if path.exists() and not path.is_file():
@@ -217,9 +218,9 @@ def text_of(path: Path) -> str:
 
 
 def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list[float]]:
-    """The first two columns of a CSV file, `first` (which increases) and values, in the units wanted.
+    """Read the first two columns of a CSV file, `first` (increasing) and values, in the given units.
 
-    Lines before the first number and lines that begin with # are skipped, but for the units of the header.
+    Lines before the first number and lines that begin with # are skipped, except for the units of the header.
 
     Raises
     ------
@@ -249,18 +250,18 @@ def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list
 
 
 def with_file_read(values: object, info: ValidationInfo, key: str, first: str, units: Units) -> object:
-    """Tables of a part that may give a `file` instead of two lists: `key` and values; then with those of the file.
+    """Replace `file` in the tables of a part by the two lists that it contains.
 
     Parameters
     ----------
     values : object
-        What the part is made of.
+        Tables of the part.
     info : ValidationInfo
-        Its context knows the directory of the case.
+        Validation context with the directory of the case.
     key, first : str
-        Name of the first list, and what one of its numbers is.
+        Name of the first list, and of one of its numbers.
     units : (str, str or None)
-        Those of the two columns, of which headers may give multiples.
+        Units of the two columns; headers may give multiples.
 
     Raises
     ------

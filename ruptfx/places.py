@@ -1,6 +1,6 @@
-"""Places along an interface as a case gives them: positions, and points that stand for the nearest position.
+"""Positions along an interface in a case, also given as points that define the nearest position.
 
-What a position is says `ruptfx.interface.Interface`: x where an interface is flat and its (first) tangent is +x, a
+`ruptfx.interface.Line` defines positions: x where an interface is flat and its (first) tangent is +x, a
 length from its `origin` elsewhere.
 """
 
@@ -17,7 +17,7 @@ from ruptfx.schema import Alternative, Part, Unit, has_mark
 
 
 class Place(Part):
-    """A point; it stands for the position of the nearest point of the interface."""
+    """A point, which defines the position of the nearest point of the interface."""
 
     x: Annotated[float, Unit("m")]
     """Coordinate along x."""
@@ -26,11 +26,11 @@ class Place(Part):
 
 
 class _Along:
-    """Marks fields that hold positions along an interface."""
+    """Mark of fields that contain positions along an interface."""
 
 
 class _Reach:
-    """Marks fields that say how far a patch reaches to both sides of its center."""
+    """Mark of fields with the half-width of a patch."""
 
 
 def _tag(value: object) -> str:
@@ -53,7 +53,7 @@ AnyPart = TypeVar("AnyPart", bound=Part)
 
 
 def located(part: AnyPart, locate: Callable[[str, Place], float], key: str) -> AnyPart:
-    """The same part with every point replaced by its position.
+    """Return the part with every point replaced by its position.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def located(part: AnyPart, locate: Callable[[str, Place], float], key: str) -> A
 
 
 def parts(part: Part, key: str) -> Iterator[tuple[str, Part]]:
-    """A part and all that it holds, each with its dotted key."""
+    """Yield a part and all parts inside it, each with its dotted key."""
     yield key, part
     for name in type(part).model_fields:
         value = getattr(part, name)
@@ -86,7 +86,7 @@ def parts(part: Part, key: str) -> Iterator[tuple[str, Part]]:
 
 
 def positions(part: Part, key: str) -> Iterator[tuple[str, list[float]]]:
-    """Keys and values of every position given as a number; without values, keys of what is drawn by position."""
+    """Yield keys and values of every position given as a number; keys without values for random fields."""
     for where, item in parts(part, key):
         fields = type(item).model_fields
         for name in fields:
@@ -99,15 +99,15 @@ def positions(part: Part, key: str) -> Iterator[tuple[str, list[float]]]:
 
 @dataclass(frozen=True)
 class Patch:
-    """A part of an interface that a case singles out.
+    """A part of an interface defined in a case.
 
     Attributes
     ----------
     key : str
-        Dotted key of what has the patch.
+        Dotted key of the part with the patch.
     kind : str
     ends : list of float
-        First and last position [m]; one for what has no ends.
+        First and last position [m]; one value for a single position.
     """
 
     key: str
@@ -116,7 +116,7 @@ class Patch:
 
 
 def patches(part: Part, key: str) -> Iterator[Patch]:
-    """Everything with a center or with positions; points must have been replaced (`located`)."""
+    """Yield all parts with a center or with positions; points must have been replaced (`located`)."""
     for where, item in parts(part, key):
         found = {mark: [getattr(item, name) for name in type(item).model_fields if has_mark(type(item), name, mark)]
                  for mark in (_Along, _Reach)}  # fmt: skip
@@ -130,7 +130,7 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
 
 
 def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:
-    """What positions that were lengths from the left end become as x, for messages."""
+    """Return text with the changes of positions from lengths from the left end to x, for messages."""
     texts = []
     for key, values in given:
         if not values:

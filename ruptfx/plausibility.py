@@ -1,4 +1,4 @@
-"""What is allowed but hardly meant: a lost exponent, echoes, records that miss what happens. `ruptfx check` warns."""
+"""Warnings about valid input that is probably a mistake: orders of magnitude, reflections, rare records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ruptfx.interface import Interface
 from ruptfx.model import Model
 from ruptfx.schema import unit_of
 
-# From soft gels to diamond, from aerogels to osmium, from gels to diamond; the least of a pressed laboratory sample.
+# Soft gels to diamond; aerogels to osmium; gels to diamond; smallest pressure on a laboratory sample.
 MODULI = (1e3, 1.3e12)  # Pa
 DENSITIES = (10.0, 23e3)  # kg/m3
 SPEEDS = (1.0, 20e3)  # m/s
@@ -24,18 +24,18 @@ LARGEST_STRAIN = 0.05  # of the initial stress over the modulus rho c_p^2
 
 @dataclass(frozen=True)
 class Doubt:
-    """One thing that is hardly meant."""
+    """One warning."""
 
     quantity: str
     value: float
     unit: str
     note: str
     likely_meant: bool = False
-    """Worth a word, but no warning."""
+    """Only a remark, not a warning."""
 
 
 def doubts(model: Model) -> Iterator[Doubt]:
-    """All doubts about a case on this rank."""
+    """Yield all warnings about a case on this rank."""
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         for key in type(material).model_fields:
             value = getattr(material, key)
@@ -58,7 +58,7 @@ def doubts(model: Model) -> Iterator[Doubt]:
 
 
 def slow_records(model: Model, label: str, zone: float) -> Iterator[Doubt]:
-    """Records further apart than a process zone needs to pass a point at the Rayleigh or shear wave speed."""
+    """Warn of records further apart than the time in which a process zone passes a point."""
     if not model.case.stepper.inertia:
         return
     interval = model.case.intervals["interface"]
@@ -88,7 +88,7 @@ def _stress(model: Model, fault: Fault) -> Iterator[Doubt]:
 
 
 def _echoes(model: Model) -> Iterator[Doubt]:
-    """Edges that reflect and lie away from the interfaces: when what they send back arrives at one."""
+    """Warn of reflecting edges away from the interfaces, with the arrival time of reflections."""
     absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
     open_edges = {boundary.edge for boundary in absorbing}
     faces = [fault.interface for fault in model.faults if len(fault.interface.points)]
@@ -117,6 +117,6 @@ def _echoes(model: Model) -> Iterator[Doubt]:
 
 
 def _bodies(model: Model, face: Interface) -> np.ndarray:
-    """Numbers of the bodies on both sides of an interface."""
+    """Return the indices of the bodies on both sides of an interface."""
     sides = [face.plus, face.minus] if face.other_side == "meshed" else [face.plus]
     return np.unique(model.layout.body[np.concatenate(sides)])

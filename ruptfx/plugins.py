@@ -1,8 +1,8 @@
-"""Laws from outside: files that a case names, whose classes are alternatives like those of the folders.
+"""Plug-ins: files named in a case, whose classes are alternatives like those of the folders.
 
 A plug-in is one Python file that defines alternatives, classes derived from `FrictionLaw`, `Material` ...; the `kind`
-of each is its name with underscores: ``class MyLaw`` is ``kind = "my_law"``. Its content is part of the case, and a
-copy goes wherever the case is written. Packages offer theirs by entry points instead (`ruptfx.schema`).
+of each is its name with underscores: ``class MyLaw`` is ``kind = "my_law"``. The file is part of the case, and a
+copy is written with every copy of the case. Packages offer alternatives by entry points (`ruptfx.schema`).
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ _loaded: dict[str, Plugin] = {}  # by name of the module
 
 @dataclass(frozen=True)
 class Plugin:
-    """A file and what it defines.
+    """A plug-in file and its classes.
 
     Attributes
     ----------
     path : Path
     source : bytes
-        What was loaded, whatever becomes of the file.
+        Loaded content, independent of later changes of the file.
     classes : dict of dict of type
         By package and kind: ``classes["ruptfx.friction"]["my_law"]``.
     """
@@ -68,21 +68,22 @@ class Plugin:
 
     @property
     def digest(self) -> str:
+        """sha256 of the content."""
         return hashlib.sha256(self.source).hexdigest()
 
     def listed(self) -> str:
-        """What it defines, in words."""
+        """Return the definitions of the plug-in as text."""
         found = (f"{package.rpartition('.')[2]} {kind}" for package, named in self.classes.items() for kind in named)
         return ", ".join(found)
 
 
 def load(path: str | Path) -> Plugin:
-    """Load a file, which runs its code; the same content is loaded once.
+    """Load a file, which executes it; equal content is loaded once.
 
     Raises
     ------
     CaseError
-        It cannot be read or does not load (with the line), defines nothing, or takes a name that is taken.
+        If it cannot be read, does not load (with the line), defines no alternative, or uses a name that exists.
     """
     path = Path(path).absolute()
     with telling.get()(path) as told:
@@ -150,7 +151,7 @@ _leave = os._exit
 
 
 def _exit(code: int) -> NoReturn:
-    """Stand for `os._exit`, with which code of a plug-in would end the program without a message."""
+    """Replace `os._exit`, with which a plug-in would end the program without a message."""
     if str(sys._getframe(1).f_globals.get("__name__")).startswith(MODULE):
         raise SystemExit(code)
     _leave(code)
@@ -168,7 +169,7 @@ def exit_error(left: SystemExit) -> CaseError | None:
 
 
 def _imported(module: ModuleType) -> Iterator[str]:
-    """Files of the modules that the names of a module come from."""
+    """Yield the files of the modules that define the names of a module."""
     for value in vars(module).values():
         origin = value if isinstance(value, ModuleType) else sys.modules.get(getattr(value, "__module__", None) or "")
         file = getattr(origin, "__file__", None)
@@ -177,12 +178,12 @@ def _imported(module: ModuleType) -> Iterator[str]:
 
 
 def of_class(cls: type) -> Plugin:
-    """The file that defines a class, as a plug-in.
+    """Return the file that defines a class, as a plug-in.
 
     Raises
     ------
     CaseError
-        There is no file, or the class is not found when it is loaded.
+        If there is no file, or it does not define the class.
     """
     if cls.__module__ in _loaded:
         return _loaded[cls.__module__]
@@ -198,12 +199,12 @@ def of_class(cls: type) -> Plugin:
 
 @contextmanager
 def active(plugins: Iterable[Plugin]) -> Iterator[None]:
-    """Within, the kinds of these plug-ins are known.
+    """Make the kinds of these plug-ins known within the context.
 
     Raises
     ------
     CaseError
-        Two of them have a name in common.
+        If two of them define the same name.
     """
     merged: dict[str, dict[str, type]] = {}
     files: dict[str, Plugin] = {}
@@ -229,7 +230,7 @@ def active(plugins: Iterable[Plugin]) -> Iterator[None]:
 
 
 def named(table: Mapping[str, object], directory: Path | None) -> list[Plugin]:
-    """The plug-ins that the tables of a case name, relative to `directory`; what is no list of names is not looked at.
+    """Return the plug-ins named in the tables of a case, relative to `directory`; ignore invalid lists.
 
     Raises
     ------
@@ -243,7 +244,7 @@ def named(table: Mapping[str, object], directory: Path | None) -> list[Plugin]:
 
 
 class CaseFile(Part):
-    """What a case file holds whatever it computes: plug-ins, and how it is written and told from others."""
+    """Common part of all case files: plug-ins, writing and hashing."""
 
     plugins: list[str] = []
     """Python files that define further kinds, relative to the case file. They run when the case is read."""
@@ -267,16 +268,16 @@ class CaseFile(Part):
 
     @property
     def loaded(self) -> tuple[Plugin, ...]:
-        """The plug-ins that it names."""
+        """Plug-ins named in the case."""
         return self._plugins
 
     def model_copy(self, *, update: Mapping[str, object] | None = None, deep: bool = False) -> Self:
-        # With the code it was read with, whatever became of the files.
+        # Keep the loaded code, independent of later changes of the files.
         kept = {"plugins": list(self._plugins)} if update and self._plugins else {}
         return super().model_copy(update={**kept, **update} if update else None, deep=deep)
 
     def changed(self, key: str, value: object) -> Self:
-        """The same case with another value of one key, checked as if it came from a file.
+        """Return the case with another value of one key, checked as if it came from a file.
 
         Parameters
         ----------
@@ -300,12 +301,12 @@ class CaseFile(Part):
         return shown_part(self)
 
     def plugin_files(self) -> list[Plugin]:
-        """Plug-ins of the case and, of objects given in Python, the files that define their classes.
+        """Return the plug-ins of the case and the files of classes of objects given in Python.
 
         Raises
         ------
         CaseError
-            A class that could not be found again in a file.
+            If a class is not defined in a file.
         """
         found = list(self._plugins)
         for cls in dict.fromkeys(type(part) for part in _parts(self)):
@@ -319,25 +320,26 @@ class CaseFile(Part):
             return found
 
     def table(self) -> Table:
-        """The resolved case as plain tables, ready for TOML."""
+        """Return the resolved case as plain tables, ready for TOML."""
         table = self.model_dump(mode="json", exclude_none=True)
         table.pop("plugins", None)
         files = self.plugin_files()
         return {"plugins": [str(plugin.path) for plugin in files], **table} if files else table
 
     def to_toml(self) -> str:
+        """Return the resolved case as TOML text."""
         return tomli_w.dumps(self.table())
 
     @property
     def hash(self) -> str:
-        """Content hash: equal for cases that mean the same run, wherever their plug-ins are."""
+        """Content hash, equal for cases of the same run, independent of the location of plug-ins."""
         table = self.table()
         if "plugins" in table:
             table["plugins"] = sorted([plugin.path.name, plugin.digest] for plugin in self.plugin_files())
         return hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()[:16]
 
     def copied(self, directory: Path) -> Table:
-        """The tables, with copies of the plug-ins: in `plugins` of the directory, to which their names are relative."""
+        """Copy the plug-ins to `plugins` of a directory; return the tables with relative names of the copies."""
         table, files = self.table(), self.plugin_files()
         for plugin in files:
             (directory / FOLDER).mkdir(exist_ok=True)
@@ -345,12 +347,12 @@ class CaseFile(Part):
         return {**table, "plugins": [f"{FOLDER}/{p.path.name}" for p in files]} if files else table
 
     def save(self, directory: Path) -> None:
-        """Write ``case.toml`` and the plug-ins: what the directory needs to be understood by itself."""
+        """Write ``case.toml`` and the plug-ins, so that the directory is self-contained."""
         (directory / "case.toml").write_text(tomli_w.dumps(self.copied(directory)), encoding="utf-8")
 
 
 def _parts(value: object) -> Iterator[Part]:
-    """A part and all parts in it."""
+    """Yield a part and all parts in it."""
     if isinstance(value, Part):
         yield value
         inner: Iterable[object] = (getattr(value, name) for name in type(value).model_fields)
@@ -361,7 +363,7 @@ def _parts(value: object) -> Iterator[Part]:
 
 
 def _is_at_home(cls: type) -> bool:
-    """Whether its kind is found without a plug-in."""
+    """Return whether the kind of a class is found without a plug-in."""
     if cls.__module__.startswith("ruptfx."):
         return True
     package = home(cls)

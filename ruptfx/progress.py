@@ -1,4 +1,4 @@
-"""The one display of progress: a bar on a terminal, elsewhere a line now and then."""
+"""Progress display: a bar on a terminal, elsewhere a line now and then."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Progress:
     """
 
     def __init__(self, show: bool = True) -> None:
-        # Under mpiexec the launcher's terminal is what counts; `ruptfx run` passes its nature on.
+        # Under mpiexec the terminal of the launcher counts; `ruptfx run` sets the variable.
         terminal = True if os.environ.get("RUPTFX_TERMINAL") else None
         self._console = console(force_terminal=terminal, stderr=True)
         self._show, self._tenth = show, 0
@@ -38,15 +38,15 @@ class Progress:
         return self
 
     def update(self, fraction: float, text: str) -> None:
-        """Show where the work is.
+        """Show the state of the work.
 
         Parameters
         ----------
         fraction : float
-            Of the work that is done; may fall when work is added.
+            Finished fraction of the work; may decrease when work is added.
         text : str
         """
-        done = min(fraction, 1.0)  # the last step of a run may pass its end
+        done = min(fraction, 1.0)  # the last step of a run may exceed its duration
         tenth = int(10 * done)
         if self._bar:
             self._bar.update(self._task, completed=done, description=text)

@@ -1,7 +1,7 @@
-"""Numbers with a unit, as text: "6 MPa" is 6e6 where a stress is wanted.
+"""Numbers with a unit as text: "6 MPa" is 6e6 for a stress.
 
 A unit is a product of symbols, `/` divides by all that follows it, a number behind a symbol is its exponent: "kg/m3",
-"MPa/mm", "N m", "1/s". Factors are exact fractions, so that "60 us" is the very number 60e-6.
+"MPa/mm", "N m", "1/s". Factors are exact fractions, so that "60 us" equals 60e-6 bitwise.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ _FACTOR = re.compile(r"([A-Za-zµμ%]+|1)\^?(-?\d+)?")
 
 
 def parse(text: str, unit: str) -> float:
-    """The number in the unit of a key, from text such as "6 MPa".
+    """Return the number in the unit of a key, from text such as "6 MPa".
 
     Parameters
     ----------
     text : str
         A number and a unit.
     unit : str
-        That of the key, for example ``Pa``.
+        Unit of the key, for example ``Pa``.
 
     Raises
     ------
     ValueError
-        No number with a unit, an unknown unit, or one of another kind.
+        If the text is no number with a unit, or the unit is unknown or of another kind.
     """
     example = "'2 %'" if unit == "1" else f"'2 {unit}'"
     found = _QUANTITY.fullmatch(text)
@@ -63,11 +63,11 @@ def parse(text: str, unit: str) -> float:
 
 
 class OtherKind(ValueError):  # noqa: N818
-    """A unit of another dimension than that of the key."""
+    """Error of a unit with another dimension than that of the key."""
 
 
 def factor(text: str, unit: str | None) -> Fraction:
-    """Exact factor from a unit to that of a key: 1/1000 from "mm" to "m"; to the SI unit of its kind without a key.
+    """Return the exact factor from a unit to that of a key: 1/1000 from "mm" to "m"; without a key to the SI unit.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def factor(text: str, unit: str | None) -> Fraction:
 
 
 def _unit(text: str) -> tuple[Fraction, Counter[str]]:
-    """Factor to SI and exponents of the base units."""
+    """Return the factor to SI and the exponents of the base units."""
     factor, dimension = Fraction(1), Counter[str]()
     for number, part in enumerate(text.split("/")):
         sign = -1 if number else 1

@@ -1,4 +1,4 @@
-"""Radiation damping: the traction that waves leaving a fault take from it, per slip rate."""
+"""Radiation damping: traction per slip rate of the waves that leave a fault."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
-    """Traction per slip rate of plane waves that leave both sides [Pa s/m], shape (n,); collective.
+    """Return the traction per slip rate of plane waves that leave both sides [Pa s/m], shape (n,); collective.
 
     (1/Z+ + 1/Z-)^-1 with the impedances of the bodies along the normal: mu / (2 c_s) between equal isotropic ones and
-    Z+ on a rigid base. Where welded bodies share a point it is their mean by area.
+    Z+ on a rigid base. At points shared by welded bodies it is their mean by area.
 
     Raises
     ------
     CaseError
-        On all ranks: it depends on the direction of slip, or slip would radiate normal stress.
+        On all ranks, if it depends on the direction of slip, or slip would radiate normal stress.
     """
     face = fault.interface
     plus = _side(model, fault, "plus")
@@ -53,7 +53,7 @@ def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
 
 
 def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
-    """Impedance of the bodies on one side of every point, shape (n, components, components)."""
+    """Return the impedance of the bodies on one side of every point, shape (n, components, components)."""
     face, bodies = fault.interface, model.bodies
     nodes = face.plus if side == "plus" else face.minus
     measure = model.edge_measure(tuple(bodies.tags[f"{name}.{side}"] for name in bodies.interfaces))
@@ -73,7 +73,7 @@ def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
 
 
 def _impedance(material: Material, fault: Fault, model: Model) -> np.ndarray:
-    """Along the normal of every point, shape (n or 1, components, components)."""
+    """Return the impedance along the normal of every point, shape (n or 1, components, components)."""
     if fault.interface.has_normal:
         return material.impedance(fault.interface.frame[:, 0], model.case.plane)
     axes = material.impedance(np.eye(model.mesh.geometry.dim), model.case.plane)

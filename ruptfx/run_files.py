@@ -1,8 +1,8 @@
 """`files.json`: names of the files that a run wrote, and their checksums once it is complete.
 
-Only what it names is removed when another run replaces this one; all else in the directory belongs to the user. A
-complete run whose files have other checksums is damaged. Figures and the log have no checksum: they may be drawn again
-and read by hand, and nothing is computed from them.
+Only listed files are removed when another run replaces this one; other files in the directory belong to the user. A
+complete run whose files have other checksums is damaged. Figures and the log have no checksum: they may change
+and no result is computed from them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ NAME = "files.json"
 SUMMARY = "summary.json"
 CASE = "case.toml"
 PLUGINS = "plugins"
-FREE = ("figures/", "run.log")  # what has no checksum
+FREE = ("figures/", "run.log")  # files without checksum
 Sums = dict[str, str | None]
 
 
 class ChangedFileError(RuptfxError):
-    """A file that is not as the run left it; the message names it and the remedy."""
+    """Error of a file that differs from that written by the run; the message names it and the remedy."""
 
 
 def checksum(path: Path) -> str:
@@ -39,7 +39,7 @@ def seal(table: Table) -> str:
 
 
 def write_json(path: Path, content: Table) -> None:
-    """Write, sync, rename: the file is old or new, never half."""
+    """Write, sync, rename, so that the file is complete at any time."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with temporary.open("w", encoding="utf-8") as file:
         json.dump(content, file, indent=2)
@@ -50,12 +50,12 @@ def write_json(path: Path, content: Table) -> None:
 
 
 def listed(run: Path) -> Sums | None:
-    """Return names and checksums of the files of a run; None where no list was written.
+    """Return names and checksums of the files of a run; None without a list.
 
     Raises
     ------
     ChangedFileError
-        The list is damaged.
+        If the list is damaged.
     """
     path = run / NAME
     try:
@@ -78,7 +78,7 @@ def _is_inside(name: str) -> bool:
 
 
 def begin(run: Path, names: Iterable[str]) -> None:
-    """List files that a run is about to write; the case and its plug-ins, which are there, get their checksums."""
+    """List the files that a run is about to write; the existing case and plug-ins get their checksums."""
     files: Sums = {**(listed(run) or {}), **dict.fromkeys(names)}
     for path in (run / CASE, *(run / PLUGINS).glob("*.py")):
         files[path.relative_to(run).as_posix()] = checksum(path)
@@ -86,14 +86,14 @@ def begin(run: Path, names: Iterable[str]) -> None:
 
 
 def add(run: Path, paths: Iterable[Path]) -> None:
-    """List further files, which have no checksum."""
+    """List further files without checksum."""
     files = listed(run)
     if files is not None:
         _write(run, {**files, **{path.relative_to(run).as_posix(): None for path in paths}})
 
 
 def complete(run: Path, summary: Table) -> None:
-    """Give all files of a run their checksums and write its summary, which marks it as complete, last."""
+    """Store the checksums of all files of a run and write its summary, which marks it as complete, last."""
     files = listed(run) or {}
     for name in files:
         if (run / name).is_file() and not name.startswith(FREE):
@@ -111,7 +111,7 @@ def _write(run: Path, files: Sums) -> None:
 def check(run: Path, name: str) -> None:
     """Compare a file of a run, and its parts of several ranks, with their checksums.
 
-    The case has its checksum from the beginning, other files when the run is complete.
+    The case has its checksum from the beginning, other files from the completion of the run.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def check_all(run: Path) -> list[str]:
     Raises
     ------
     ChangedFileError
-        One of those that are there is not as the run left it.
+        If an existing file differs from that written by the run.
     """
     files = listed(run) or {}
     for name, expected in files.items():

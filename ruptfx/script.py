@@ -1,4 +1,4 @@
-"""The beginning of a script that runs cases: its outputs can be written, and errors are one line."""
+"""Start of a script that runs cases: check of its outputs, and errors in one line."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ruptfx import RuptfxError, directories
 
 
 def begin(*outputs: str | Path) -> None:
-    """Check that outputs can be written before anything is computed, and show errors of ruptfx without traceback.
+    """Check that outputs can be written before any computation, and show errors of ruptfx without traceback.
 
     Parameters
     ----------
     outputs : str or Path
-        Run directories, whose runs are going to be replaced with `overwrite=True`, and files or folders of results.
+        Run directories, whose runs will be replaced with `overwrite=True`, and files or folders of results.
 
     Raises
     ------
     RuptfxError
-        An output cannot be written, or holds something else than a run.
+        If an output is not writable, or contains files other than a run.
     """
     sys.excepthook = _shown
     for path in map(Path, outputs):

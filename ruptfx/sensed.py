@@ -1,4 +1,4 @@
-"""The bodies and interfaces as instruments see them: what is read at a point, along a fault, on an edge, as weights."""
+"""Readings of instruments on bodies and interfaces: at a point, along a fault, on an edge, as weights."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Stresses = Callable[[np.ndarray], np.ndarray]
-OFF = 1e-6  # of an element, by which a point of an interface may be off it
+OFF = 1e-6  # of an element: largest distance of a point from its interface
 
 
 class Sensed:
-    """A model as instruments see it.
+    """A model with the readings that instruments may request.
 
     Parameters
     ----------
     model : Model
     initial_stress : callable
-        From points, shape (n, dim), to the initial stress of the bodies there [Pa], shape (n, stress components) in the
-        order of `entries`.
+        Function from points, shape (n, dim), to the initial stress of the bodies [Pa], shape (n, stress components), in
+        the order of `entries`.
 
     Attributes
     ----------
@@ -52,24 +52,25 @@ class Sensed:
         self.force_unit = "N" if model.case.plane in ("solid", "axisymmetric") else "N/m"
 
     def unit_vector(self, component: int) -> np.ndarray:
+        """Return the unit vector of a component."""
         return np.eye(self.model.components)[component]
 
     def initial_stress(self, label: str, point: Sequence[float]) -> float:
-        """A component of it at a point [Pa]."""
+        """Return a component of the initial stress at a point [Pa]."""
         return float(self._initial_stress(np.array([point]))[0, list(self.entries).index(label)])
 
     def point(self, point: Sequence[float], body: str | None, key: str, field: str = "point") -> SensedPoint:
-        """A point of the bodies [m]; collective.
+        """Return a point of the bodies [m]; collective.
 
         Raises
         ------
         CaseError
-            On all ranks: it is outside, or where several bodies meet and none is named.
+            On all ranks, if it is outside, or in several bodies of which none is named.
         """
         return SensedPoint(self, Inside(self.model, point, body, key, field), point)
 
     def at_fault(self, name: str, place: float | Sequence[float], key: str) -> list[Channel]:
-        """Every field of an interface at a place of it; collective.
+        """Return a channel for every field of an interface at a position; collective.
 
         Parameters
         ----------
@@ -82,7 +83,7 @@ class Sensed:
         Raises
         ------
         CaseError
-            On all ranks: no such interface, or a place that is not on it.
+            On all ranks, if there is no such interface, or the position is not on it.
         """
         known = {fault.name: fault for fault in self.model.faults}
         if name not in known:
@@ -97,7 +98,7 @@ class Sensed:
             for number, label in enumerate(field.names(fault.tangents) if field.recorded else ()):
                 text = field.long_name
                 if label != field.name:
-                    # A rank that has no point of it adds nothing.
+                    # A rank without such points contributes nothing.
                     tangent = parallel.total(self.model.comm, mine @ face.frame[here, 1 + number])
                     along = ", ".join(f"{value:.3g}" for value in tangent / np.linalg.norm(tangent) + 0.0)
                     text += f" along tangent {number + 1}, ({along})"
@@ -107,7 +108,7 @@ class Sensed:
         return found
 
     def _along(self, face: Interface, position: float, key: str) -> dict[int, float]:
-        """Weights of points of an interface in 2D, by number; collective."""
+        """Return weights of points of an interface in 2D, by number; collective."""
         slack = 1e-9 * face.line.length
         if not face.line.first - slack <= position <= face.line.last + slack:
             raise CaseError(
@@ -121,14 +122,14 @@ class Sensed:
         return {int(numbers[after - 1]): 1 - part, int(numbers[after]): part}
 
     def _on(self, fault: Fault, point: Sequence[float], key: str) -> dict[int, float]:
-        """Weights of points of an interface in 3D, by number: shape functions of its plus side; collective."""
+        """Return weights of points of an interface in 3D, by number: shape functions of its plus side; collective."""
         model, face, comm = self.model, fault.interface, self.model.comm
         numbers = dict(zip(face.plus.tolist(), face.number.tolist(), strict=True))
         value = np.zeros((1 + len(point), model.components))
         value[0, 0] = 1.0
         rows = [np.zeros((0, 2))]
         for body in np.unique(parallel.share_rows(comm, model.layout.body[face.plus])):
-            with suppress(CaseError):  # another body has it
+            with suppress(CaseError):  # the point is in another body
                 dofs, weights = Inside(model, point, model.bodies.names[body], key).weights(value)
                 chosen = slice(None, None, model.components)
                 nodes = [numbers.get(int(dof), -1) for dof in dofs[chosen] // model.components]
@@ -145,10 +146,10 @@ class Sensed:
         return dict(zip(which.astype(int).tolist(), (sums / sums.sum()).tolist(), strict=True))
 
     def forces(self, name: str, key: str) -> list[tuple[str, list[Share], float]]:
-        """Force from outside on an edge, along every axis [N, in 2D N/m]; collective.
+        """Return the external force on an edge, along every axis [N, in 2D N/m]; collective.
 
-        Its name, its shares, and what the initial stress gives. The sum over the nodes of the edge of K u + M a is, as
-        K is symmetric, the sum of (K w + M a w) with w, one at these nodes and zero elsewhere.
+        Each entry has axis, shares, and the force of the initial stress. The sum over the nodes of the edge of K u + M
+        a is, as K is symmetric, the sum of (K w + M a w) with w, one at these nodes and zero elsewhere.
 
         Raises
         ------
@@ -179,7 +180,7 @@ class Sensed:
 
 
     def _initial_force(self, edge: Edge) -> np.ndarray:
-        """Nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
+        """Return the nodal force of the initial stress on an edge [N], at every local degree of freedom; collective."""
         c, stresses = self.model.components, self._initial_stress(self.model.coordinates)
         force = np.zeros((self.model.nodes, c))
         for (i, j), stress in zip(STRESSES[c].values(), stresses.T, strict=False):
@@ -194,7 +195,7 @@ def _component(row: int, column: int) -> Callable[[list[Expr], Expr], Expr]:
 
 
 class SensedPoint:
-    """A point of the bodies as instruments see it.
+    """A point of the bodies with its readings.
 
     Parameters
     ----------
@@ -210,19 +211,19 @@ class SensedPoint:
         self._shape = (1 + model.mesh.geometry.dim, model.components)
 
     def motion(self, source: Literal["displacement", "velocity"], along: np.ndarray) -> Share:
-        """Displacement or velocity times a vector, shape (components,)."""
+        """Return displacement or velocity times a vector, shape (components,)."""
         coefficients = np.zeros(self._shape)
         coefficients[0] = along
         return self.reading(coefficients, source)
 
     def extension(self, along: np.ndarray) -> Share:
-        """Strain n_i n_j du_i/dx_j along a unit vector, shape (dim,)."""
+        """Return the strain n_i n_j du_i/dx_j along a unit vector, shape (dim,)."""
         coefficients = np.zeros(self._shape)
         coefficients[1:] = np.outer(along, along)
         return self.reading(coefficients)
 
     def strain(self, entry: tuple[int, int]) -> Share:
-        """A component of the strain."""
+        """Return a component of the strain."""
         (i, j), coefficients = entry, np.zeros(self._shape)
         if self._plates.model.case.plane == "axisymmetric" and i == 2:
             self._add_around(coefficients, 1.0)
@@ -233,7 +234,7 @@ class SensedPoint:
         return self.reading(coefficients)
 
     def stress(self, entry: tuple[int, int]) -> Share:
-        """A component of the stress beyond the initial one [Pa]."""
+        """Return a component of the stress beyond the initial one [Pa]."""
         model, coefficients = self._plates.model, np.zeros(self._shape)
         material, plane = model.materials[self._place.body], model.case.plane
         if plane == "axisymmetric":
@@ -251,11 +252,11 @@ class SensedPoint:
         coefficients[(0, 1) if radius > 0 else (2, 1)] += factor / (radius or 1.0)
 
     def initial_stress(self, label: str) -> float:
-        """A component of the initial stress of the bodies [Pa]."""
+        """Return a component of the initial stress of the bodies [Pa]."""
         return self._plates.initial_stress(label, self._point)
 
     def reading(self, coefficients: np.ndarray, source: Literal["displacement", "velocity"] = "displacement") -> Share:
-        """Any sum of the components of a field and of their derivatives times coefficients.
+        """Return a sum of the components of a field and of their derivatives times coefficients.
 
         Coefficients have shape (1 + dim, components); row 0 is for the field, rows 1, 2 ... for derivatives along x,
         y ...

@@ -1,4 +1,4 @@
-"""The highest frequency of a model by the Lanczos method, and the explicit time step it allows."""
+"""Highest frequency of a model by the Lanczos method, and the stable explicit time step."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ mean or, between elements of unequal size, a sixth."""
 
 
 def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
-    """Largest stable explicit step [s], with the contact stiffness of all faults or of those given.
+    """Return the largest stable explicit step [s], with the contact stiffness of all or the given faults.
 
-    With or without the springs between cells that may break.
+    With or without the springs of cohesive facets.
 
     2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
     eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
 
-    Springs between cells are not damped, and where they are what is stiff up to twice this step is stable. It is not
-    taken, as impacts of open cracks take more then: twice as much in granite with a step 1.5 times as long.
+    Springs between cells are not damped; if they are the stiffest part, up to twice this step is stable. This is not
+    used, because impacts of open cracks then dissipate more: twice as much in granite with a step 1.5 times as long.
     """
     stable = 2 / highest_frequency(model, compliant, springs)
     counted = model.faults if compliant is None else compliant
@@ -41,15 +41,15 @@ def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None, spr
 
 
 def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
-    """Highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
+    """Return the highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
 
     Parameters
     ----------
     model : Model
     compliant : sequence of Fault, optional
-        The interfaces whose contact stiffness counts; all when left out.
+        Interfaces whose contact stiffness is included; default is all.
     springs : bool
-        Whether those between cells that may break count, all of them whole.
+        Include the springs of cohesive facets, all undamaged.
     """
     counted = model.faults if compliant is None else compliant
     known, what = _known.setdefault(model, {}), (springs, *(fault.name for fault in counted))
@@ -65,7 +65,7 @@ _known: WeakKeyDictionary[Model, dict[tuple[object, ...], float]] = WeakKeyDicti
 def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     root = np.sqrt(model.free_inverse_mass())
     stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
-    # Where surfaces may meet later: C |u+ - u-|^2 is at most 2 C (|u+|^2 + |u-|^2), and that between equal bodies.
+    # Unpaired surfaces that may touch later: C |u+ - u-|^2 <= 2 C (|u+|^2 + |u-|^2), with equality for equal bodies.
     later = np.zeros(model.nodes)
     for fault, springs_of in stiffness:
         nodes, lengths = fault.interface.without_partner()
@@ -73,7 +73,7 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     if springs and model.collisions is not None:
         later += model.collisions.without_partner()
     later = np.repeat(later, model.components) if later.any() else later[:0]
-    work = np.empty_like(root)  # all else that is as long is made once, too: new memory costs more than arithmetic
+    work = np.empty_like(root)  # long vectors are allocated once: allocation costs more than arithmetic
 
     def apply(vector: np.ndarray, force: np.ndarray) -> None:
         """force = M^-1/2 K M^-1/2 vector."""
@@ -100,7 +100,7 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
     def dot(a: np.ndarray, b: np.ndarray) -> float:
         return float(parallel.total(model.comm, np.multiply(once, a, out=work) @ b))
 
-    # A start that every partition makes alike: pseudo-random in the coordinates.
+    # A partition-independent start vector: pseudo-random in the coordinates.
     x = model.coordinates @ (np.array([12.9898, 78.233, 37.719])[: model.coordinates.shape[1]])
     scale = parallel.total(model.comm, np.abs(x[: model.owned_nodes]).sum()) / model.total_nodes
     vector = np.repeat(np.sin(4.3758e4 * x / scale), model.components) * (root > 0)
@@ -132,5 +132,5 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
 
 
 def _largest_of(diagonal: list[float], off: list[float]) -> float:
-    """Largest eigenvalue of a symmetric tridiagonal matrix; so small that importing a solver for it does not pay."""
+    """Return the largest eigenvalue of a small symmetric tridiagonal matrix, without the import of a solver."""
     return float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off, -1))[-1])

@@ -1,4 +1,4 @@
-"""Rules that end a run early, when what follows is of no interest."""
+"""Rules that stop a run early."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 
 class StopWhen(Part):
-    """End a run before its duration; looked at whenever the interface is saved."""
+    """Rules that stop a run before its duration; evaluated at every record of the interface."""
 
     sliding_dead_for: Duration | None = None
-    """No point slid faster than `output.rupture_threshold` for so long, after sliding had begun."""
+    """Duration without slip faster than `output.rupture_threshold`, after the first sliding."""
     tip_beyond: Position | None = None
-    """The rupture has reached a point whose position along an interface is this or more."""
+    """Position along an interface; the run stops when the rupture reaches it or a larger one."""
     tip_before: Position | None = None
-    """The same to the other side: this or less."""
+    """Position along an interface; the run stops when the rupture reaches it or a smaller one."""
 
 
 class StopRules:
-    """The rules of a case, looking at the points of this rank.
+    """Rules of a case, evaluated at the points of this rank.
 
     Parameters
     ----------
@@ -38,18 +38,18 @@ class StopRules:
     Attributes
     ----------
     ended : str
-        The rule that has ended the run, in words; empty while it goes on.
+        Text of the rule that has stopped the run; empty before.
 
     Raises
     ------
     CaseError
-        A window that no interface reaches: the rule would never act.
+        If no interface reaches the position of a rule.
     """
 
     def __init__(self, model: Model) -> None:
         self._model, self._rules = model, model.case.stop_when
         self.ended = ""
-        self._slid_at = np.inf  # time at which a point slid last [s]
+        self._slid_at = np.inf  # time of the last sliding [s]
         if self._rules is None:
             return
         for name in ("tip_beyond", "tip_before"):
@@ -67,26 +67,26 @@ class StopRules:
                 )
 
     def table(self) -> Table:
-        """All that changes, for a checkpoint."""
+        """Return all variables, for a checkpoint."""
         return {"ended": self.ended, "slid_at": self._slid_at}
 
     def restore(self, table: Table) -> None:
-        """Go on from a checkpoint."""
+        """Restore the variables of a checkpoint."""
         self.ended, self._slid_at = table["ended"], table["slid_at"]
 
     def _outside(self, fault: Fault, name: str) -> np.ndarray:
-        """Points beyond a limit, shape (points,); none without the rule."""
+        """Return points beyond a limit, shape (points,); none without the rule."""
         limit, position = getattr(self._rules, name), fault.interface.position
         if limit is None:
             return np.zeros(len(position), dtype=bool)
         return position >= limit if name == "tip_beyond" else position <= limit
 
     def check(self, state: State) -> None:
-        """Set `ended` if a rule ends the run now; collective."""
+        """Set `ended` if a rule stops the run now; collective."""
         self.ended = "" if self._rules is None else self._reached(self._rules, state)
 
     def _reached(self, rules: StopWhen, state: State) -> str:
-        """The rule that ends the run now, empty if none does; collective."""
+        """Return the rule that stops the run now, empty if there is none; collective."""
         threshold = self._model.case.output.rupture_threshold
         sliding, ruptured, left = 0, 0, 0
         for fault in self._model.faults:

@@ -1,4 +1,4 @@
-"""Time of a run by phase, by the clock and without gaps: model, steps, energies, gathering, writing."""
+"""Wall-clock time of a run by phase, without gaps: model, steps, energies, gathering, writing."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ _phase, _since = "start", time.perf_counter()
 
 
 def restart() -> None:
-    """Forget what was before."""
+    """Reset all times."""
     global _phase, _since
     _seconds.clear()
     _phase, _since = "start", time.perf_counter()
 
 
 def _turn_to(name: str) -> str:
-    """Begin a phase; the name of the one that it ends."""
+    """Start a phase; return the name of the previous one."""
     global _phase, _since
     before, now = _phase, time.perf_counter()
     _seconds[before] = _seconds.get(before, 0.0) + now - _since
@@ -28,7 +28,7 @@ def _turn_to(name: str) -> str:
 
 @contextmanager
 def phase(name: str) -> Iterator[None]:
-    """Count what happens inside for this phase and not for the one around it; for the main thread."""
+    """Count the time inside the context for this phase, not for the enclosing one; main thread only."""
     before = _turn_to(name)
     try:
         yield
@@ -37,6 +37,6 @@ def phase(name: str) -> Iterator[None]:
 
 
 def phases() -> dict[str, float]:
-    """Seconds since `restart` by phase; what is in none of them is of the phase `start`."""
+    """Return the seconds since `restart` by phase; time outside of all phases belongs to `start`."""
     _turn_to(_phase)
     return dict(_seconds)

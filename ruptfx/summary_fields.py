@@ -1,4 +1,4 @@
-"""What the fields of `summary.json` mean."""
+"""Meaning of the fields of `summary.json`."""
 
 from __future__ import annotations
 
@@ -86,5 +86,5 @@ _UNITS = {"wall_time": "s", "time_step": "s", "node_updates_per_second": "1/s"}
 
 
 def unit(name: str) -> str:
-    """Unit of a field, empty for names and pure numbers."""
+    """Return the unit of a field, empty for names and pure numbers."""
     return (analysis.UNITS | _UNITS).get(name, "")

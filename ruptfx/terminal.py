@@ -1,4 +1,4 @@
-"""Consoles that show text as it is: a name like ``m[bold]x`` or ``:x:`` is neither markup nor an emoji."""
+"""Consoles that print text without markup: a name like ``m[bold]x`` or ``:x:`` is neither markup nor an emoji."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from rich.console import Console
 
 
 def console(**options: Any) -> Console:
-    """A rich console; styles are given as such, never inside a text."""
+    """Return a rich console; styles are separate arguments, never inside a text."""
     return Console(markup=False, emoji=False, highlight=False, **options)

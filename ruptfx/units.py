@@ -1,4 +1,4 @@
-"""Annotated scalar types: a field says its unit and its bound once, and errors and `describe` repeat them.
+"""Annotated scalar types: unit and bound of a field, declared once and used in errors and `describe`.
 
 SI everywhere. Text with a unit, as "6 MPa", becomes a number.
 Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface.

@@ -1,4 +1,4 @@
-"""A run as VTK knows it: vectors and tensors as such, the body of every cell, the initial state, interfaces as lines.
+"""A run as VTK data: vectors and tensors, body of every cell, initial state, interfaces as lines.
 
 Two formats: a VTU file for each snapshot, which meshio reads as well, and VTKHDF, one file with all times for ParaView
 5.12 or newer, VTK and PyVista.
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ruptfx.record import Record
 
 LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, VERTEX = 3, 5, 9, 10, 12, 1
-# By number of dimensions and corners: number of the type, and what meshio calls it.
+# VTK number and meshio name of the cell type, by number of dimensions and corners.
 CELLS = {
     (2, 3): (TRIANGLE, "triangle"), (2, 4): (QUADRILATERAL, "quad"), (3, 4): (TETRAHEDRON, "tetra"),
     (3, 8): (HEXAHEDRON, "hexahedron"),
@@ -33,7 +33,7 @@ Snapshot = dict[str, np.ndarray]
 
 
 def series(record: Record, folder: Path) -> Iterator[Path]:
-    """One VTU file for each snapshot of the bodies, and a PVD file that names their times.
+    """Write one VTU file for each snapshot of the bodies, and a PVD file with their times; yield the paths.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def series(record: Record, folder: Path) -> Iterator[Path]:
 
 
 def whole(record: Record, folder: Path) -> Iterator[Path]:
-    """One VTKHDF file for the bodies and one for each interface, with all their times."""
+    """Write one VTKHDF file for the bodies and one for each interface, with all times; yield the paths."""
     if (record.path / "bulk.h5").is_file():
         points, cells, kind, body = _mesh(record.bulk)
         path = folder / "bulk.vtkhdf"
@@ -68,7 +68,7 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
         path = folder / f"{name}.vtkhdf"
         along = np.stack([data[axis].values for axis in ("x", "y", "z") if axis in data], axis=1)
         count = len(along)
-        if along.shape[1] == 2:  # points follow each other
+        if along.shape[1] == 2:  # in 2D points are in order along the interface
             cells, kind_of_cell = np.column_stack([np.arange(count - 1), np.arange(1, count)]), LINE
         else:
             cells, kind_of_cell = np.arange(count)[:, None], VERTEX
@@ -81,13 +81,13 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
 
 
 def _mesh(bulk: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, tuple[int, int], np.ndarray]:
-    """Points in three dimensions [m], cells, their kind, and the body of each."""
+    """Return points in three dimensions [m], cells, their kind, and the body of each."""
     points, cells = bulk["points"].values, bulk["cells"].values.astype(np.int64)
     return _three(points), cells, (points.shape[1], cells.shape[1]), bulk["body"].values[cells[:, 0]]
 
 
 def _snapshots(bulk: xarray.Dataset) -> Iterator[tuple[float, Snapshot]]:
-    """Time [s] and fields of the initial state, where the file has its stress, and of all that was saved."""
+    """Yield time [s] and fields of the initial state, if its stress is in the file, and of all saved times."""
     first = bulk.attrs.get("initial_stress_values")
     if first is not None and bulk.sizes["time"]:
         shapes = {name: values.shape for name, values in _moving(bulk, 0).items()}
@@ -105,7 +105,7 @@ def _snapshots(bulk: xarray.Dataset) -> Iterator[tuple[float, Snapshot]]:
 
 
 def _moving(data: xarray.Dataset, number: int) -> Snapshot:
-    """Fields at one time: vectors of three components, tensors of six."""
+    """Return fields at one time: vectors of three components, tensors of six."""
     found = {}
     for key, field in data.data_vars.items():
         if field.dims[:1] != ("time",) or field.ndim < 2:
@@ -120,14 +120,14 @@ def _moving(data: xarray.Dataset, number: int) -> Snapshot:
 
 
 def _three(values: np.ndarray, names: list[str] | None = None) -> np.ndarray:
-    """Vectors with all of x, y and z; what has no component does not move."""
+    """Return vectors with x, y and z; missing components are zero."""
     filled = np.zeros((len(values), 3))
     filled[:, ["xyz".index(name) for name in names] if names else range(values.shape[1])] = values
     return filled
 
 
 def _tensor(values: np.ndarray, names: list[str]) -> np.ndarray:
-    """Symmetric tensors; components that a run does not save are no numbers, for they are not zero."""
+    """Return symmetric tensors; components that were not saved are NaN, because they are not zero."""
     filled = np.full((len(values), 6), np.nan)
     filled[:, [TENSOR.index(name) for name in names]] = values
     return filled
@@ -137,7 +137,7 @@ def _write(
     path: Path, points: np.ndarray, cells: np.ndarray, kind: int, of_cells: Snapshot,
     moments: Iterator[tuple[float, Snapshot]],
 ) -> None:  # fmt: skip
-    """An unstructured grid that does not change, with fields at its points that do."""
+    """Write an unstructured grid that does not change, with fields at its points that do."""
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0])
@@ -165,7 +165,7 @@ def _write(
 
 
 def _write_steps(root: h5py.Group, times: np.ndarray, points: int, fields: list[str], of_cells: list[str]) -> None:
-    """Which rows of the data sets belong to which time [s]."""
+    """Write which rows of the data sets belong to which time [s]."""
     count = len(times)
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = count

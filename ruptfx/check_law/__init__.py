@@ -1,4 +1,4 @@
-"""`ruptfx check-law`: the contract of a friction or cohesive law, checked on examples of it; a table and a picture."""
+"""`ruptfx check-law`: check of the contract of a friction or cohesive law on examples; a table and a picture."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Law = FrictionLaw | CohesiveLaw
 
 
 class Contract(NamedTuple):
-    """The contract of the laws of a folder: their name, what a class must say of itself, the checks of an example."""
+    """Contract of the laws of a folder: their name, required attributes of a class, checks of an example."""
 
     name: str
     missing: Callable[[Any], list[str]]
@@ -46,14 +46,14 @@ class Row(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What was found.
+    """Result of the checks of a law.
 
     Attributes
     ----------
     name : str
         "friction law" or "cohesive law".
     law : FrictionLaw or CohesiveLaw
-        The example that is drawn.
+        Example for the picture.
     rows : list of Row
     """
 
@@ -63,6 +63,7 @@ class Report(NamedTuple):
 
     @property
     def sound(self) -> bool:
+        """True if no check failed."""
         return all(row.verdict in ("passed", "does not apply") for row in self.rows)
 
 
@@ -79,7 +80,7 @@ def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
     Raises
     ------
     RuptfxError
-        No such file or kind, no law in it, or parameters that it refuses.
+        If there is no such file or kind, no law in it, or the parameters are invalid.
     """
     plugins = [load(law)] if law.endswith(".py") else []
     with active(plugins):
@@ -114,7 +115,7 @@ def _report(package: str, kind: str, changes: list[str]) -> Report:
             try:
                 with np.errstate(all="ignore"):
                     reason = check(law, seed)
-            except Exception as error:  # whatever a law does is a finding
+            except Exception as error:  # any error in a law is a failed check
                 shown = str(error) if isinstance(error, RuptfxError) else located(error, check)
                 rows[-1] = Row(name, "failed", shown)
                 break
@@ -124,12 +125,12 @@ def _report(package: str, kind: str, changes: list[str]) -> Report:
 
 
 def save_figure(law: Law, path: Path) -> None:
-    """Draw a law into a picture.
+    """Draw a law and save the picture.
 
     Raises
     ------
     RuptfxError
-        It cannot be evaluated, or the file not be written.
+        If the law cannot be evaluated, or the file is not writable.
     """
     from ruptfx.check_law import figure
 

@@ -1,7 +1,7 @@
-"""What every friction law owes, as checks: the contract tests of the folder, and `ruptfx check-law` for laws outside.
+"""Contract of a friction law as checks, for the contract tests and `ruptfx check-law`.
 
-A check takes an example law and a seed. It raises `Broken` with what was found where, or returns why it does not apply
-to this law, or nothing.
+A check takes an example law and a seed. It raises `Broken` with values and position, or returns why it does not apply
+to this law, or None.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Check = Callable[[FrictionLaw, int], str | None]
 
 
 class Broken(RuptfxError):  # noqa: N818
-    """A law does not keep its contract: what was found, and where."""
+    """A law violates its contract; the message gives values and position."""
 
 
 def require(holds: Any, what: str, **where: Any) -> None:
-    """Raise with the values at the first point where it does not hold."""
+    """Raise an error with the values at the first point where the condition is false."""
     holds = np.asarray(holds)
     if not np.all(holds):
         i = int(np.argmin(holds.ravel()))
@@ -38,7 +38,7 @@ def require(holds: Any, what: str, **where: Any) -> None:
 
 
 def close(found: object, expected: object, tolerance: float, what: str, **where: object) -> None:
-    """Raise where two values differ by more than a tolerance relative to the expected one."""
+    """Raise an error where two values differ by more than a tolerance relative to the expected one."""
     found, expected = np.broadcast_arrays(np.asarray(found, float), np.asarray(expected, float))
     near = np.abs(found - expected) <= tolerance * np.abs(expected)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -47,7 +47,7 @@ def close(found: object, expected: object, tolerance: float, what: str, **where:
 
 
 def histories(law: FrictionLaw, seed: int, steps: int = 6) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Slip rates, normal stresses and states the law can be in: what a few arbitrary steps lead to."""
+    """Return slip rates, normal stresses and possible states of the law, after a few random steps."""
     random = np.random.default_rng(seed)
     rate = 10 ** random.uniform(-9, 3, N)
     sigma = 10 ** random.uniform(4, 8.5, N)
@@ -59,7 +59,7 @@ def histories(law: FrictionLaw, seed: int, steps: int = 6) -> tuple[np.ndarray, 
 
 
 def _sliding(law: FrictionLaw, seed: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Rates at which something happens within a step, so that differences are well above round-off."""
+    """Return slip rates with a significant change within a step, so that differences exceed round-off."""
     random = np.random.default_rng(seed)
     v, sigma = 10 ** random.uniform(-1, 1, N), 10 ** random.uniform(5, 7, N)
     state = law.advance(law.initial_state(sigma, 0.3 * sigma, v), 0.1 * v, 2 * sigma, 1e-5)
@@ -67,7 +67,7 @@ def _sliding(law: FrictionLaw, seed: int) -> tuple[np.ndarray, np.ndarray, dict[
 
 
 def missing(cls: type[FrictionLaw]) -> list[str]:
-    """What a class does not say about itself."""
+    """Return the names of missing attributes of a class."""
     found = [name for name in ("formula", "source") if not getattr(cls, name)]
     found += ["a docstring"] * (not cls.summary())
     found += [f"the unit of state variable {name}" for name, unit in cls.state_fields.items() if not unit]
@@ -77,14 +77,14 @@ def missing(cls: type[FrictionLaw]) -> list[str]:
 
 
 def toml(law: FrictionLaw, seed: int) -> None:
-    """Written to a case and read again it is the same."""
+    """Check that a law is unchanged after it is written to a case and read again."""
     written = tomli_w.dumps({"friction": law.model_dump(mode="json", exclude_none=True)})
     again = TypeAdapter(AnyFriction).validate_python(tomllib.loads(written)["friction"])
     require(again == law, "a case with this law reads differently than it was written")
 
 
 def declared_state(law: FrictionLaw, seed: int) -> None:
-    """`initial_state` and `advance` have the declared fields, one finite number per point, and change no array."""
+    """Check that `initial_state` and `advance` return the declared fields, finite, and change no array."""
     sigma, rate = np.array([1e6, 0.0, 3e6]), np.ones(3)
     names = ", ".join(law.all_state_fields()) or "nothing"
     state = law.initial_state(sigma, 0.4 * sigma, np.zeros(3))
@@ -101,7 +101,7 @@ def declared_state(law: FrictionLaw, seed: int) -> None:
 
 
 def common_state(law: FrictionLaw, seed: int) -> str | None:
-    """State variables that several laws keep mean the same in each."""
+    """Check that state variables used by several laws have the same meaning in each."""
     sigma, rate = np.array([1e6, 0.0, 3e6]), np.ones(3)
     state = law.initial_state(sigma, 0.4 * sigma, 0 * rate)
     later, other = (law.advance(state, v, s, 0.25) for v, s in ((rate, sigma), (2 * rate, 3 * sigma)))
@@ -115,7 +115,7 @@ def common_state(law: FrictionLaw, seed: int) -> str | None:
 
 
 def strength(law: FrictionLaw, seed: int) -> None:
-    """Strength and state are finite and the strength is not negative: anywhere, at rest, open; after any step."""
+    """Check that strength and state are finite and strength is not negative: anywhere, at rest, open, after a step."""
     rate, sigma, state = histories(law, seed)
     for v in (rate, 0 * rate):
         for s in (sigma, 0 * sigma):
@@ -130,7 +130,7 @@ def strength(law: FrictionLaw, seed: int) -> None:
 
 
 def traced(law: FrictionLaw, seed: int) -> None:
-    """What is traced has the values of the methods, and its derivatives are those of finite differences."""
+    """Compare the traced formulas with the methods, and their derivatives with finite differences."""
     rate, sigma, state = histories(law, seed)
     dt, where = 1e-7, {"slip_rate": rate, "normal_stress": sigma}
     found = TracedLaw(law, at_end=True)(rate, sigma, state, dt, speed_before=rate)
@@ -160,10 +160,10 @@ def traced(law: FrictionLaw, seed: int) -> None:
 
 
 def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
-    """At constant slip rate and stress it is exact.
+    """Check that a step at constant slip rate and stress is exact.
 
-    In steps much longer than the law's own times it is what the slip rate at the traction makes of it, whatever that
-    was before, if the law forgets.
+    In steps much longer than the times of the law, the state follows from the slip rate at the time of the traction,
+    independent of the previous rate, if the law has a fading memory.
     """
     if not law.all_state_fields():
         return "no state"
@@ -174,7 +174,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
             expected = law.advance(state, v, sigma, dt)
             for name, value in TracedLaw(law, at_end)(v, sigma, state, dt, **constant).state.items():
                 close(value, expected[name], 1e-9, f"{name} after a step", dt=dt, slip_rate=v)
-    # Clocks and slip do not forget the half that was added.
+    # Clocks and cumulative slip have no fading memory.
     end, other = (law.advance({n: f * x for n, x in state.items()}, v, sigma, 1e3) for f in (1.0, 1.5))
     if all(np.all(np.abs(other[name] - end[name]) < 1e-3 * np.abs(state[name])) for name in end):
         for at_end in (True, False):
@@ -189,7 +189,7 @@ def state_at_the_traction(law: FrictionLaw, seed: int) -> str | None:
 
 
 def one_step_is_many(law: FrictionLaw, seed: int) -> str | None:
-    """One step is many, however long: nothing is gained by dividing it. The change over a short one is O(dt)."""
+    """Check that one step equals many at any length, and that the change over a short one is O(dt)."""
     if not law.all_state_fields():
         return "no state"
     v, sigma, state = _sliding(law, seed)
@@ -208,7 +208,7 @@ def one_step_is_many(law: FrictionLaw, seed: int) -> str | None:
 
 
 def steady(law: FrictionLaw, seed: int) -> str | None:
-    """Long sliding ends at the steady strength."""
+    """Check that long sliding ends at the steady strength."""
     rate, sigma, state = histories(law, seed)
     try:
         expected = law.steady_strength(rate, sigma)
@@ -221,7 +221,7 @@ def steady(law: FrictionLaw, seed: int) -> str | None:
 
 
 def dissipation(law: FrictionLaw, seed: int) -> None:
-    """Friction takes energy, and an open interface carries nothing."""
+    """Check that friction dissipates energy, and that an open interface has no strength."""
     _, sigma, state = histories(law, seed)
     random = np.random.default_rng(seed)
     trial = random.normal(size=(N, 2)) * sigma[:, None]
@@ -232,7 +232,7 @@ def dissipation(law: FrictionLaw, seed: int) -> None:
         done = project(TracedLaw(law, at_end), state, sigma, trial, z, 1e-8, before)
         power = np.sum(done.shear_traction * done.slip_rate, axis=1)
         carried = np.linalg.norm(done.shear_traction, axis=1)
-        # Stuck points have slipped until half a step before the traction; which may be the other way.
+        # Stuck points have slipped until half a step before the traction, possibly in the other direction.
         slides = np.any(done.mean_slip_rate != 0, axis=1)
         require(slides.mean() > 0.1, f"only {slides.mean():.0%} of the points slide under tractions about sigma")
         require(~slides | (power >= -1e-12 * size), "friction gives energy", power=power, normal_stress=sigma)

@@ -1,6 +1,6 @@
 """The contract of a cohesive law as checks, for `ruptfx check-law`.
 
-A check takes an example law and a seed, and raises `Broken` with the values it found and their place.
+A check takes an example law and a seed, and raises `Broken` with values and their position.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.tracing import Expression, derivative, record, symbol, to_numpy
 
 N = 20000  # intervals of an integral; a kink between two points costs 1 / N^2
-ANGLES = np.linspace(0, np.pi / 2, 91)  # of the jump in units of the jumps at failure: opening alone to slip alone
+ANGLES = np.linspace(0, np.pi / 2, 91)  # angle of the jump, scaled with those at failure: opening (0) to slip (pi / 2)
 
 
 def missing(cls: type[CohesiveLaw]) -> list[str]:
-    """Return what a class does not say about itself."""
+    """Return the names of missing attributes of a class."""
     found = [name for name in ("formula", "source") if not getattr(cls, name)]
     return found + ["a docstring"] * (not cls.summary()) + ["area"] * (not hasattr(cls, "area"))
 
 
 def toml(law: CohesiveLaw, seed: int) -> None:
-    """Written to a case and read again it is the same."""
+    """Check that a law is unchanged after it is written to a case and read again."""
     written = tomli_w.dumps({"cohesion": law.model_dump(mode="json", exclude_none=True)})
     again = TypeAdapter(AnyCohesion).validate_python(tomllib.loads(written)["cohesion"])
     require(again == law, "a case with this law reads differently than it was written")
 
 
 def left(law: CohesiveLaw, seed: int) -> None:
-    """The strength that is left falls from 1 at damage 0 to 0 at damage 1, and is declared with its area."""
+    """Check that the remaining strength falls from 1 at damage 0 to 0 at damage 1, with the declared area."""
     damage = np.linspace(0, 1, N + 1)
     found = law.left(damage) + 0 * damage
     require(np.isfinite(found), "left is not finite", damage=damage)
@@ -45,7 +45,7 @@ def left(law: CohesiveLaw, seed: int) -> None:
 
 
 def fracture_energy(law: CohesiveLaw, seed: int) -> None:
-    """Opening alone takes G_Ic to failure, slip alone G_IIc, and failure is where the law says."""
+    """Check that opening alone dissipates G_Ic until failure, slip alone G_IIc, with the declared jumps."""
     for name, angle, energy in (("opening", 0.0, law.G_Ic), ("slip", np.pi / 2, law.G_IIc)):
         damage, *works = straight_path(law, angle)
         require(damage[0] == 0, f"damage is {damage[0]:.6g} before any {name}")
@@ -54,7 +54,7 @@ def fracture_energy(law: CohesiveLaw, seed: int) -> None:
 
 
 def damage(law: CohesiveLaw, seed: int) -> None:
-    """Damage is between 0 and 1 and does not fall while a jump grows, whatever its mode."""
+    """Check that damage is between 0 and 1 and does not fall while a jump of any mode grows."""
     size = np.linspace(0, 3, 301)
     for angle in ANGLES[::15]:
         opening, slip = jump_at(law, angle, size)
@@ -74,7 +74,7 @@ def traced(law: CohesiveLaw, seed: int) -> None:
     h = 1e-6
     differences = (law.left(at + h) - law.left(at - h)) / (2 * h)
     near = np.abs(slope + 0 * at - differences) <= 1e-5 * (1 + np.abs(differences))
-    # A kink of the curve between the two points of a difference is no error.
+    # Exclude kinks of the curve between the two points of a difference.
     require(near.mean() > 0.9, "derivative of left differs", damage=at, found=slope, differences=differences)
     jumps = [np.outer(np.linspace(0.1, 1.4, 9), each) for each in jump_at(law, ANGLES, np.ones_like(ANGLES))]
     (found,) = to_numpy({"damage": record(law.damage, opening, slip)}, ["opening", "slip"])(*jumps)
@@ -88,18 +88,18 @@ CHECKS: dict[str, Callable[[CohesiveLaw, int], None]] = {
 
 
 def jump_at(law: CohesiveLaw, angle: np.ndarray | float, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Opening and slip [m] of a jump whose size is in units of the jumps at failure."""
+    """Return opening and slip [m] of a jump given in units of the jumps at failure."""
     opening, slip = size * np.cos(angle) * law.opening_at_failure, size * np.sin(angle) * law.slip_at_failure
     return np.asarray(opening), np.asarray(slip)
 
 
 def straight_path(law: CohesiveLaw, angle: float, longest: float = 1.0) -> tuple[np.ndarray, float, float]:
-    """Damage along a straight path of a jump, and the work of opening and of slip on it [J/m2].
+    """Return damage along a straight path of a jump, and the work of opening and of slip on it [J/m2].
 
     Parameters
     ----------
     angle : float
-        Of the jump in units of the jumps at failure: 0 is opening alone.
+        Angle of the jump, scaled with the jumps at failure: 0 is opening alone.
     longest : float
         Size of the jump at the end of the path, in these units.
     """

@@ -13,7 +13,7 @@ from ruptfx.schema import CaseError, Part, alternatives, unit_of
 
 Array = np.ndarray
 
-# Decades from which a field is drawn, by its unit.
+# Decades of random values of a field, by its unit.
 DECADES = {
     "1": (-1.0, 0.0), "m": (-5.0, -3.0), "m/s": (-2.0, 1.0), "s": (-5.0, -2.0), "Pa": (5.0, 8.0), "Pa/m": (10.0, 12.0),
     "1/s": (0.0, 3.0), "kg/m3": (3.0, 3.7),
@@ -21,7 +21,7 @@ DECADES = {
 
 
 def number(seed: int, name: str, unit: str, schema: Table) -> float:
-    """A number within the bounds of a field, the same for the same seed and name."""
+    """Return a number within the bounds of a field, reproducible for a seed and name."""
     random = np.random.default_rng([seed, zlib.crc32(name.encode())])
     value = float(10 ** random.uniform(*DECADES.get(unit, (-1.0, 0.0))))
     above = max(schema.get("minimum", -np.inf), schema.get("exclusiveMinimum", -np.inf))
@@ -33,28 +33,29 @@ def number(seed: int, name: str, unit: str, schema: Table) -> float:
 
 @cache
 def properties(cls: type[Part]) -> dict[str, Table]:
-    """JSON schema of every field."""
+    """Return the JSON schema of every field."""
     return cls.model_json_schema()["properties"]
 
 
 def choices(schema: Table) -> list[Table]:
+    """Return the alternatives of a schema."""
     return schema.get("anyOf") or schema.get("oneOf") or [schema]
 
 
 def folder(schema: Table) -> str | None:
-    """Folder of alternatives that a field chooses from; None for a number, which may be a profile instead."""
+    """Return the folder of alternatives of a field; None for a number, which may be a profile instead."""
     found = next((item["x-folder"] for item in choices(schema) if "x-folder" in item), None)
     return None if found == "profiles" else found
 
 
 def flat(schema: Table) -> list[Table]:
-    """Alternatives of alternatives, in one list."""
+    """Return nested alternatives in one list."""
     inner = choices(schema)
     return [schema] if inner == [schema] else [item for entry in inner for item in flat(entry)]
 
 
 def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: bool = False) -> Table:
-    """A table of a case with a value for every field.
+    """Return a table of a case with a value for every field.
 
     Parameters
     ----------
@@ -62,13 +63,13 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
     seed : int
         Other numbers for other seeds.
     held : str, optional
-        Kind of the alternative that a wrapper holds.
+        Kind of the alternative inside a wrapper.
     profiles : bool
         Give every field that may vary along an interface as a profile.
     """
     result: Table = {}
     for name, schema in properties(cls).items():
-        if name not in cls.model_fields:  # another way to give one that is
+        if name not in cls.model_fields:  # an alternative key of another field
             continue
         inner = folder(schema)
         options = flat(schema)
@@ -100,13 +101,13 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
 
 
 def material(kind: str, plain: bool = False) -> Part:
-    """An example material: with the first numbers that it accepts, some describe no body.
+    """Return an example material, with the first random numbers that it accepts.
 
     Parameters
     ----------
     kind : str
     plain : bool
-        Give only what has no default.
+        Set only fields without a default.
     """
     cls = alternatives("ruptfx.materials")[kind]
     for seed in range(1000):
@@ -120,12 +121,12 @@ def material(kind: str, plain: bool = False) -> Part:
 
 
 def holds(cls: type[Part]) -> bool:
-    """Whether an alternative holds another one (a wrapper)."""
+    """Return whether an alternative wraps another one."""
     return any(folder(schema) for schema in properties(cls).values())
 
 
 def friction_laws() -> list[tuple[str, str | None]]:
-    """Every law of the folder, wrappers around the simplest plain law and around the one with most parameters."""
+    """Return every law of the folder, wrappers around the simplest law and the one with most parameters."""
     laws = alternatives("ruptfx.friction")
     plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
     held = [plain[0][1], plain[-1][1]]
@@ -133,6 +134,6 @@ def friction_laws() -> list[tuple[str, str | None]]:
 
 
 def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Part:
-    """An example law."""
+    """Return an example law."""
     cls = alternatives("ruptfx.friction")[kind]
     return cls.model_validate(table(cls, seed, held, profiles))

@@ -1,4 +1,4 @@
-"""Pictures of laws: strength of friction at slip rates and after velocity steps, strength and energy of cohesion."""
+"""Pictures of laws: friction against slip rate and after velocity steps; strength and energy of cohesion."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ruptfx.friction import FrictionLaw
 
 STRESSES = (1e6, 3e6, 10e6)  # Pa
 RATE = 0.1  # m/s
-LONGEST = 10.0  # times the jump at failure, by which a mixed mode has failed as well
+LONGEST = 10.0  # times the jump at failure; mixed modes have failed there as well
 STEPS = {10.0: "#d55e00", 0.1: "#0072b2"}  # safe for colour-blind readers
 
 
 @styled
 def draw(law: FrictionLaw) -> Figure:
-    """Strength against slip rate in the initial state and in steady sliding; strength and state after velocity steps.
+    """Draw strength against slip rate, initial and steady; strength and state after velocity steps.
 
     Parameters
     ----------
     law : FrictionLaw
-        With numbers as parameters.
+        Law with numbers as parameters.
     """
     figure, (axes,) = new_figure(1, 3, 2.7)
     rates = np.logspace(-9, 2, 400)
@@ -65,12 +65,12 @@ def draw(law: FrictionLaw) -> Figure:
 
 @styled
 def draw_cohesive(law: CohesiveLaw) -> Figure:
-    """Strength against opening and against slip alone; work of straight mixed-mode paths over the fracture energies.
+    """Draw strength against opening and slip alone; work of straight mixed-mode paths over the fracture energies.
 
     Parameters
     ----------
     law : CohesiveLaw
-        With numbers as parameters.
+        Law with numbers as parameters.
     """
     figure, (axes,) = new_figure(1, 3, 2.7)
     size = np.linspace(0, 1.2, 601)
@@ -92,7 +92,7 @@ def draw_cohesive(law: CohesiveLaw) -> Figure:
 
 
 def _rest(law: FrictionLaw, sigma: float) -> dict[str, np.ndarray]:
-    """Initial state at a shear stress of 0.3 sigma, shape (400,)."""
+    """Return the initial state at a shear stress of 0.3 sigma, shape (400,)."""
     normal = np.full(400, sigma)
     state = law.initial_state(normal, 0.3 * normal, np.full(400, RATE))
     return {name: value + np.zeros(400) for name, value in state.items()}

@@ -1,6 +1,6 @@
 """Cohesive laws, one per file; the file name is the `kind` in a case.
 
-What an interface carries beyond friction until it has failed: tension up to `f_t left(D)` and a cohesion of
+The strength of an interface in addition to friction: tension up to `f_t left(D)` and a cohesion of
 `c left(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is its
 formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.tracing`) into C.
 """
@@ -17,46 +17,46 @@ from ruptfx.units import VaryingEnergy, VaryingPressure
 
 
 class CohesiveLaw(Alternative):
-    """The contract of a cohesive law; parameters are the fields of the subclass."""
+    """Contract of a cohesive law; parameters are the fields of the subclass."""
 
     formula: ClassVar[str] = ""
     """The law in one line, for `ruptfx describe cohesion`."""
     source: ClassVar[str] = ""
-    """Where the formula comes from."""
+    """Source of the formula."""
     area: ClassVar[float]
-    """Integral of `left` from 0 to 1: with a strength and a fracture energy it fixes the length over which it fails."""
+    """Integral of `left` from 0 to 1: with strength and fracture energy it determines the jump at failure."""
 
     f_t: VaryingPressure
-    """Tensile strength; where it is zero, as is `c`, nothing is held: a crack from the start."""
+    """Tensile strength; where it and `c` are zero, there is an initial crack."""
     c: VaryingPressure
     """Cohesion: shear strength without friction."""
     G_Ic: VaryingEnergy
-    """Energy that opening alone takes to failure. In mixed mode the work of opening over `G_Ic` and that of slip over
-    `G_IIc` add up to 1.41 at most, 1.11 to 1.2 on average in runs; `benzeggagh_kenane` takes a measured energy instead.
+    """Fracture energy of opening alone. In mixed mode the work of opening over `G_Ic` and that of slip over
+    `G_IIc` add up to 1.41 at most, 1.11 to 1.2 on average in runs; `benzeggagh_kenane` uses a measured energy instead.
     """
     G_IIc: VaryingEnergy
-    """Energy that slip alone takes to failure, beyond friction; see `G_Ic` for mixed modes."""
+    """Fracture energy of slip alone, without friction; see `G_Ic` for mixed modes."""
 
     @property
     def opening_at_failure(self) -> Array:
-        """Inelastic opening at which it has failed, G_Ic / (f_t area) [m]."""
+        """Inelastic opening at failure, G_Ic / (f_t area) [m]."""
         return self.G_Ic / (self.f_t * self.area)
 
     @property
     def slip_at_failure(self) -> Array:
-        """Inelastic slip at which it has failed, G_IIc / (c area) [m]."""
+        """Inelastic slip at failure, G_IIc / (c area) [m]."""
         return self.G_IIc / (self.c * self.area)
 
     def left_strength(self, damage: np.ndarray) -> np.ndarray:
-        """Shear strength without friction at a damage [Pa], shape (n,)."""
+        """Return the cohesion (shear strength without friction) at a damage [Pa], shape (n,)."""
         return np.asarray(self.c * np.where(damage < 1, self.left(damage), 0.0))
 
     def left(self, damage: Array) -> Array:
-        """Part of the strength that is left, 1 at damage 0 and 0 at damage 1, falling."""
+        """Return the remaining fraction of the strength, 1 at damage 0 and 0 at damage 1, decreasing."""
         raise NotImplementedError
 
     def damage(self, opening: Array, slip: Array) -> Array:
-        """0 to 1, from the largest inelastic opening and the accumulated inelastic slip so far [m].
+        """Return the damage, 0 to 1, from largest inelastic opening and accumulated inelastic slip [m].
 
         Here the circle of mixed modes, sqrt((opening / delta_n)^2 + (slip / delta_s)^2) (Source: Munjiza et al. 1999).
         On a straight path at an angle a from opening the works of opening and slip are G_Ic cos(a) and G_IIc sin(a).

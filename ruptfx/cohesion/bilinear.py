@@ -11,9 +11,9 @@ from ruptfx.fields import Array
 
 
 class Bilinear(CohesiveLaw):
-    """Strength falls to a third over the first 2/9 of the way and to zero over the rest, as concrete has it.
+    """Strength falls to a third over the first 2/9 of the damage and to zero over the remainder, as in concrete.
 
-    In openings: a third is left at 0.8 G_Ic / f_t, nothing at 3.6 G_Ic / f_t.
+    In openings: one third of the strength at 0.8 G_Ic / f_t, zero at 3.6 G_Ic / f_t.
     """
 
     formula = "left = max(1 - 3 D, 3/7 (1 - D))"

@@ -15,7 +15,7 @@ _RATE = -log(_END)
 
 
 class Exponential(CohesiveLaw):
-    """Strength falls exponentially; the tail is cut where a thousandth is left, and all of it lowered to end at 0."""
+    """Strength falls exponentially; the tail is cut at a thousandth, and the curve shifted to end at 0."""
 
     formula = "left = (exp(-a D) - exp(-a)) / (1 - exp(-a)), a = ln 1000"
     source = "after Xu and Needleman (1994), without the rise before the peak"

@@ -1,8 +1,8 @@
-"""What measures during a run, one kind per file; the file name is the `kind` of an entry of ``[[instruments]]``.
+"""Instruments, one kind per file; the file name is the `kind` of an entry of ``[[instruments]]``.
 
-All that an instrument reads is a sum: of nodal displacements, velocities or accelerations, or of fields of a fault,
-times weights that do not change. So the readings of all instruments of a run are one product with a sparse matrix,
-which every stepper and any number of ranks can do. `ruptfx.recording.sampling` takes them at times of their own.
+Every reading is a sum: of nodal displacements, velocities or accelerations, or of fields of a fault,
+times constant weights. Hence the readings of all instruments of a run are one product with a sparse matrix,
+for every stepper and any number of ranks. `ruptfx.recording.sampling` evaluates them at the times of each instrument.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Source = Literal["displacement", "velocity", "acceleration"] | tuple[str, str]
 
 @dataclass(frozen=True)
 class Share:
-    """Part of a reading: the sum of some values of a field times weights; what the ranks have adds up.
+    """Part of a reading: a weighted sum of values of a field; the shares of all ranks are added.
 
     Attributes
     ----------
@@ -42,14 +42,14 @@ class Share:
 
 @dataclass(frozen=True)
 class Channel:
-    """One number that an instrument reads.
+    """One quantity measured by an instrument.
 
     Attributes
     ----------
     name, unit, long_name : str
     shares : list of Share
     offset : float
-        Its value in the initial state, from which displacements are measured; the same on all ranks.
+        Value in the initial state, from which displacements are measured; the same on all ranks.
     """
 
     name: str
@@ -60,20 +60,20 @@ class Channel:
 
 
 class Instrument(Alternative):
-    """The contract of an instrument."""
+    """Contract of an instrument."""
 
     example: ClassVar[str] = ""
-    """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
+    """Example table for a case of two plates in plane stress, 12 mm long and 4 mm high each."""
 
     name: Name
-    """Of its table in `instruments.h5`."""
+    """Name of its table in `instruments.h5`."""
     interval: Duration
-    """Between its samples, which are at multiples of it: linear between the steps, so to second order in the step."""
+    """Time between samples, which are at multiples of it, interpolated linearly between the steps."""
     bandwidth: Frequency | None = None
-    """Where a sine comes out with half of its power, of a low-pass filter with one pole; none without it."""
+    """Frequency of half power of a low-pass filter with one pole; default is no filter."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
-        """Refuse what does not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
+        """Refuse invalid input for a plane with these displacement components (``xy``, ``z`` or ``xyz``).
 
         Raises
         ------
@@ -82,23 +82,23 @@ class Instrument(Alternative):
         """
 
     def channels(self, plates: Sensed, key: str) -> list[Channel]:
-        """What it reads; collective.
+        """Return the channels of the instrument; collective.
 
         Raises
         ------
         RuptfxError
-            On all ranks, naming the key: a place that is not there.
+            On all ranks, with the key, if a point does not exist.
         """
         raise NotImplementedError
 
     @property
     def extent(self) -> float:
-        """Length that it averages over [m]; 0 of what measures at a point."""
+        """Averaging length [m]; 0 for a measurement at a point."""
         return 0.0
 
     @property
     def points(self) -> list[tuple[list[float], str | None]]:
-        """Points at which it looks at the bodies [m], and in which body each is meant."""
+        """Measured points of the bodies [m], with the body of each."""
         return []
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class FaultReceiver(Instrument):
-    """Slip, slip rate, tractions, opening and the state of the law at a place of an interface.
+    """Slip, slip rate, tractions, opening and the state of the law at a position of an interface.
 
     In 2D at a position, linear between the two points next to it; in 3D at a point, by the shape functions of the
     elements there, and along both tangents: the first is the direction of the interface closest to x, the second is
@@ -27,11 +27,11 @@ class FaultReceiver(Instrument):
     example: ClassVar[str] = '{ kind = "fault_receiver", name = "fault", interval = 2e-7, position = 5.3e-3 }'
 
     fault: str = "main"
-    """Which interface."""
+    """Name of the interface."""
     position: Coordinate | None = None
-    """Along it, in 2D."""
+    """Position along the interface, in 2D."""
     point: Annotated[list[float], Field(min_length=3, max_length=3), Unit("m")] | None = None
-    """On it, in 3D."""
+    """Point on the interface, in 3D."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         if plane == "solid":

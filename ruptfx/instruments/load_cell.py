@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 class LoadCell(Instrument):
-    """Force on an edge, from outside, per length of thickness in 2D; with that of the initial stress.
+    """External force on an edge, in 2D per unit thickness, including the initial stress.
 
-    It is what the nodes of the edge need beyond the forces of their elements, K u + M a, so that force times velocity
-    of a driven edge is the work that `energy.csv` has. Nodes at the ends of the edge belong to it as a whole, with what
-    other edges and interfaces exert on them. Implicit steps know the acceleration half-way between two steps only: the
+    It is the force on the nodes of the edge, K u + M a, so that force times velocity
+    of a driven edge is the work in `energy.csv`. Nodes at the ends of the edge are included as a whole, with the forces
+    of other edges and interfaces. Implicit steps have the acceleration half-way between two steps only: the
     last sample of a run may be missing.
     """
 

@@ -20,19 +20,19 @@ Quantity = Literal["velocity", "displacement", "strain", "stress"]
 class Receiver(Instrument):
     """Velocity, displacement, strain and stress at a point anywhere in the bodies.
 
-    They are those of the elements at the point, which need not be a node; where elements meet, their mean. Displacement
-    and strain are measured from the initial state; the stress is total, with the initial stress of the bodies, tension
-    positive. Strains are components of the tensor: xy is half of the angle of shear.
+    The values are those of the element at the point, which need not be a node; at element boundaries the mean.
+    Displacement and strain are measured from the initial state; the stress is total, with the initial stress of the
+    bodies, tension positive. Strains are components of the tensor: xy is half of the angle of shear.
     """
 
     example: ClassVar[str] = '{ kind = "receiver", name = "point", interval = 2e-7, point = [5.3e-3, 2.2e-3] }'
 
     point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
-    """Where it is."""
+    """Coordinates of the receiver."""
     body: str | None = None
-    """Where bodies meet, the one that is meant."""
+    """Name of the body, required at a point of several bodies."""
     fields: Annotated[list[Quantity], Field(min_length=1)] = ["velocity", "displacement", "strain", "stress"]
-    """What it records."""
+    """Recorded quantities."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")

@@ -21,8 +21,8 @@ class StrainGauge(Instrument):
     """Extension along one or several grids; with three of them (a rosette) the strain tensor, too.
 
     A grid measures the mean of the strain along its length, which is the relative displacement of its ends along it
-    over the length; grids are centred at the point. Without a length it measures at the point. Of a rosette
-    extension = xx cos^2 + yy sin^2 + 2 xy sin cos of every angle gives the three components.
+    over the length; grids are centred at the point. Without a length it measures at the point. For a rosette
+    extension = xx cos^2 + yy sin^2 + 2 xy sin cos at the three angles gives the three components.
     """
 
     example: ClassVar[str] = (
@@ -31,13 +31,13 @@ class StrainGauge(Instrument):
     )
 
     point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
-    """Its centre."""
+    """Centre of the gauge."""
     body: str | None = None
-    """Where bodies meet, the one that it is glued to."""
+    """Name of the body, required at a point of several bodies."""
     angles: Annotated[list[float], Field(min_length=1), Unit("rad")] = [0.0]
-    """Of the grids, from x towards y."""
+    """Angles of the grids, from x towards y."""
     length: Length | None = None
-    """Of the grids."""
+    """Length of the grids."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.point", self.point, "xyz" if plane == "solid" else "xy")
@@ -55,7 +55,7 @@ class StrainGauge(Instrument):
         return [(self.point, self.body)]
 
     def _rosette(self) -> np.ndarray:
-        """From xx, yy, xy to the extension of every grid."""
+        """Return the matrix from xx, yy, xy to the extension of every grid."""
         c, s = np.cos(self.angles), np.sin(self.angles)
         return np.stack([c**2, s**2, 2 * s * c], axis=1)
 

@@ -19,9 +19,9 @@ Point = Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
 
 
 class Velocimeter(Instrument):
-    """Velocity of a point along a direction; of a pair, that of the first point relative to the second one.
+    """Velocity of a point along a direction; for a pair, relative to the second point.
 
-    A pair on either side of an interface and near to it measures the slip rate.
+    A pair on both sides of an interface, close to it, measures the slip rate.
     """
 
     example: ClassVar[str] = (
@@ -30,15 +30,15 @@ class Velocimeter(Instrument):
     )
 
     point: Point
-    """Where it looks."""
+    """Coordinates of the measured point."""
     body: str | None = None
-    """Where bodies meet, the one that is meant."""
+    """Name of the body, required at a point of several bodies."""
     direction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("1")]
-    """Along which it measures, of any length; one component for each direction in which the plane moves."""
+    """Measured direction, of any length; one entry for each displacement component."""
     relative_to: Point | None = None
-    """The other point of a pair."""
+    """Second point of a pair."""
     relative_body: str | None = None
-    """Its body."""
+    """Body of the second point."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         axes = "xyz" if plane == "solid" else "xy"

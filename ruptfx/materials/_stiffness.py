@@ -88,7 +88,7 @@ def surface_wave_speed(stiffness: np.ndarray, density: float) -> float:
     one = np.eye(len(Q))
 
     def slower(speed: float) -> bool:
-        """Whether the free surface has its wave above this speed."""
+        """Return whether the surface wave is faster than this speed."""
         inverse = np.linalg.inv(T)
         companion = np.block([[0 * one, one], [-inverse @ (Q - density * speed**2 * one), -inverse @ (R + R.T)]])
         p, motion = np.linalg.eig(companion)

@@ -1,7 +1,7 @@
-"""Ways to start a rupture, one per file; the file name is the `kind` of an entry of ``[[faults.NAME.nucleation]]``.
+"""Nucleations, one per file; the file name is the `kind` of an entry of ``[[faults.NAME.nucleation]]``.
 
-A nucleation either adds shear traction to the initial stress, as a function of place and time, or weakens friction.
-The state of the law is that of the stress without it.
+A nucleation either adds shear traction to the initial stress, as a function of position and time, or weakens friction.
+The initial state of the law is that of the stress without the nucleation.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from ruptfx.schema import Alternative, alternative
 
 
 class Nucleation(Alternative):
-    """The contract of a nucleation."""
+    """Contract of a nucleation."""
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
-        """Shear traction [Pa] added to the initial one along the first tangent.
+        """Return the shear traction [Pa] added to the initial one along the first tangent.
 
         Parameters
         ----------
         position : ndarray, shape (n,)
-            Along the interface [m].
+            Position along the interface [m].
         time : float
             [s]
         """
@@ -33,16 +33,16 @@ class Nucleation(Alternative):
 
     @property
     def onset(self) -> float:
-        """When it begins [s], zero or less where it is there from the start."""
+        """Start [s], zero or less if present from the start."""
         return 0.0
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
-        """The law that acts instead of `law` (with its profiles evaluated at the points)."""
+        """Return the law that replaces `law` (with its profiles evaluated at the points)."""
         return law
 
 
 def first_begun(nucleations: Iterable[Nucleation]) -> tuple[float, float]:
-    """When [s] and at which position [m] the first one begins that does so after zero.
+    """Return time [s] and position [m] of the first nucleation that begins after zero.
 
     Minus infinity and NaN without one; a position of NaN where it has no `center`.
     """

@@ -14,23 +14,23 @@ from ruptfx.units import Instant, Speed, Time, VaryingCoefficient
 class ForcedRupture(Nucleation):
     """Forced rupture: within `radius` of the center friction falls to mu_d, in t_w behind a front of given speed.
 
-    Where the law is weaker on its own it rules, so that the rupture may outrun the forced front.
+    The weaker of law and forced weakening acts, so that the rupture may outrun the forced front.
     """
 
     center: Center
-    """Where the forced front begins."""
+    """Start of the forced front."""
     radius: HalfWidth
-    """How far it runs."""
+    """Distance that the forced front runs."""
     speed: Speed
-    """Of the front."""
+    """Speed of the front."""
     mu_d: VaryingCoefficient
     """Coefficient behind the front."""
     t_w: Time = 0.0
-    """Time the fall takes; 0: at once."""
+    """Duration of the fall; 0: instantaneous."""
     start: Instant = 0.0
-    """Time [s] at which the front leaves the center; negative: at t = 0 it is already on its way."""
+    """Time [s] at which the front leaves the center; negative: it has started before t = 0."""
     end: Instant = NEVER
-    """Time [s] from which nothing is forced any more."""
+    """Time [s] at which the forcing ends."""
 
     @property
     def onset(self) -> float:

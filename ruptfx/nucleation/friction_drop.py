@@ -21,11 +21,11 @@ class FrictionDrop(Nucleation):
     mu_d: NonNegative = 0.0
     """Coefficient in the patch afterwards."""
     time: Instant = 0.0
-    """Begin of the drop [s]; negative: it is under way, or over, at t = 0."""
+    """Start of the drop [s]; negative: it has started, or ended, before t = 0."""
     t_w: Time = 0.0
-    """Time the fall takes; 0: at once."""
+    """Duration of the fall; 0: instantaneous."""
     end: Instant = NEVER
-    """Time [s] from which nothing is forced any more."""
+    """Time [s] at which the forcing ends."""
 
     @property
     def onset(self) -> float:

@@ -1,4 +1,4 @@
-"""Normal stress drop: a fluid that suddenly presses the two sides apart, as the plasma of an exploding wire does."""
+"""Normal stress drop: sudden fluid pressure between the two sides, as by the plasma of an exploding wire."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ruptfx.units import Duration, Instant, Strength, Time
 
 
 class NormalStressDrop(Nucleation):
-    """Normal stress drop: for a short time a fluid carries some of the normal stress of a patch."""
+    """Normal stress drop: for a short time a fluid pressure reduces the normal stress in the friction of a patch."""
 
     center: Center
     """Middle of the patch."""
     half_width: HalfWidth
     """Half the length of the patch."""
     drop: Strength
-    """Pressure of the fluid; what it has of the normal stress, friction has not."""
+    """Pressure of the fluid, subtracted from the normal stress in the friction law."""
     duration: Duration
-    """How long it stays."""
+    """Duration of the pressure."""
     begin: Instant = 0.0
-    """When it comes [s]."""
+    """Start of the pressure [s]."""
     rise: Time = 0.0
-    """Time its coming and its going take; 0: at once."""
+    """Duration of its rise and of its fall; 0: instantaneous."""
 
     @property
     def onset(self) -> float:

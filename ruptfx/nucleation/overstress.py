@@ -1,4 +1,4 @@
-"""Overstress: shear traction that is there from the start."""
+"""Overstress: shear traction present from the start."""
 
 from __future__ import annotations
 

@@ -17,11 +17,11 @@ class SmoothPatch(Nucleation):
     """
 
     extra: Stress
-    """Shear traction added in the middle in the end."""
+    """Final added shear traction at the center."""
     center: Center
     """Middle of the patch."""
     radius: HalfWidth
-    """Where the patch ends."""
+    """Radius of the patch."""
     rise: Duration
     """Time in which it is added."""
 
@@ -31,6 +31,6 @@ class SmoothPatch(Nucleation):
         return self.extra * self.growth(time) * shape
 
     def growth(self, time: float) -> float:
-        """G(t)."""
+        """Return G(t)."""
         t = time / self.rise
         return 0.0 if t <= 0 else 1.0 if t >= 1 else float(np.exp((t - 1) ** 2 / (t * (t - 2))))

@@ -1,4 +1,4 @@
-"""How minerals fill a specimen, one per file; the file name is the `kind` of `mesh.phases`.
+"""Distributions of minerals in a specimen, one per file; the file name is the `kind` of `mesh.phases`.
 
 A phase is a body of the mesh: its material is the table `[materials.NAME]`.
 """
@@ -17,15 +17,15 @@ Share = Annotated[float, Field(gt=0, le=1), Unit("1")]
 
 
 class Phases(Alternative):
-    """The contract of a way to fill a specimen."""
+    """Contract of a distribution of minerals."""
 
     example: ClassVar[str] = ""
-    """How a case gives it."""
+    """Example table."""
 
     fractions: Annotated[dict[Name, Share], Field(min_length=1)]
-    """Part of every phase, by name; they add up to 1."""
+    """Fraction of every phase, by name; they add up to 1."""
     seed: Annotated[int, Field(ge=0)] = 1
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
     @model_validator(mode="after")
     def _whole(self) -> Phases:
@@ -35,7 +35,7 @@ class Phases(Alternative):
         return self
 
     def phase_of(self, centres: NDArray[np.float64], element_size: float) -> NDArray[np.int64]:
-        """The phase of every cell, as the index of its name in `fractions`.
+        """Return the phase of every cell, as the index of its name in `fractions`.
 
         Parameters
         ----------
@@ -47,12 +47,12 @@ class Phases(Alternative):
         Raises
         ------
         CaseError
-            The cells cannot show it.
+            If the cells are too large for the distribution.
         """
         raise NotImplementedError
 
     def drawn(self, count: int, random: np.random.Generator) -> NDArray[np.int64]:
-        """So many independent phases."""
+        """Return `count` independent random phases."""
         share = np.array(list(self.fractions.values()))
         return random.choice(len(share), count, p=share / share.sum())
 

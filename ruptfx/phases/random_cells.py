@@ -11,9 +11,9 @@ from ruptfx.phases import Phases
 
 
 class RandomCells(Phases):
-    """A phase drawn for every cell by itself.
+    """An independent random phase for every cell.
 
-    Grains are then as small as cells, and what depends on grains depends on the mesh.
+    Grains are then as small as cells, and results that depend on grains depend on the mesh.
     """
 
     example: ClassVar[str] = '{ kind = "random_cells", fractions = { feldspar = 0.7, quartz = 0.3 } }'

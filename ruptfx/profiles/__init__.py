@@ -19,7 +19,7 @@ PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
 
 
 class _OfKey:
-    """Marks fields that have the unit of the key that varies."""
+    """Mark of fields with the unit of the key that varies."""
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         text = {"type": "string", "pattern": NUMBER, "description": "A number and the unit of the key."}
@@ -33,39 +33,39 @@ else:
 
 
 class Profile(Alternative):
-    """The contract of a profile."""
+    """Contract of a profile."""
 
     example: ClassVar[str] = ""
-    """How a case gives it; the contract tests evaluate it between -1 and 1 m."""
+    """Example table, which the contract tests evaluate between -1 and 1 m."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
-        """Keys of the profile with the numbers of the files that they name.
+        """Return the keys of the profile with the numbers of the files named in them.
 
         Parameters
         ----------
         values : object
-            What the profile is made of.
+            Tables of the profile.
         info : ValidationInfo
-            Its context knows the directory of the case.
+            Validation context with the directory of the case.
         unit : str
-            That of the key that varies.
+            Unit of the key that varies.
         """
         return values
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
-        """The values, shape (n,); each follows from its position alone.
+        """Return the values, shape (n,); each depends on its position only.
 
         Parameters
         ----------
         position : ndarray, shape (n,)
-            Along the interface [m].
+            Position along the interface [m].
         """
         raise NotImplementedError
 
 
 def varying(number: object, unit: str) -> Any:
-    """Field type: a number of the given type, or a table with the ``kind`` of a profile."""
+    """Return the field type: a number of the given type, or a table with the ``kind`` of a profile."""
     of_key = Unit(unit)
 
     def tag(value: object) -> str:
@@ -79,7 +79,7 @@ def varying(number: object, unit: str) -> Any:
         try:
             cls = find("ruptfx.profiles", kind)
         except PydanticCustomError:
-            return value  # refused by what reads it
+            return value  # refused by the reader
         assert issubclass(cls, Profile)
         marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
         given = {key: of_key.read(item) if key in marked else item for key, item in value.items()}
@@ -96,5 +96,5 @@ def varying(number: object, unit: str) -> Any:
 
 
 def evaluate(value: object, position: np.ndarray) -> np.ndarray:
-    """A number or a profile at the points, shape (n,)."""
+    """Return a number or a profile at the points, shape (n,)."""
     return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()

@@ -17,7 +17,7 @@ class Cone(Profile):
     slope: float
     """Change per distance."""
     center: Center
-    """Where the tip is."""
+    """Position of the tip."""
     tip: Value = 0.0
     """Value at the center."""
     limit: Value | None = None

@@ -17,9 +17,9 @@ class Gaussian(Profile):
     background: Value
     """Value far away."""
     amplitude: Value
-    """Added in the middle."""
+    """Height of the bell."""
     center: Center
-    """Where it is largest."""
+    """Position of the maximum."""
     width: HalfWidth
     """Standard deviation."""
 

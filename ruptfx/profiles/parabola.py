@@ -15,9 +15,9 @@ class Parabola(Profile):
 
     example: ClassVar[str] = '{ kind = "parabola", radius = 2.0, center = 0.1, tip = 0.01 }'
     radius: PositiveMetre
-    """Of curvature at the tip."""
+    """Radius of curvature at the tip."""
     center: Center
-    """Where the tip is."""
+    """Position of the tip."""
     tip: Value = 0.0
     """Value at the center."""
 

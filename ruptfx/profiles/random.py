@@ -21,13 +21,13 @@ class Random(Profile):
         '{ kind = "random", mean = 1.0, standard_deviation = 0.1, correlation_length = 0.1, seed = 3 }'
     )
     mean: Value
-    """Of the field."""
+    """Mean of the field."""
     standard_deviation: Annotated[Value, Field(ge=0)]
-    """Of the field; values beyond three of them are clipped."""
+    """Standard deviation of the field; values beyond three of them are clipped."""
     correlation_length: PositiveMetre
     """Distance over which the correlation falls by 1/e."""
     seed: Annotated[int, Field(ge=0)]
-    """Of the random numbers."""
+    """Seed of the random numbers."""
     modes: Annotated[int, Field(ge=16)] = 512
     """Number of cosines."""
 

@@ -17,13 +17,13 @@ class RandomClasses(Profile):
         '{ kind = "random_classes", values = [1.0, 2.0], weights = [1.0, 3.0], cell = 0.07, seed = 3 }'
     )
     values: list[Value]
-    """One of them for each cell."""
+    """Values, of which one is drawn for each cell."""
     weights: list[Annotated[float, Field(ge=0)]]
-    """How often, relative to each other; one for each value."""
+    """Relative frequencies, one for each value."""
     cell: PositiveMetre
     """Length of a cell."""
     seed: Annotated[int, Field(ge=0)]
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
     @model_validator(mode="after")
     def _matching(self) -> RandomClasses:
@@ -34,7 +34,7 @@ class RandomClasses(Profile):
     def __call__(self, position: np.ndarray) -> np.ndarray:
         edges = np.cumsum(self.weights) / np.sum(self.weights)
         cells = np.floor(position / self.cell).astype(np.int64)
-        # One generator per cell, so that the draw of a cell does not depend on how many others a rank holds.
+        # One generator per cell, so that its draw does not depend on the other cells of a rank.
         unique, inverse = np.unique(cells, return_inverse=True)
         draws = np.array([np.random.default_rng([self.seed, cell % 2**32]).random() for cell in unique])
         chosen = np.minimum(np.searchsorted(edges, draws[inverse]), len(self.values) - 1)

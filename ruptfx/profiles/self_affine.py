@@ -1,4 +1,4 @@
-"""A rough profile without a scale of its own between two wavelengths."""
+"""A rough profile that is self-affine between two wavelengths."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class SelfAffine(Profile):
     shortest: PositiveMetre
     """Shortest wavelength."""
     rolloff: PositiveMetre | None = None
-    """Without it, `longest`."""
+    """Roll-off wavelength; default is `longest`."""
     seed: Annotated[int, Field(ge=0)]
-    """Of the random numbers."""
+    """Seed of the random numbers."""
     mean: Value = 0.0
-    """Added to it."""
+    """Mean height."""
 
     @model_validator(mode="after")
     def _ordered(self) -> SelfAffine:

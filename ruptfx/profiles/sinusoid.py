@@ -19,9 +19,9 @@ class Sinusoid(Profile):
     wavelength: PositiveMetre
     """Of the cosine."""
     mean: Value = 0.0
-    """Added to it."""
+    """Mean value."""
     phase: Annotated[float, Unit("rad")] = 0.0
-    """Of the cosine at position 0."""
+    """Phase of the cosine at position 0."""
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.mean + self.amplitude * np.cos(2 * np.pi * position / self.wavelength + self.phase)

@@ -20,14 +20,14 @@ class Table(Profile):
     interpolation: Literal["linear", "cubic"] = "linear"
     """`cubic`: the spline whose curvature is continuous (not-a-knot ends), for measured surfaces."""
     positions: list[Position] = []
-    """At least two, increasing."""
+    """Positions, at least two, increasing."""
     values: list[Value] = []
     """One for each position."""
     extend: bool = False
-    """Beyond the ends the first and the last value go on."""
+    """Continue the first and the last value beyond the ends."""
     file: str | None = None
-    """CSV file with two columns, position and value, instead; relative to the case file. Its header may give their
-    units, as in `x (mm), stress (MPa)`; without, they are m and the unit of the key. The resolved case holds the
+    """CSV file with two columns, position and value, instead of the lists; relative to the case file. Its header may
+    give the units, as in `x (mm), stress (MPa)`; default are m and the unit of the key. The resolved case contains the
     numbers."""
 
     @classmethod
@@ -37,7 +37,7 @@ class Table(Profile):
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        """For tables that are made in Python, without a key."""
+        """Read the file of a table created in Python, without a key."""
         return with_file_read(values, info, "positions", "position", ("m", None))
 
     @field_validator("positions")

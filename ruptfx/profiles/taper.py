@@ -27,7 +27,7 @@ class Taper(Profile):
     center: Center
     """Middle of the profile."""
     half_width: HalfWidth
-    """Where the step begins."""
+    """Distance at which the step begins."""
     width: PositiveMetre
     """Length of the step."""
 

@@ -420,7 +420,7 @@ def test_describe_says_where_to_read_on() -> None:
     "topic, parts",
     [
         ("output", ["interface_interval", "s", "> 0", "Time between records of the interface"]),
-        ("stop_when", ["sliding_dead_for", "after sliding had begun"]),
+        ("stop_when", ["sliding_dead_for", "output.rupture_threshold"]),
         ("damping", ["damping.kelvin_voigt", "too much of it delays the front", "fraction", "0.1"]),
         ("study", ["axes", "required", "Latin hypercube", "grid | latin_hypercube"]),
         ("summary", ["tip_speed", "m/s", "Standard error of the fit"]),

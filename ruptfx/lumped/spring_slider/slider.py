@@ -207,7 +207,7 @@ def critical_stiffness(slider: Slider, speed: float) -> tuple[float, float]:
 
 
 def oscillates(slider: Slider, speeds: np.ndarray, periods: float = 12.0) -> np.ndarray:
-    """Whether small perturbations of steady sliding grow, by integrating all sliders together (BDF, sparse).
+    """Return whether small perturbations of steady sliding grow, by integrating all sliders together (BDF, sparse).
 
     Every slider has its own clock, D_c / V, which slows down where |ln(V / V_drive)| passes 1: an orbit keeps its
     path but a runaway cannot hold up the others.
