@@ -1,9 +1,9 @@
 """The explicit step of a fault.
 
-A step knows the displacement at the time t of the traction and the velocity half a step before. It finds the traction
-at t, and with it the velocity half a step later; `FaultState` is then that of time t, all of it.
+Input of a step are the displacement at the time t of the traction and the velocity half a step earlier. It computes the
+traction at t, and with it the velocity half a step later; all of `FaultState` is then at time t.
 
-`FaultStep` is C: `points.c` and `fault_step.c`, and in front of them what `PointCode` says. The tests have the same
+`FaultStep` is C: `points.c` and `fault_step.c` after the macros of `PointCode`. The tests have the same
 step written with arrays (`tests/reference_step.py`).
 """
 
@@ -24,7 +24,9 @@ from ruptfx.tracing import constant, symbol
 
 
 def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> tuple[np.ndarray, np.ndarray]:
-    """Normal and shear impedance 1 / (kick w (1/m+ + 1/m-)) of every point [Pa s/m], shapes (n,) and (n, tangents).
+    """Return normal and shear impedance 1 / (kick w (1/m+ + 1/m-)) of every point [Pa s/m].
+
+    Shapes (n,) and (n, tangents).
 
     Parameters
     ----------
@@ -36,15 +38,15 @@ def impedances(interface: Interface, inverse_mass: np.ndarray, kick: float) -> t
     inverse = inverse_mass.reshape(-1, interface.frame.shape[2])
     both = inverse[interface.plus] + (0 if interface.one_sided else inverse[interface.minus])
     mobility = np.einsum("ikc,ic->ik", interface.rows**2, both)
-    # Where both sides are driven the impedance would be infinite. It is cut at 1e8 times that of others: tractions are
-    # small differences of what it multiplies, and would drown in rounding.
+    # If both sides are driven the impedance is infinite. It is limited to 1e8 times that of others: tractions are
+    # small differences of terms with this factor, and would be lost in rounding.
     mobility = np.maximum(mobility, 1e-8 * mobility.max(initial=1e-300))
     z = 1 / (kick * interface.weight[:, None] * mobility)
     return z[:, 0], z[:, interface.frame.shape[1] - interface.tangents :]
 
 
 class FaultStep:
-    """The explicit step as compiled C: `FaultStep(fault, ...)(...)` does what `advance_reference` does.
+    """The explicit step as compiled C, equal to `advance_reference` of the tests.
 
     Parameters
     ----------
@@ -53,12 +55,12 @@ class FaultStep:
         As for `impedances`.
     clock : Clock
     threshold : float
-        Slip rate [m/s] whose first passing is a rupture.
+        Slip rate [m/s] whose first passage is a rupture.
 
     Attributes
     ----------
     work : float
-        What the nucleation did in the last step, points of this rank [J].
+        Work of the nucleation in the last step, points of this rank [J].
     """
 
     sources: ClassVar[tuple[str, ...]] = ("fault_step.c",)
@@ -89,19 +91,19 @@ class FaultStep:
         self._was_open = True
 
     def refresh(self) -> None:
-        """Take over weights and inverse masses that have changed in place."""
+        """Read weights and inverse masses again after changes in place."""
         for name, values in _columns(self.fault, self._inverse_mass, self.clock).items():
             self._code.put(name, values)
 
     def opening_rate(self, state: FaultState, velocity: np.ndarray) -> np.ndarray | None:
-        """Opening rate of every point [m/s], or None while all of them stay closed and nothing can collide."""
+        """Return the opening rate of every point [m/s], or None if all stay closed and no impact can occur."""
         bonded = self.fault.cohesion is not None
         is_open = self.fault.interface.has_normal and (bonded or bool(np.any(state["normal_stress"] <= 0)))
         collides, self._was_open = is_open or self._was_open, is_open
         return self.fault.interface.split(self.fault.interface.rate(velocity))[0] if collides else None
 
     def impact_loss(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
-        """Energy lost in closing gaps over a step, points of this rank [J]."""
+        """Return the energy lost in closing gaps over a step, points of this rank [J]."""
         if rate_old is None:
             return 0.0
         face = self.fault.interface
@@ -110,7 +112,7 @@ class FaultStep:
         return float((face.owned * face.weight) @ power) * self.clock.kick
 
     def fractured(self, state: FaultState, velocity: np.ndarray, rate_old: np.ndarray | None) -> float:
-        """Energy that cohesion took over a step, points of this rank [J]: its work, but for what is stored."""
+        """Return the energy dissipated by cohesion over a step, work minus stored energy, points of this rank [J]."""
         if self.fault.cohesion is None:
             return 0.0
         shear = float(self._result[-1])
@@ -124,7 +126,7 @@ class FaultStep:
         return shear + float((face.owned * face.weight) @ (work - kept))
 
     def _bind(self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
-        """Collect the pointers once; the arrays of a run keep their place."""
+        """Collect the pointers once; the arrays of a run do not move in memory."""
         self._table = self._code.table(state)
         arrays = (self._times, *self._nodes, displacement, velocity, force, self._code.fixed, self._code.numbers)
         self._pointers = [
@@ -136,12 +138,12 @@ class FaultStep:
     def __call__(
         self, state: FaultState, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray, time: float
     ) -> float:
-        """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
+        """Advance `state`, `velocity` and `force` in place; return the energy dissipated on this rank [J].
 
         Raises
         ------
         ProjectionError
-            A point without an admissible traction; `state` and `velocity` are then of no use.
+            If a point has no admissible traction; `state` and `velocity` are then invalid.
         """
         given = (state, displacement, velocity, force)
         if not self._bound or any(a is not b for a, b in zip(self._bound, given, strict=True)):
@@ -150,7 +152,7 @@ class FaultStep:
         if fault.is_loaded:
             first = component_names("mean_slip_rate", fault.tangents)[0]
             load, rate_old = fault.load(time), state[first] * (since > 0)
-            self._code.put("shear_traction_0", fault.shear_traction_0[:, 0] + load)  # the others stay
+            self._code.put("shear_traction_0", fault.shear_traction_0[:, 0] + load)  # other tangents are unchanged
         self._times[-2:] = fault.threshold_at(time, self._threshold), time
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
@@ -165,7 +167,7 @@ class FaultStep:
 
 
 def _columns(fault: Fault, inverse_mass: np.ndarray, clock: Clock) -> dict[str, np.ndarray]:
-    """What does not change at the points, shapes (n,) and (n, k)."""
+    """Return the constant data of the points, shapes (n,) and (n, k)."""
     face = fault.interface
     components = face.frame.shape[2]
     normal_impedance, shear_impedance = impedances(face, inverse_mass, clock.kick)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> Any:
-        """A part of the stack, not loaded yet. Functions below need not ask: what they are given comes from it."""
+        """Load the stack and return a part of it; functions below receive objects of the loaded stack."""
         if name not in ("MPI", "PETSc", "basix", "dolfinx", "ufl"):
             raise AttributeError(f"module 'ruptfx.fem' has no attribute '{name}'")
         _load()

@@ -1,7 +1,7 @@
 """The points of a fault in C: memory, and macros in front of `points.c`.
 
-The macros say where arrays are and hold the traced formulas of contact method, law and monitors. Explicit and implicit
-steps add code of their own.
+The macros contain the offsets of arrays and the traced formulas of contact method, law and monitors. Explicit and
+implicit steps add code of their own.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ruptfx.projection import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE,
 from ruptfx.state import FaultState
 from ruptfx.tracing import Expression, constant, record, symbol, to_c
 
-LANES = 8  # points that the C code does at a time
+LANES = 8  # points that the C code computes at a time
 FAILURE = ("trial_normal_stress", "trial_shear_traction", "Z", "last_slip_rate")
 
 
@@ -36,7 +36,7 @@ class PointCode:
     fault : Fault
     law : TracedLaw
     columns : dict of str to ndarray, shapes (n,) and (n, k)
-        What does not change at the points, `owned_area` among it; initial stress and gap come by themselves.
+        Constant data of the points, including `owned_area`; initial stress and gap are added.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class PointCode:
     numbers : ndarray
         The other parameters.
     names : list of str
-        Of the arrays of a `FaultState`, in the order of `table`.
+        Names of the arrays of a `FaultState`, in the order of `table`.
     """
 
     def __init__(self, fault: Fault, law: TracedLaw, columns: Mapping[str, np.ndarray]) -> None:
@@ -72,17 +72,17 @@ class PointCode:
         self.names += law.state_names + bond
 
     def put(self, name: str, values: np.ndarray) -> None:
-        """Values of one column or several, shape (n,) or (n, k)."""
+        """Set the values of one column or several, shape (n,) or (n, k)."""
         columns = filled(values if values.ndim == 2 else values[:, None])
         place, many = self._places[name], columns.shape[1]
         self.fixed[:, place : place + many] = columns.reshape(-1, LANES, many).transpose(0, 2, 1)
 
     def table(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:
-        """Where the arrays of a state are, as C takes them."""
+        """Return the pointers to the arrays of a state."""
         return (ctypes.c_void_p * len(self.names))(*(state[name].ctypes.data for name in self.names))
 
     def fail(self, state: FaultState, time: float, result: np.ndarray) -> None:
-        """Raise the error for the point that the C code left in its result."""
+        """Raise the error of the point that the C code returned in its result."""
         values = dict(zip(FAILURE, map(float, result[2 : 2 + len(FAILURE)]), strict=True))
         self._fault.fail(state, int(result[1]), time, values)
 
@@ -90,18 +90,18 @@ class PointCode:
         self, name: str, sources: Sequence[str], known: Mapping[str, Array], macros: Mapping[str, object],
         at_end: Mapping[str, Expression] | None = None,
     ) -> ctypes.CDLL:  # fmt: skip
-        """The compiled library of `points.c` and what goes on from there.
+        """Compile `points.c` with further sources and return the library.
 
         Parameters
         ----------
         name : str
-            Of the library.
+            Name of the library.
         sources : sequence of str
-            Files with the steps.
+            Source files of the steps.
         known : dict
-            What else of `contact.Point` the steps know, as symbols.
+            Further fields of `contact.Point` that the steps provide, as symbols.
         macros : dict
-            How they begin: see `points.c`.
+            Macros of the start of a step, see `points.c`.
         at_end : dict of str to Expression, optional
             What else they need of the law at the slip rate that was found, by where it goes.
         """
@@ -120,7 +120,7 @@ class PointCode:
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:
-        """Where arrays are, and what the symbols of law and contact method stand for."""
+        """Return macros with the offsets of arrays and the symbols of law and contact method."""
         law = self._law
         of_state = {field.name: len(field.names(self._fault.tangents)) for field in (*FIELDS, *MONITORS)}
         of_state |= dict.fromkeys([*law.state_names, *({} if self._bond is None else STATE)], 1)
@@ -137,7 +137,7 @@ class PointCode:
         return found | {name: f"BEGUN({name})" for name in law.start}
 
     def _formulas(self, known: Mapping[str, Array], at_end: Mapping[str, Expression]) -> dict[str, object]:
-        """The traced formulas as C statements."""
+        """Return the traced formulas as C statements."""
         law, tangents = self._law, range(self._fault.tangents)
 
         def each(place: str) -> list[Expression]:
@@ -177,10 +177,10 @@ class PointCode:
 
 
 def filled(values: np.ndarray) -> np.ndarray:
-    """Whole blocks: the last point stands in for those that are missing."""
+    """Return values padded to whole blocks with those of the last point."""
     return np.concatenate([values, np.repeat(values[-1:], -len(values) % LANES, axis=0)])
 
 
 def _places(widths: Mapping[str, int]) -> dict[str, int]:
-    """Where each begins, one after the other, and the end as `COUNT`."""
+    """Return the offset of each column, and the total width as `COUNT`."""
     return dict(zip([*widths, "COUNT"], accumulate(widths.values(), initial=0), strict=True))

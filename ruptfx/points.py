@@ -1,4 +1,4 @@
-"""What steps know of the points of a fault, in arrays; the steps themselves are in C (`points.c`)."""
+"""Points of a fault in arrays: times of a step, trial, and power of friction; steps are in C (`points.c`)."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class Clock:
     Attributes
     ----------
     dt : float
-        Between displacements.
+        Time between displacements.
     kick : float
-        How long the traction acts on the velocity: `dt`, at the start of explicit steps half of it.
+        Duration for which the traction acts on the velocity: `dt`, at the start of explicit steps half of it.
     since : float
-        Time since the traction before: `dt`, at the start of explicit steps zero.
+        Time since the previous traction: `dt`, at the start of explicit steps zero.
     extrapolation : float
-        Of `TracedLaw`: 1/2, in the step after the start 1.
+        Extrapolation of `TracedLaw`: 1/2, in the step after the start 1.
     """
 
     dt: float
@@ -34,30 +34,30 @@ class Clock:
 
     @classmethod
     def of_step(cls, dt: float, number: int = 2) -> Clock:
-        """The explicit step with this number after a start from one time for all: 0, 1, and all others."""
+        """Return the times of the explicit step with this number after a start: 0, 1, and all others."""
         return cls(dt, 0.5 * dt if number == 0 else dt, 0.0 if number == 0 else dt, 1.0 if number == 1 else 0.5)
 
     @classmethod
     def implicit(cls, dt: float, dt_before: float) -> Clock:
-        """An implicit step and the length of the one before it, zero at the start."""
+        """Return the times of an implicit step after a step of `dt_before`, zero at the start."""
         return cls(dt, dt, dt, dt / (dt + dt_before))
 
 
 def closed_and_stuck(
     fault: Fault, jump: np.ndarray, slip: np.ndarray, clock: Clock, time: float, **known: Array
 ) -> Trial:
-    """The trial, all of it as arrays of shape (n,).
+    """Return the trial as arrays of shape (n,).
 
     Parameters
     ----------
     jump : ndarray, shape (n, local)
-        Of the displacement, at the time of the traction [m].
+        Jump of the displacement at the time of the traction [m].
     slip : ndarray, shape (n, tangents)
-        Before [m].
+        Slip before the step [m].
     time : float
-        Of the traction [s].
+        Time of the traction [s].
     **known
-        What else of `contact.Point` is known: velocities and impedances in explicit steps, multipliers and body
+        Further fields of `contact.Point`: velocities and impedances in explicit steps, multipliers and body
         stiffness in implicit ones.
     """
     opening, slip_jump = fault.interface.split(jump)
@@ -81,7 +81,7 @@ def closed_and_stuck(
 
 
 def frictional_power(fault: Fault, old: FaultState, new: FaultState, since: float) -> np.ndarray:
-    """Of friction over a step [W/m2], shape (n,)."""
+    """Return the power of friction over a step [W/m2], shape (n,)."""
     rates, tractions = (
         [fault.components(fields, name) for fields in (old, new)] for name in ("mean_slip_rate", "shear_traction")
     )

@@ -3,16 +3,16 @@
     normal:  sigma = max(trial_n, 0); the rest opens the gap
     shear:   find V >= 0 with T + Z V = trial, T parallel to the slip rate at its own time and |T| = strength there
 
-V is the mean slip rate of one step; the strength sees slip rate, state and normal stress at the time of the traction
-(`TracedLaw` says how, to second order). The root is bracketed by V = 0 and by the V that leaves no traction, and found
-by Newton steps in V or in the logarithm of the rate that the law sees, whichever fits, with bisection as the way out.
+V is the mean slip rate of one step; the strength depends on slip rate, state and normal stress at the time of the
+traction (`TracedLaw`, to second order). The root is bracketed by V = 0 and by the V of zero traction, and computed
+by Newton steps in V or in the logarithm of the rate in the law, whichever fits, with bisection as a fallback.
 The same algorithm exists twice, for arrays here and in C for steps (`points.c`, `implicit/response.c`); both evaluate
 the traced law.
 
-With two tangents the slip rate may turn, and each may have its own impedance. What the step before carries over is
-added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the unit
-vector d along the traction: N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1 is the scalar equation. Where k
-is negative and the trial hardly more than what it takes away, the direction is that of the trial alone.
+With two tangents the slip rate may rotate, and each may have its own impedance. The contribution of the previous step
+is added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the
+unit vector d along the traction: N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1 is the scalar equation.
+Where k is negative and the trial hardly larger than this contribution, the direction is that of the trial alone.
 """
 
 from __future__ import annotations
@@ -34,22 +34,24 @@ if TYPE_CHECKING:
     from ruptfx.bond import Held
 
 TOLERANCE = 1e-13  # of the trial traction
-BALANCED = 1e-9  # of the trial traction: what may be missing where V is known to the last bit
+BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
 MAX_ITERATIONS = 100
 BISECT_EVERY = 8
 OVERFLOW = 1e50  # Pa
-FOR_EVER = 1e9  # steps: after so many the state is that of steady sliding
+FOR_EVER = 1e9  # steps, after which the state is that of steady sliding
 
 
 def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
-    """A part with every number replaced by a symbol, and the numbers: parts that differ in numbers share their code.
+    """Replace every number of a part by a symbol; return the numbers and the part.
+
+    Parts that differ in numbers share their code.
 
     Returns
     -------
     values : dict of str to float or ndarray
-        By the name of the symbol.
+        Numbers by the name of the symbol.
     part : Part
-        Of the same type, with symbols for fields.
+        Part of the same type, with symbols for fields.
     """
     values: Table = {}
     changes: Table = {}
@@ -65,14 +67,14 @@ def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
 
 
 class TracedLaw:
-    """A law recorded once: its strength at the time of the traction, the exact derivatives and the state there.
+    """A recorded law: its strength at the time of the traction, the exact derivatives and the state there.
 
     Parameters
     ----------
     law : FrictionLaw
     at_end : bool
-        Whether the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
-        contact, implicit steps) or of the step around whose beginning it acts (split nodes).
+        True if the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
+        contact, implicit steps), False if it is that of the step at whose beginning the traction acts (split nodes).
     bonded : bool
         Whether `bond` is held besides friction.
 
@@ -139,7 +141,7 @@ class TracedLaw:
         }  # fmt: skip
 
     def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
-        """`advance` and `strength`, whose errors say where."""
+        """Return `advance` and `strength`, whose errors give the line."""
 
         def as_state(found: Array) -> dict[str, Expression]:
             if not isinstance(found, Mapping) or set(found) != set(self.state_names):
@@ -156,12 +158,12 @@ class TracedLaw:
         return advance, strength
 
     def carried(self, extrapolation: float) -> float:
-        """k: what of V_before the slip rate at the traction contains, over what it contains of V."""
+        """Return k: weight of V_before over that of V in the slip rate at the traction."""
         return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
 
     @cached_property
     def _functions(self) -> tuple[Array, Array]:
-        """From the state at the traction before to what is known of the step, and from there to the outputs."""
+        """Functions from the previous state to the known part of the step, and from there to the outputs."""
         given = [*GIVEN, *self.parameters]
         return (
             to_numpy(self.start, [*given, *(f"s_{name}" for name in self.state_names)]),
@@ -181,19 +183,19 @@ class TracedLaw:
         slip_rate, normal_stress : ndarray, shape (k,)
             V [m/s] and the normal stress at the traction [Pa].
         state : dict of ndarray, shape (n,)
-            At the traction before; it may hold its `normal_stress`, without which that is the same as now.
+            State at the previous traction; default of its `normal_stress` is the current one.
         dt : float
             Time since then [s].
         points : index
-            Which of the n points; parameters, state and what follows are given for all.
+            Index of the points; parameters, state and the arguments below are given for all n points.
         before, speed_before : ndarray, shape (n,)
-            Mean slip rate of the step before [m/s]: along V, and its size.
+            Mean slip rate of the previous step [m/s]: along V, and its magnitude.
         extrapolation : float
-            e above; without it, the strength sees V itself.
+            e above; default is the strength at V itself.
         radiation : ndarray, shape (n,)
-            Traction per slip rate [Pa s/m] on top of the strength.
+            Traction per slip rate [Pa s/m] in addition to the strength.
         bond : ndarray, shape (n,)
-            Strength beyond friction [Pa].
+            Strength in addition to friction [Pa].
         """
 
         def pick(value: Array) -> Array:
@@ -211,7 +213,7 @@ class TracedLaw:
         return Evaluated(**named, state=new)
 
 
-# What a traced law takes besides state and parameters, by name.
+# Arguments of a traced law besides state and parameters, by name.
 GIVEN = (
     "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since",
     "extrapolation", "radiation", "bond",
@@ -223,7 +225,7 @@ def _traced(value: Array) -> Expression:
 
 
 class _Given(Table):
-    """State handed to a law: arrays that it changed would be those of the step before."""
+    """State passed to a law; read-only, because changes would affect the previous step."""
 
     def _refuse(self, *args: Array, **options: Array) -> Array:
         raise RuptfxError("the state that is given must not change: return a new one, {**state, 'name': value}")
@@ -233,7 +235,7 @@ class _Given(Table):
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A law in a step.
+    """Values and derivatives of a law in a step.
 
     Attributes
     ----------
@@ -257,7 +259,7 @@ class Evaluated:
 
 @dataclass
 class Projected:
-    """What the friction law admits.
+    """Admissible tractions of the friction law.
 
     Attributes
     ----------
@@ -283,7 +285,7 @@ class Projected:
 
 @dataclass
 class Tangent:
-    """Exact derivatives of what is admitted with respect to the trial, the state advanced inside the solve included.
+    """Exact derivatives of the admissible tractions with respect to the trial, including the state in the solve.
 
     Attributes
     ----------
@@ -292,7 +294,7 @@ class Tangent:
     rate_by_shear : ndarray, shape (n, tangents, tangents)
         d V / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
     rate_by_normal : ndarray, shape (n, tangents)
-        d V / d trial_normal [m/s/Pa]: more pressure, more strength, less slip.
+        d V / d trial_normal [m/s/Pa], negative or zero: pressure increases strength and reduces slip.
     """
 
     stress: np.ndarray
@@ -301,11 +303,11 @@ class Tangent:
 
 
 class ProjectionError(RuptfxError):
-    """No admissible traction: names the law, the point, the time, V, sigma and the state."""
+    """Error of a missing admissible traction: names the law, the point, the time, V, sigma and the state."""
 
 
 def least_strength(law: TracedLaw, state: Mapping[str, np.ndarray], point: int, values: Mapping[str, float]) -> float:
-    """Smallest strength of a law at a point that failed, at rest and at the slip rate that leaves no traction [Pa]."""
+    """Return the smallest strength at a failed point, at rest and at the slip rate of zero traction [Pa]."""
     pressed = np.full(len(next(iter(state.values()))), max(values["trial_normal_stress"], 0.0))
     free = values["trial_shear_traction"] / max(values["Z"], 1e-300)
     of_law = {name: state[name] for name in law.state_names}
@@ -315,7 +317,7 @@ def least_strength(law: TracedLaw, state: Mapping[str, np.ndarray], point: int, 
 def explain(
     law: FrictionLaw, point: int, where: str, values: dict[str, float], strength: float = 0.0
 ) -> ProjectionError:
-    """The error for one failing interface point; `strength` is the smallest one that was found there [Pa]."""
+    """Return the error of a failed interface point; `strength` is the smallest one found there [Pa]."""
     listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
     size = abs(values["trial_shear_traction"]) + abs(values["trial_normal_stress"])
     if not size < OVERFLOW:
@@ -343,43 +345,43 @@ def project(
     tangent: bool = False,
     held: Held | None = None,
 ) -> Projected:
-    """Bring trial tractions back to what the law admits.
+    """Project trial tractions onto those that the law admits.
 
     Parameters
     ----------
     law : TracedLaw
     state : dict of ndarray, shape (n,)
-        State of the law, and normal stress where it matters that it changes, at the traction before.
+        State of the law, and normal stress for laws with memory of it, at the previous traction.
     trial_normal, trial_shear : ndarray, shapes (n,) and (n, tangents)
         Trial tractions [Pa]; compression positive.
     impedance : ndarray, shape (n,) or (n, tangents)
-        Z [Pa s/m], not negative; where it is zero the step has no length and nothing slips.
+        Z [Pa s/m], not negative; zero for a step of zero length, without slip.
     dt : float
-        Time since the traction before [s].
+        Time since the previous traction [s].
     before : ndarray, shape (n, tangents), optional
-        Mean slip rate of the step before [m/s].
+        Mean slip rate of the previous step [m/s].
     extrapolation, radiation
         As for `TracedLaw`.
     guess : ndarray, shape (n,), optional
-        Sizes of V to begin with [m/s].
+        Initial guess of |V| [m/s].
     where : str
-        Added to the message of an error, e.g. the time.
+        Text added to the message of an error, for example the time.
     tangent : bool
-        Differentiate, too.
+        Compute derivatives, too.
     held : Held, optional
-        Tension and shear strength beyond friction.
+        Tensile and shear strength in addition to friction.
 
     Raises
     ------
     ProjectionError
-        A trial that is not finite, or a law without a root.
+        If a trial is not finite, or a law has no root.
     """
     sigma = np.maximum(trial_normal, 0.0) if held is None else held.normal_stress(trial_normal)
     together = sigma > 0 if held is None else (sigma > 0) | held.intact
     shape = trial_shear.shape
     z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
     before = np.zeros(shape) if before is None else before
-    # What slid the other way has come to rest before it turns.
+    # If the trial traction opposes the previous slip rate, the point stops first.
     kept = before * (np.sum(before * trial_shear, axis=1) > 0)[:, None]
     k = law.carried(extrapolation)
     large = 2 * np.linalg.norm(k * z * kept, axis=1) > np.linalg.norm(trial_shear, axis=1)
@@ -423,7 +425,7 @@ def _tangent(
     sigma: np.ndarray, size: np.ndarray, rate: np.ndarray, direction: np.ndarray, z: np.ndarray, kept: np.ndarray,
     turning: np.ndarray, found: Evaluated,
 ) -> Tangent:  # fmt: skip
-    """Derivative of t - Z V = strength(V, sigma, b) and of the direction d of the traction, which turns with the trial.
+    """Return the derivative of t - Z V = strength(V, sigma, b) and of the direction d of the traction.
 
     t and b are the parts of trial and V_before along the traction; V = (V + c) d - k V_before with c the part of
     k V_before along d. There is one impedance for all tangents.
@@ -461,7 +463,7 @@ def _solve(
     guess: np.ndarray | None,
     known: Table,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """V of every point, not a number where there is none, and the direction of the traction.
+    """Return V of every point, NaN without a root, and the direction of the traction.
 
     `trial` is trial', shape (n, tangents); `carried` is what of k V_before is along it, shape (n,).
     """
@@ -469,7 +471,7 @@ def _solve(
     direction = _unit(trial, size)
     mean_z = np.sum(z * direction**2, axis=1)
     at_rest = law(np.zeros_like(size), sigma, state, dt, **known).strength
-    least = -TOLERANCE * (size + sigma)  # strengths below are negative beyond rounding: they drive slip
+    least = -TOLERANCE * (size + sigma)  # smaller strengths are negative beyond rounding and would drive slip
     sound = np.isfinite(size) & np.isfinite(at_rest) & (~together | (at_rest >= least))
     rate = np.where(sound, 0.0, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -490,7 +492,7 @@ def _solve(
         found = law(v, sigma[todo], state, dt, todo, **known)
         residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
         low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
-        # A law that jumps, or that pulls, has no root where the bracket ends.
+        # A law with a jump or with negative strength has no root at the end of the bracket.
         ends = (high - low <= 1e-15 * high) & (np.abs(residual) <= BALANCED * size[todo])
         done = (np.abs(residual) <= TOLERANCE * size[todo]) | ends
         rests = (high <= AT_REST) & np.isfinite(residual)
@@ -509,7 +511,7 @@ def _solve(
 def _residual(
     trial: np.ndarray, z: np.ndarray, sliding: np.ndarray, found: Evaluated
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Q (N - 1), minus its derivative, and the direction; Q = |trial'| where the impedances are equal."""
+    """Return Q (N - 1), minus its derivative, and the direction; Q = |trial'| if the impedances are equal."""
     strengths = found.strength[:, None] + z * sliding[:, None]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         if trial.shape[1] == 1:
@@ -527,10 +529,10 @@ def _next(
     v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
     spread: np.ndarray, bisect: bool,
 ) -> np.ndarray:  # fmt: skip
-    """Newton in V where the impedance rules, in the logarithm of the rate that the law sees where the law does.
+    """Return the next iterate: Newton in V if the impedance dominates, in the log of the rate if the law does.
 
-    `spread` is dV over the change of that logarithm. Bisection (in log V when the bracket spans decades) where Newton
-    leaves the bracket, and now and then: the two sorts of steps may lead to each other for ever.
+    `spread` is dV over the change of that logarithm. Bisection (in log V if the bracket spans decades) if Newton
+    leaves the bracket, and occasionally, because the two kinds of Newton steps may cycle.
     """
     with np.errstate(all="ignore"):
         linear = v + residual / slope

@@ -31,11 +31,11 @@ from ruptfx.stopwatch import phase, restart
 if TYPE_CHECKING:
     import xarray
 
-CHECK_EVERY = 25  # steps between checks that all ranks are well
+CHECK_EVERY = 25  # steps between checks for errors on any rank
 
 
 class Interrupted(RuptfxError):  # noqa: N818
-    """Stopped by a signal; what was written is readable."""
+    """Stopped by a signal; the written files are readable."""
 
     exit_code = 130
 
@@ -58,30 +58,30 @@ def simulate(
     case: Case | LumpedModel, out: str | Path = "run", comm: fem.MPI.Comm | None = None, progress: bool = True,
     resume: bool = False, complete: Callable[[], None] = lambda: None, overwrite: bool = False,
 ) -> Record | xarray.Dataset:  # fmt: skip
-    """Run a case and leave a complete run directory.
+    """Run a case and write a complete run directory.
 
     Parameters
     ----------
     case : Case or LumpedModel
-        The latter needs one rank; it writes no checkpoints, and what was stopped is begun again by `resume`.
+        A lumped model needs one rank; it has no checkpoints, and `resume` starts an interrupted run again.
     out : str or Path
         Run directory; must not exist or be empty.
     comm : MPI communicator, optional
-        All ranks of the job when left out; every rank calls this function.
+        Default is all ranks of the job; every rank calls this function.
     progress : bool
         Show a progress bar on rank 0.
     resume : bool
-        Go on from the newest checkpoint in `out`, on any number of ranks; from the beginning if it was stopped
+        Continue from the newest checkpoint in `out`, on any number of ranks; from the beginning if it was stopped
         before the first; not at all if it is complete. It must be a run of the same case.
     complete : callable
         Called on rank 0 when the run is complete, before its figures are drawn.
     overwrite : bool
-        Replace the run that `out` holds, of whatever case, once this one is complete; other files stay.
+        Replace the run in `out`, of any case, once this one is complete; other files stay.
 
     Returns
     -------
     Record or xarray.Dataset
-        The finished run, on every rank; of a lumped model its result.
+        The finished run, on every rank; for a lumped model its result.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def simulate(
             need_memory(case, comm)
             model = Model(case, comm)
             motion = stages.bind(model)
-        if checkpoint is None and (resume or overwrite):  # the case is known to run: only now may older files go
+        if checkpoint is None and (resume or overwrite):  # remove older files only after the model was built
             place = run_directory.prepare(comm, out, again=case, overwrite=overwrite)
         _run(model, motion, place, progress, checkpoint, began)
         run_directory.replace(comm, out)
@@ -132,7 +132,7 @@ def simulate(
 def _run(
     model: Model, motion: Motion, out: Path, progress: bool, checkpoint: Checkpoint | None, began: float
 ) -> None:
-    """The time loop, in a directory that is ready."""
+    """Run the time loop in a directory that is ready."""
     case, comm = model.case, model.comm
     with phase("model"):
         state = model.initial_state()
@@ -197,7 +197,7 @@ def _run(
 
 
 def _step(motion: Motion, state: State) -> RuptfxError | None:
-    """One step; an error of this rank is handed back, to be raised by all together."""
+    """Make one step; return the error of this rank, to be raised by all together."""
     try:
         motion.step(state)
     except RuptfxError as error:
@@ -206,7 +206,7 @@ def _step(motion: Motion, state: State) -> RuptfxError | None:
 
 
 def _not_a_number(model: Model, state: State) -> RuptfxError | None:
-    """The first node whose velocity is not finite, if there is one."""
+    """Return the error of the first node whose velocity is not finite, or None."""
     if np.isfinite(state.velocity @ state.velocity):
         return None
     bad = ~np.isfinite(state.velocity.reshape(model.nodes, -1)).all(axis=1)
@@ -227,7 +227,7 @@ def _raise_together(comm: fem.MPI.Comm, error: Exception | None) -> None:
 
 
 class Signals:
-    """Turns SIGINT and SIGTERM into a flag that the time loop looks at; a second one acts at once."""
+    """Conversion of SIGINT and SIGTERM to a flag that the time loop checks; a second signal acts immediately."""
 
     def __init__(self) -> None:
         self.received = ""
@@ -246,7 +246,7 @@ class Signals:
         signal.signal(number, self._before[number] or signal.SIG_DFL)
 
     def anywhere(self, comm: fem.MPI.Comm) -> str:
-        """What any rank received; collective, the same answer on all."""
+        """Return the signal that any rank received; collective, the same on all."""
         received = self.received or launch.asked_to_stop()
         if comm.size == 1:
             return received
@@ -258,7 +258,7 @@ class Signals:
 
 
 def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
-    """Analysis and the marker; rank 0 works, all ranks learn of an error."""
+    """Analyse the run and write the summary on rank 0; all ranks raise its error."""
 
     def finish() -> None:
         from ruptfx.analysis import summarise
@@ -275,7 +275,7 @@ def _finish(model: Model, out: Path, facts: dict[str, object]) -> None:
 
 
 def _draw(comm: fem.MPI.Comm, out: Path) -> None:
-    """Figures of a complete run; all ranks learn of an error."""
+    """Draw the figures of a complete run; all ranks raise its error."""
     error = None
     if comm.rank == 0:
         try:

@@ -1,4 +1,4 @@
-"""Everything that changes during a run."""
+"""All variables of a run."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ FaultState = dict[str, np.ndarray]
 
 @dataclass
 class State:
-    """Everything that changes during a run.
+    """All variables of a run.
 
     Attributes
     ----------
     time, step : float, int
         Time [s] of the displacement and number of steps done.
     displacement, velocity, force : ndarray, shape (nodes * components,)
-        Velocity is half of `lag` behind the displacement; `force` is internal force under way.
+        Velocity is half of `lag` behind the displacement; `force` is the internal force of the current step.
     faults : dict of str to dict of ndarray
         Fields of every fault by name, `lag` behind the displacement.
     cracks : dict of ndarray
-        Fields of the facets that may break, at the same time as those of the faults; empty where none may.
+        Fields of cohesive facets, at the same time as those of the faults; empty without `[fracture]`.
     energy : dict of str to float
         Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, facing,
-        boundary_work; of faults that slide also what each took, ``"main.impact"``.
+        boundary_work; in finite sliding also that of each fault, ``"main.impact"``.
     fields : dict of str to ndarray, shape (nodes * components,)
-        Nodal fields that a stepper carries from step to step, such as an acceleration; made at its first step.
+        Nodal fields of a stepper, such as an acceleration; created at its first step.
     numbers : dict of str to float
-        Numbers it carries, the same on all ranks: the size of the next step (``dt``) where steps vary, its mode ...
+        Numbers of a stepper, the same on all ranks: the size of the next step (``dt``) if steps vary, its mode ...
     points : dict of str to dict of ndarray, shape (n,)
-        Fields of points that it carries, by fault.
+        Fields of points of a stepper, by fault.
     pairs : dict of ndarray, shape (n,)
-        What friction holds between cells that collide; empty where none may.
+        Frictional forces between colliding cells; empty without `[collisions]`.
     watched : bool
-        Whether energies will be asked for after the next step, which may then sum them on its way.
+        True if energies are requested after the next step, which may then sum them on its way.
     unseen : bool
-        Whether nobody looks at displacement and velocity after a step before `catch_up`, so that they may wait.
+        True if displacement and velocity are not read before `catch_up`, so that a stepper may defer them.
     behind : callable, state -> None, optional
-        Brings them up to date where they wait.
+        Function that computes deferred displacement and velocity.
     """
 
     displacement: np.ndarray
@@ -64,13 +64,13 @@ class State:
     behind: Callable[[State], None] | None = field(default=None, repr=False)
 
     def take(self, fault: str, name: str, energy: float) -> None:
-        """Add an energy that a fault took, points of this rank [J]."""
+        """Add an energy dissipated by a fault, points of this rank [J]."""
         for each in (name, f"{fault}.{name}"):
             if each in self.energy:
                 self.energy[each] += energy
 
     def catch_up(self) -> None:
-        """Bring displacement and velocity to `time` where the steps left that for later; collective."""
+        """Compute displacement and velocity at `time` if a stepper has deferred them; collective."""
         behind, self.behind = self.behind, None
         if behind is not None:
             behind(self)
@@ -85,14 +85,14 @@ class State:
 
     @property
     def fault_time(self) -> float:
-        """Time of the fields of the faults [s]; every step asks for it, so without the displacement then."""
+        """Time of the fields of the faults [s]; cheaper than `at_faults`."""
         return self.time - self.lag
 
     def at_faults(self) -> tuple[float, np.ndarray]:
-        """Time of the fields of the faults [s], and the displacement then."""
+        """Return the time of the fields of the faults [s], and the displacement at it."""
         return self.fault_time, self.displacement - self.lag * self.velocity if self.lag else self.displacement
 
     def at_velocity(self) -> tuple[float, np.ndarray]:
-        """Time of the velocity [s], where explicit steps balance energy, and the displacement then."""
+        """Return the time of the velocity [s], at which explicit steps balance energy, and the displacement at it."""
         half = 0.5 * self.lag
         return self.time - half, self.displacement - half * self.velocity if half else self.displacement

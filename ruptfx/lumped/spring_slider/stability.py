@@ -1,4 +1,4 @@
-"""When the slider oscillates: stability diagram, bifurcation, and what a modulated normal load does to both."""
+"""Stability of the slider: stability diagram, bifurcation, and the effect of a modulated normal load."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class StabilityDiagram(Experiment):
     fastest: Speed = 1e-4
     """Highest drive speed."""
     speeds: Annotated[int, Field(ge=2, le=200)] = 40
-    """How many drive speeds."""
+    """Number of drive speeds."""
     softest: Positive = 0.2
     """Smallest stiffness over W (b - a) / D_c."""
     stiffest: Positive = 1.8
     """Highest stiffness, over the critical one."""
     stiffnesses: Annotated[int, Field(ge=2, le=200)] = 40
-    """How many stiffnesses."""
+    """Number of stiffnesses."""
 
     def run(self, slider: Slider, progress: Progress) -> xarray.Dataset:
         law = slider.law
@@ -75,8 +75,8 @@ class Bifurcation(Experiment):
     speed: Speed = 1e-6
     """Of the drive."""
     ratios: Annotated[list[Positive], Field(min_length=1)] = [0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.94, 0.97, 0.985, 1.02]
-    """Stiffness over K_c, in the order they are visited; the motion carries over, so that rising order settles
-    fastest (close to K_c oscillations grow very slowly)."""
+    """Stiffness over K_c, in the order of computation; each starts from the previous motion, so that rising order
+    converges fastest (close to K_c oscillations grow very slowly)."""
     periods: Annotated[int, Field(ge=10, le=1000)] = 40
     """Simulated periods of each stiffness."""
     samples: Samples = 6000
@@ -122,7 +122,7 @@ class Bifurcation(Experiment):
 
 
 def _cycles(motion: Motion, omega: float) -> tuple[float, float]:
-    """Frequency [rad/s] and second over first harmonic, over the whole cycles in the later half of a motion."""
+    """Return frequency [rad/s] and second over first harmonic, over the whole cycles in the later half of a motion."""
     half = len(motion.time) // 2
     signal = motion.friction[half:] - motion.friction[half:].mean()
     rises = np.flatnonzero((signal[:-1] < 0) & (signal[1:] >= 0))
@@ -135,7 +135,7 @@ def _cycles(motion: Motion, omega: float) -> tuple[float, float]:
 
 
 def onset(slider: Slider, speed: float) -> tuple[float, float]:
-    """K_c [N/m] and frequency at onset [rad/s] by simulation: where small oscillations neither grow nor decay.
+    """Return K_c [N/m] and frequency at onset [rad/s] by simulation, at which small oscillations are neutral.
 
     The growth rate is the slope of the logarithm of successive maxima of ln theta over ten periods.
     """
@@ -163,7 +163,7 @@ def onset(slider: Slider, speed: float) -> tuple[float, float]:
 
 
 class ModulatedLoad(Experiment):
-    """The normal load swings fast, W (1 + eps cos 2 pi f t); the mean friction falls and sliding is stabilised."""
+    """Fast oscillation of the normal load, W (1 + eps cos 2 pi f t), which reduces friction and stabilises sliding."""
 
     name = "modulated_load"
     kind: Literal["modulated_load"] = "modulated_load"
@@ -220,12 +220,12 @@ class ModulatedLoad(Experiment):
         return integrate(slider, start, times, self.speed, load, rtol=1e-10, longest_step=period / 16)
 
     def orbit(self, slider: Slider, eps: float) -> Motion:
-        """The motion that repeats itself every cycle of the load: a fixed point of the map over one cycle.
+        """Return the motion that is periodic with the load: a fixed point of the map over one cycle.
 
         Raises
         ------
         RuptfxError
-            None is found.
+            If none is found.
         """
         scale, start = slider.scales(self.speed), slider.steady(self.speed)
         # The forced interface carries less on average; its age hardly changes within a cycle.
@@ -244,7 +244,7 @@ class ModulatedLoad(Experiment):
         return float(slider.law.steady_strength(self.speed, slider.normal_force)) / slider.normal_force
 
     def multiplier(self, slider: Slider, eps: float) -> float:
-        """ln of the largest Floquet multiplier over one cycle; positive means the periodic sliding is unstable."""
+        """Return ln of the largest Floquet multiplier over one cycle; if positive, periodic sliding is unstable."""
         start, scale = self.orbit(slider, eps).y[:, 0], slider.scales(self.speed)
         matrix = np.empty((slider.size, slider.size))
         for column in range(slider.size):
@@ -255,7 +255,7 @@ class ModulatedLoad(Experiment):
         return float(np.log(np.abs(np.linalg.eigvals(matrix)).max()))
 
     def critical_stiffness(self, slider: Slider, eps: float) -> float:
-        """K_c [N/m] of sliding under the modulated load; nan if it is not between 0.02 and 1.2 of that at rest."""
+        """Return K_c [N/m] under the modulated load; NaN if it is not between 0.02 and 1.2 of that at rest."""
         unmodulated, _ = critical_stiffness(slider, self.speed)
         if eps == 0 or not unmodulated:
             return unmodulated
@@ -270,7 +270,7 @@ class ModulatedLoad(Experiment):
 
 
 def small_amplitude_change(eps: np.ndarray | float, friction: float, a: float) -> np.ndarray:
-    """Relative change of the mean friction while the age does not vary, -(a / mu) ln I_0(eps mu / a).
+    """Return the relative change of mean friction at constant age, -(a / mu) ln I_0(eps mu / a).
 
     The slip rate V0 exp((F / W - ...) / a) with F / W = mu (1 - eps cos) must average to the drive's speed, and the
     average of exp(x cos) is I_0(x).
