@@ -6,6 +6,7 @@ A unit is a product of symbols, `/` divides by all that follows it, a number beh
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from fractions import Fraction
@@ -106,3 +107,21 @@ def _symbol(name: str) -> tuple[Fraction, dict[str, int]]:
         scale, base = _SYMBOLS[name[1:]]
         return _PREFIXES[name[0]] * scale, base
     raise ValueError(f"unknown unit '{name}'; known: {', '.join(_SYMBOLS)}, and n, u, m, c, k, M, G before them")
+
+
+def with_prefix(value: float, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit and the prefix that leaves one to three digits before the point: "31.7 us".
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        One that takes prefixes: ``m``, ``s``, ``Pa``, ``m/s``.
+    digits : int
+        Significant digits.
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g} {unit}"
+    rounded = float(f"{value:.{digits - 1}e}")
+    power = min(max(math.floor(math.log10(abs(rounded)) / 3), -3), 3 if unit != "s" else 0)
+    return f"{rounded / 1000.0**power:.{digits}g} {'num kMG'[power + 3].strip()}{unit}"

@@ -28,6 +28,7 @@ def run(
         bool, typer.Option("--overwrite", help="Replace the run in --out once this one is complete; other files stay.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="All numbers of the summary.")] = False,
 ) -> None:
     """Run a case and write a run directory with data, figures and a summary.
 
@@ -50,7 +51,7 @@ def run(
     if launches:
         assert isinstance(parsed, Case)
         options = [item for value in set_ or [] for item in ("--set", value)]
-        options += ["--resume"] * resume + ["--overwrite"] * overwrite + ["--quiet"] * quiet
+        options += ["--resume"] * resume + ["--overwrite"] * overwrite + ["--quiet"] * quiet + ["--verbose"] * verbose
         with reported():
             _launch(parsed, ranks, out, ["run", "--out", str(out), *options, "--", str(case)], quiet)
         return
@@ -61,7 +62,7 @@ def run(
             with Progress(not quiet) as progress:
                 simulate_lumped(parsed, out, progress.update, resume, overwrite)
             if not quiet:
-                _show_summary(out)
+                _show_summary(out, verbose)
                 _show_pictures(out)
         return
     with reported():
@@ -74,7 +75,7 @@ def run(
 
         def complete() -> None:
             if not quiet:
-                _show_summary(out)
+                _show_summary(out, verbose)
 
         simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete, overwrite=overwrite)
         if comm.rank == 0 and not quiet and painter.LATER not in os.environ:
@@ -103,18 +104,38 @@ def _written(out: Path) -> tuple[int, int] | None:
     return (path.stat().st_ino, path.stat().st_mtime_ns) if path.exists() else None
 
 
-def _show_summary(out: Path) -> None:
+def _show_summary(out: Path, verbose: bool) -> None:
+    """Print what the run found in one line, then the numbers of most interest; with `verbose` all of them."""
+    from ruptfx.analysis.verdict import rows, verdict
     from ruptfx.summary_fields import unit
 
     summary = json.loads((out / "summary.json").read_text())
+    said = verdict(summary)
+    if summary.get("mode") == "none" and (how := _closest_to_slip(out)):
+        said = f"{said}: {how}"
+    if said:
+        screen.print(said, style="bold", soft_wrap=True)
     table = Table(show_header=False, box=None, pad_edge=False)
-    for key, value in summary.items():
-        if isinstance(value, int | float | str) and not isinstance(value, bool):
-            table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
+    if verbose or not said:  # lumped models have summaries of their own
+        for key, value in summary.items():
+            if isinstance(value, int | float | str) and not isinstance(value, bool):
+                table.add_row(key, f"{value:.6g}" if isinstance(value, float) else str(value), unit(key))
+    else:
+        for key, text in rows(summary):
+            table.add_row(key.replace("_", " "), text)
     screen.print(table)
-    screen.print(f"Run directory: {out}")
+    screen.print(f"Run directory: {out}" + " (all numbers: summary.json)" * bool(said and not verbose), soft_wrap=True)
+
+
+def _closest_to_slip(out: Path) -> str:
+    from ruptfx import Record
+    from ruptfx.plots._strength import closest_to_slip
+
+    with Record(out, trust=True) as record:  # its code has just run
+        return closest_to_slip(record)
 
 
 def _show_pictures(out: Path) -> None:
     pictures = sorted((out / "figures").glob("*.png"))
-    screen.print(f"Pictures: {out / 'figures'} ({', '.join(p.name for p in pictures)})", soft_wrap=True)
+    if pictures:
+        screen.print(f"Pictures: {out / 'figures'} ({', '.join(p.name for p in pictures)})", soft_wrap=True)

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError
 from ruptfx.case import FaultCase
 from ruptfx.plugins import active, named
+from ruptfx.quantities import with_prefix
 from ruptfx.record import Files
 
 
@@ -67,3 +68,26 @@ def _fault(record: Files, name: str) -> FaultCase | None:
         if record.case.get("plugins") and not record.trust:
             record.omitted.append(f"the strength of interface '{name}', in the figure snapshots")
         return None
+
+
+def closest_to_slip(record: Files) -> str:
+    """Return how near a run that never slipped came to it, and where; empty where its strength is not known.
+
+    Parameters
+    ----------
+    record : Record or Files
+    """
+    data = record.interface
+    if "rupture_time" not in data or np.isfinite(data["rupture_time"].values).any():
+        return ""
+    limit = strength(record, np.arange(len(data["time"].values)))
+    if limit is None or not (limit > 0).any():
+        return ""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(limit > 0, np.abs(data["shear_traction"].values) / limit, 0.0)
+    when, where = np.unravel_index(np.nanargmax(ratio), ratio.shape)
+    place, time = float(data["position"].values[where]), float(data["time"].values[when])
+    return (
+        f"largest shear traction over strength {ratio[when, where]:.2f} "
+        f"at {with_prefix(place, 'm')}, {with_prefix(time, 's')}"
+    )

@@ -123,7 +123,7 @@ def test_a_reader_that_leaves_ends_a_command_quietly(command: str, needs_fem: No
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as process:  # fmt: skip
         process.stdout.close()  # before anything is written
-        assert process.stderr.read() == ("1/1 waves\n" if "waves" in command else "")
+        assert process.stderr.read() == ("waves ...\n" if "waves" in command else "")
     assert process.returncode == 1
 
 
@@ -179,7 +179,7 @@ def test_run_leaves_a_complete_directory(tmp_path: Path, needs_fem: None) -> Non
     out = tmp_path / "run"
     result = ruptfx("run", write(tmp_path), "--out", out, "--set", "materials.default.density=1300.0")
     assert result.exit_code == 0, said(result)
-    assert f"Run directory: {out}" in said(result) and "energy_closure" in said(result)
+    assert f"Run directory: {out}" in said(result) and "wall time" in said(result)
     names = {path.name for path in out.iterdir()}
     assert {"case.toml", "interface.h5", "bulk.h5", "energy.csv", "run.log", "summary.json"} <= names
     with Record(out) as record:
