@@ -26,7 +26,7 @@ records = {
 }
 
 # %% [markdown]
-# How much touches at the end, and what the largest pressure is.
+# Contact fraction at the end, and largest pressure.
 
 # %%
 for name, record in records.items():

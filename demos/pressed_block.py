@@ -1,7 +1,7 @@
 # # A block that is pressed and pushed, as image correlation would see it
 #
 # Shear strain E_xy under a normal load, then what a push adds to E_xx without sliding: true, and as pictures of a
-# speckled block with noise would show it. The mean is right to some 0.005 %; most of what differs is the noise.
+# speckled block with noise would show it. The mean error is some 0.005 %; most of the difference is noise.
 #
 # Run this file with `python demos/pressed_block.py`; the picture is `runs/pressed_block/figures/strains.png`.
 

@@ -37,7 +37,7 @@ print(f"peak slip rate at 30 mm: {float(slip_rate.sel(position=30e-3, method='ne
 
 # %% [markdown]
 # The energy budget closes to round-off: the work of the driven edge and of the initial stress is the kinetic, strain
-# and interface energy plus what friction dissipated.
+# and interface energy plus frictional dissipation.
 
 # %%
 print(f"energy not accounted for: {summary['energy_closure']:.1e} of the work")

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # One block, one spring: what rate-and-state friction does
+# # One block, one spring: rate-and-state friction
 #
 # The friction laws of the field solver, on the smallest system that can show them: a block on a spring that is pulled
 # at a given speed. F = W [mu_0 + a ln(V / V_0) + b ln(theta V_0 / D_c)], with theta the age of the contacts

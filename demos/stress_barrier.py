@@ -19,7 +19,7 @@ begin("runs/stress_barrier_one_tip", "runs/stress_barrier")
 # %% [markdown]
 # The cases are those of `ruptfx bench stress_barrier`: `demos/stress_barrier.toml`, and its right half, mirrored.
 #
-# The speed of the front is that of straight lines through what began to slide within 2 mm.
+# The speed of the front is the slope of straight lines through the onset of slip within 2 mm.
 
 # %%
 found = {}
