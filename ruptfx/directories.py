@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import IO
 
 from ruptfx import RuptfxError, run_files
-from ruptfx.case import read_case
-from ruptfx.plugins import CaseFile
+from ruptfx.case import read_case, read_toml
+from ruptfx.plugins import CaseFile, digests
 
 LOCK = ".lock"
 NEW = ".new"
@@ -93,10 +93,10 @@ def is_finished(out: Path, case: CaseFile) -> bool:
         If it contains a run of another case, or its case was changed.
     """
     end_replacement(out)
-    if _case_hash(out / NEW) == case.hash:
+    if _case_hash(out / NEW, case) == case.hash:
         return False
     run_files.check(out, run_files.CASE)
-    found = _case_hash(out)
+    found = _case_hash(out, case)
     if found not in (None, case.hash):
         raise RuptfxError(
             f"{out}: holds a run of case {found}, this is case {case.hash}; resume with its own case.toml and "
@@ -105,9 +105,23 @@ def is_finished(out: Path, case: CaseFile) -> bool:
     return (out / run_files.SUMMARY).exists()
 
 
-def _case_hash(out: Path) -> str | None:
-    """Return the hash of the case of the run in a directory; None if unknown."""
+def _case_hash(out: Path, case: CaseFile) -> str | None:
+    """Return the hash of the case of the run in a directory; None if unknown.
+
+    No code of the directory runs: a case is read only where its plug-ins are those of `case`, which are loaded.
+
+    Parameters
+    ----------
+    out : Path
+    case : case
+        The one that is to go on there.
+    """
+    loaded = {(plugin.path.name, plugin.digest) for plugin in case.plugin_files()}
     try:
+        table = read_toml(out / run_files.CASE)
+        sources = digests(out, table.get("plugins", []))
+        if not loaded.issuperset(sources):
+            return run_files.seal({**table, "plugins": sources})[:16]  # as `CaseFile.hash` of resolved tables
         return str(read_case(out / run_files.CASE).hash)
     except RuptfxError:
         pass
@@ -119,7 +133,7 @@ def _case_hash(out: Path) -> str | None:
 
 def begun(out: Path, case: CaseFile) -> Path:
     """Return where a run of this case was begun: in the directory, or in its `.new`."""
-    return out / NEW if _case_hash(out / NEW) == case.hash else out
+    return out / NEW if _case_hash(out / NEW, case) == case.hash else out
 
 
 def unfinished(out: Path) -> Path:
@@ -159,7 +173,7 @@ def prepare(out: Path, again: CaseFile | None = None, overwrite: bool = False) -
         place = begun(out, again)
         if place != out:
             return renew(place)
-        if _case_hash(out) == again.hash:
+        if _case_hash(out, again) == again.hash:
             return out
     remedy = "replace the run with --overwrite, " if _holds_a_run(out) else ""
     raise RuptfxError(f"{out}: exists already; {remedy}choose another --out, or remove it")

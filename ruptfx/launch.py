@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -93,7 +94,7 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
     # have written anything. They are asked through a file instead, whatever the MPI library.
     process = subprocess.Popen(
         mpi_command(ranks, "ruptfx", *arguments), env=environment, start_new_session=True,
-        preexec_fn=partial(_end_with, os.getpid()),
+        preexec_fn=ends_with_parent(),
     )  # fmt: skip
 
     def stop(number: int, _: object) -> None:
@@ -113,11 +114,20 @@ def run_on(ranks: int, arguments: list[str], **variables: str) -> int:
         asked.unlink(missing_ok=True)
 
 
-def _end_with(parent: int) -> None:
-    """Let the kernel end this process when its parent ends in any way (Linux only)."""
-    if sys.platform != "linux":
+def ends_with_parent() -> Callable[[], None]:
+    """Return what a child process calls first, so that the kernel ends it when its parent ends, however that comes.
+
+    On Linux; elsewhere it does nothing. There the parent is the thread that starts the child.
+    """
+    # Loaded before the fork, after which a child of a process with several threads must not take locks.
+    libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+    return partial(_end_with, os.getpid(), libc)
+
+
+def _end_with(parent: int, libc: ctypes.CDLL | None) -> None:
+    if libc is None:
         return
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # the parent has already ended
         os._exit(1)
 

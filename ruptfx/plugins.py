@@ -86,30 +86,66 @@ def load(path: str | Path) -> Plugin:
         If it cannot be read, does not load (with the line), defines no alternative, or uses a name that exists.
     """
     path = Path(path).absolute()
-    with telling.get()(path) as told:
-        plugin = _load(path)
-        told.append(plugin.listed())
+    source = _source(path)
+    name = f"{MODULE}{path.stem}_{hashlib.sha256(source).hexdigest()}"
+    if name not in _loaded:
+        with telling.get()(path) as told:
+            plugin = Plugin(path, source, _defined(_execute(name, path, source)))
+            told.append(plugin.listed())
+        _loaded[name] = plugin
+    plugin = Plugin(path, source, _loaded[name].classes)
+    _check(plugin)
     return plugin
 
 
-def _load(path: Path) -> Plugin:
+def digests(directory: Path, names: object) -> list[tuple[str, str]]:
+    """Return file names and sha256 of the plug-ins that a case in a directory names, sorted; none of them is loaded.
+
+    Raises
+    ------
+    CaseError
+        One of them cannot be read, or the names are none.
+    """
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise CaseError(f"plugins: no list of file names: {names!r}")
+    paths = [Path(directory, name).absolute() for name in names]
+    return sorted((path.name, hashlib.sha256(_source(path)).hexdigest()) for path in paths)
+
+
+def _source(path: Path) -> bytes:
+    """Return the content of a plug-in.
+
+    Raises
+    ------
+    CaseError
+    """
     if path.suffix != ".py" or (path.exists() and not path.is_file()):
         raise CaseError(f"plugins: {path}: not a Python file; its name must end with .py")
     try:
-        source = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise CaseError(f"plugins: {path}: cannot be read: {error.strerror}") from None
-    name = f"{MODULE}{path.stem}_{hashlib.sha256(source).hexdigest()}"
-    if name not in _loaded:
-        module = _execute(name, path, source)
-        classes: dict[str, dict[str, type]] = {}
-        for value in vars(module).values():
-            if isinstance(value, type) and value.__module__ == name and not value.__name__.startswith("_"):
-                package = home(value)
-                if package is not None:
-                    classes.setdefault(package, {})[kind_in(value)] = value
-        _loaded[name] = Plugin(path, source, classes)
-    plugin = Plugin(path, source, _loaded[name].classes)
+
+
+def _defined(module: ModuleType) -> dict[str, dict[str, type]]:
+    """Return the alternatives that a module defines, by package and kind."""
+    classes: dict[str, dict[str, type]] = {}
+    for value in vars(module).values():
+        if isinstance(value, type) and value.__module__ == module.__name__ and not value.__name__.startswith("_"):
+            package = home(value)
+            if package is not None:
+                classes.setdefault(package, {})[kind_in(value)] = value
+    return classes
+
+
+def _check(plugin: Plugin) -> None:
+    """Refuse a plug-in that defines nothing, or a kind that is known already.
+
+    Raises
+    ------
+    CaseError
+    """
+    path = plugin.path
     if not plugin.classes:
         raise CaseError(
             f"plugins: {path}: defines no alternative; derive a class from FrictionLaw, ContactMethod, Material ..."
@@ -121,7 +157,6 @@ def _load(path: Path) -> Plugin:
                     f"plugins: {path}: {cls.__name__} would hide the {package.rpartition('.')[2]} '{kind}' that is "
                     "there already; give the class another name"
                 )
-    return plugin
 
 
 def _execute(name: str, path: Path, source: bytes) -> ModuleType:

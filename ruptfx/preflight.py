@@ -87,6 +87,10 @@ def preflight(case: Case) -> Iterator[Row]:
         yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
         yield Row(f"{name}: c_s", speeds.c_s, "m/s", f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.6g}")
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
+    own = [name for name in model.bodies.names if name in case.materials]
+    if "default" in case.materials and len(own) == len(model.bodies.names):
+        note = f"without effect, for every body has its own: {', '.join(own)}; remove it"
+        yield Row("materials.default", case.materials["default"].kind(), "", note, "warning")
     if len(model.materials) > 1 and case.plane in ("stress", "strain") and model.faults:
         yield from _pairing(model)
     stable = stable_time_step(model)
@@ -267,6 +271,8 @@ def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float
     low, high = samples.until(end)
     unit = "" if samples.unit == "1" else f" {samples.unit}"
     where = f"{boundary.kind()}, {boundary.edge}" if isinstance(boundary, EdgeBoundary) else boundary.kind()
+    if samples.file:
+        where += f", {samples.file}"
     note = f"{where}: {first:.4g} to {last:.4g} s; the run sees {low:.4g} to {high:.4g}{unit} in {end:.4g} s"
     if last > LONG_AFTER * end:
         note += f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as " \

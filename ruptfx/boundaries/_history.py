@@ -34,6 +34,8 @@ class Samples:
         Value at a time [s]; between samples it stays between theirs.
     held : bool
         Whether the last value is meant to go on after the last sample.
+    file : str
+        File that the samples were read from, as the case names it; empty where the case has the numbers.
     """
 
     times: list[float]
@@ -41,6 +43,7 @@ class Samples:
     unit: str
     at: Callable[[float], float]
     held: bool
+    file: str = ""
 
     def until(self, end: float) -> tuple[float, float]:
         """Smallest and largest value from time zero to `end` [s]."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import ValidationInfo, model_validator
+from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
 
 from ruptfx.boundaries import Action, Motion
 from ruptfx.boundaries._edge_motion import EdgeMotion
@@ -45,11 +45,17 @@ class Moved(EdgeMotion):
     """CSV file with two columns, time and value, instead; relative to the case file. Its header may give their units,
     as in `time (us), velocity (m/s)`; without, they are s and m or m/s. The resolved case holds the numbers."""
 
-    @model_validator(mode="before")
+    _read_from: str = PrivateAttr("")
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _from_file(cls, values: object, info: ValidationInfo) -> object:
-        quantity = values.get("quantity") if isinstance(values, Mapping) else None
-        return with_file_read(values, info, "times", "time", ("s", "m" if quantity == "displacement" else "m/s"))
+    def _from_file(cls, values: object, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
+        given = values if isinstance(values, Mapping) else {}
+        wanted = "m" if given.get("quantity") == "displacement" else "m/s"
+        moved = handler(with_file_read(values, info, "times", "time", ("s", wanted)))
+        if isinstance(given.get("file"), str):
+            moved._read_from = given["file"]
+        return moved
 
     @model_validator(mode="after")
     def _matching(self) -> Moved:
@@ -73,7 +79,8 @@ class Moved(EdgeMotion):
         motion, moves = self.motion(np.zeros(0, dtype=int)), self.quantity == "velocity"
         course, rest = (motion.velocity, 0.0) if moves else (motion.displacement, self.values[-2])
         unit = "m/s" if moves else "m"
-        return Samples(self.times, self.values, unit, lambda time: float(course(time)), self.values[-1] == rest)
+        held = self.values[-1] == rest
+        return Samples(self.times, self.values, unit, lambda time: float(course(time)), held, self._read_from)
 
     def motion(self, dofs: np.ndarray) -> Motion:
         """Displacement, velocity and acceleration of some degrees of freedom in time."""

@@ -79,17 +79,10 @@ def _end_all(comm: MPI.Comm) -> None:
     comm.Abort(EXIT_ERROR)
 
 
-_named = set[Path]()  # plug-ins already named by this process
-
-
 @contextmanager
 def _name_plugin(path: Path) -> Iterator[list[str]]:
-    """Name a plug-in once, on standard error: its file before its code runs, then its definitions."""
+    """Name a plug-in on standard error: its file before its code runs, then its definitions."""
     told = list[str]()
-    if path in _named:
-        yield told
-        return
-    _named.add(path)
     sys.stderr.write(f"plug-in {shlex.quote(str(path))}")
     sys.stderr.flush()
     try:

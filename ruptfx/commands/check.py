@@ -18,7 +18,14 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
 
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
+            from ruptfx.lumped import TRIAL, extreme, rehearse
+
+            whole = rehearse(parsed)
             screen.print(f"{case}: {parsed.kind()}, {parsed.summary()} The case is valid.")
+            if not whole:
+                screen.print(f"It was computed for {TRIAL:g} s without an error, and not to its end.")
+            for number in extreme(parsed):
+                screen.print(f"warning: far from the usual: {number}", style="yellow")
             return
         from ruptfx.preflight import preflight
 

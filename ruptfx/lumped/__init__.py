@@ -6,12 +6,15 @@ One model per file or package, whose name is the top-level `kind` of the case. T
 from __future__ import annotations
 
 import importlib
+import io
 import math
 import shlex
+import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import copy_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 
 FAR = 1e5  # times the default: larger ratios count as extreme
 FAR_AT_ALL = 1e12  # limit for numbers without a default, in SI units
+TRIAL = 10.0  # seconds that `ruptfx check` computes for at most
 Progress = Callable[[float, str], None]
 Summary = Table
 
@@ -114,9 +118,8 @@ def _run(model: LumpedModel, out: Path, progress: Progress) -> xarray.Dataset:
     run_files.begin(out, ["result.nc", run_files.SUMMARY])
     with _solvable(model):
         start = time.perf_counter()
-        dataset = model.run(progress)
+        dataset = _finite(model, progress)
         elapsed = time.perf_counter() - start
-        _require_finite(dataset)
         dataset.to_netcdf(out / "result.nc", engine="h5netcdf", encoding=_compression(dataset))
         progress(1.0, "drawing figures")
         run_files.add(out, _draw(type(model), dataset, out, ("png",)))
@@ -148,10 +151,64 @@ def _solvable(model: LumpedModel) -> Iterator[None]:
         raise RuptfxError(f"{model.kind()}: it cannot be computed with these numbers ({error}); {remedy}") from error
 
 
-def _require_finite(dataset: xarray.Dataset) -> None:
+def _finite(model: LumpedModel, progress: Progress) -> xarray.Dataset:
+    """Return the result of a model.
+
+    Raises
+    ------
+    ArithmeticError
+        A number in it is infinite.
+    """
+    dataset = model.run(progress)
     for name, values in dataset.variables.items():
         if values.dtype.kind == "f" and np.isinf(values.values).any():
             raise ArithmeticError(f"{name} is infinite")
+    return dataset
+
+
+def rehearse(model: LumpedModel, limit: float = TRIAL) -> bool:
+    """Compute a model and its figures as `simulate` does, without files, and return whether that ended in time.
+
+    The parameters that make a model fail are found by its integrators only, so it is computed.
+
+    Parameters
+    ----------
+    model : LumpedModel
+    limit : float
+        Wall time [s].
+
+    Raises
+    ------
+    RuptfxError
+        The error with which `simulate` refuses the model.
+    """
+    late = threading.Event()
+    failed: list[BaseException] = []
+
+    def progress(fraction: float, message: str) -> None:
+        if late.is_set():
+            raise SystemExit  # of the thread
+
+    def compute() -> None:
+        try:
+            with _solvable(model):
+                dataset = _finite(model, progress)
+                for figure in type(model).figures(dataset).values():
+                    figure.savefig(io.BytesIO(), dpi=50)
+                model.summarise(dataset)
+        except BaseException as error:
+            failed.append(error)
+
+    # A thread, because integrators report no progress within one solution; what runs too long ends with the program.
+    thread = threading.Thread(target=copy_context().run, args=(compute,), daemon=True)
+    thread.start()
+    thread.join(limit)
+    if thread.is_alive():
+        late.set()
+        return False
+    for error in failed:
+        raise error
+    return True
 
 
 def extreme(part: Part, usual: Part | None = None, key: str = "") -> Iterator[str]:

@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import tomli_w
@@ -20,6 +21,7 @@ from ruptfx import RuptfxError, Table, launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
 RECYCLE = 100  # points after which a child is replaced, to limit memory leaks
+_starter = ThreadPoolExecutor(1, "ruptfx-starter")
 _idle: dict[int, list[Child]] = {}
 _all: set[Child] = set()
 _guard = threading.Lock()
@@ -41,11 +43,14 @@ class Child:
     def __init__(self, ranks: int) -> None:
         self.ranks, self.served = ranks, 0
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
-        # Own session: Ctrl-C reaches the study only, which then ends its children.
-        self._process = subprocess.Popen(
+        # A session of its own: Ctrl-C is for the study, which then ends its children. They end with the thread that
+        # starts them, hence one that lasts as long as this process, and not that of a task.
+        self._process = _starter.submit(
+            subprocess.Popen,
             launch.mpi_command(ranks, "ruptfx.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
-        )  # fmt: skip
+            preexec_fn=launch.ends_with_parent(),
+        ).result()  # fmt: skip
 
     def run(self, job: Table, time_limit: float | None) -> Result:
         """Send one job and return its result.

@@ -13,7 +13,7 @@ from matplotlib import pyplot
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped import LumpedModel, read_result, simulate
+from ruptfx.lumped import LumpedModel, read_result, rehearse, simulate
 from ruptfx.schema import alternatives
 
 MODELS = alternatives("ruptfx.lumped")
@@ -28,6 +28,7 @@ def example(kind: str) -> LumpedModel:
 @pytest.mark.parametrize("kind", MODELS)
 def test_example(kind: str, tmp_path: Path) -> None:
     model, told = example(kind), []
+    assert rehearse(model)
     data = simulate(model, tmp_path / "run", lambda fraction, text: told.append(fraction))
     assert told == sorted(told) and told[0] >= 0 and told[-1] == 1
     assert parse_case(tomllib.loads((tmp_path / "run" / "case.toml").read_text())) == model

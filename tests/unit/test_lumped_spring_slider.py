@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
-from ruptfx.lumped import extreme, read_result, redraw, simulate
+from ruptfx.cli import app
+from ruptfx.lumped import extreme, read_result, redraw, rehearse, simulate
 from ruptfx.lumped.spring_slider import PMMA, SpringSlider
 from ruptfx.lumped.spring_slider.fit import Fit, modelled, read_trace
 from ruptfx.lumped.spring_slider.protocols import VelocitySteps
 from ruptfx.lumped.spring_slider.slider import Slider, critical_stiffness, integrate
+from ruptfx.lumped.spring_slider.stability import StabilityDiagram
 from ruptfx.schema import CaseError, find
 
 W = 16.0
@@ -192,6 +196,24 @@ def test_numbers_that_cannot_be_computed_are_named(changes: dict[str, Any], key:
     with pytest.raises(RuptfxError, match=re.escape(key)) as caught:
         simulate(model, tmp_path / "run")
     assert not (tmp_path / "run" / "summary.json").exists() and "far from the usual" in str(caught.value)
+    with pytest.raises(RuptfxError) as checked:
+        rehearse(model)
+    assert str(checked.value) == str(caught.value)
+    (tmp_path / "case.toml").write_text(model.to_toml())
+    shown = CliRunner().invoke(app, ["check", str(tmp_path / "case.toml")])
+    assert shown.exit_code == 1 and "valid" not in shown.output
+
+
+def test_check_computes_a_model_for_a_limited_time(tmp_path: Path) -> None:
+    """Numbers that are far off and can be computed are named; a model that takes long is left."""
+    model = SpringSlider(normal_force=2e6, stiffness=2e11, experiment=VelocitySteps(distance=5e-6, samples=100))
+    (tmp_path / "case.toml").write_text(model.to_toml())
+    shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["check", str(tmp_path / "case.toml")])
+    assert shown.exit_code == 0 and "warning: far from the usual: stiffness = 2e+11 (usual 1e+06)" in shown.output
+    assert rehearse(model)
+    start = time.perf_counter()
+    assert not rehearse(SpringSlider(experiment=StabilityDiagram()), limit=0.05)
+    assert time.perf_counter() - start < 2
 
 
 def test_usual_numbers_are_not_called_extreme() -> None:

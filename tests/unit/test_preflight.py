@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sliding_cases import rough, wave
-from small_cases import COMPLIANT, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
+from small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plates, slip_weakening, two_boxes
 
 pytest.importorskip("dolfinx")
 
@@ -367,6 +367,13 @@ def test_the_nucleation_and_the_weakest_place_are_judged() -> None:
     assert ", weakest place: static process zone" not in found  # the same at both
 
 
+def test_a_default_material_that_no_body_has() -> None:
+    assert "materials.default" not in rows(plates())
+    assert "materials.default" not in rows(plates({"materials.upper": HOMALITE}))
+    found = rows(plates({"materials.upper": HOMALITE, "materials.lower": HOMALITE}))["materials.default"]
+    assert found.verdict == "warning" and "every body has its own: lower, upper; remove it" in found.note
+
+
 # -- what loads the bodies --------------------------------------------------------------------------------------------
 
 
@@ -397,6 +404,15 @@ def test_what_the_run_sees_of_samples() -> None:
 )
 def test_samples_that_are_hardly_meant(times: list[float], values: list[float], verdict: str) -> None:
     assert sampled(times, values).verdict == verdict
+
+
+def test_samples_of_a_file_are_shown_with_its_name(tmp_path: Path) -> None:
+    (tmp_path / "vibrometer.csv").write_text("time (us), velocity (mm/s)\n0, 0\n4, 3\n9, 0\n")
+    moved = {"kind": "moved", "edge": "upper.left", "component": "x", "quantity": "velocity", "file": "vibrometer.csv"}
+    given = parse_case(plates({"boundaries": [moved]}), tmp_path)
+    row = next(row for row in preflight(given) if row.quantity == "boundaries.0: samples")
+    assert "upper.left, vibrometer.csv: 0 to 9e-06 s" in row.note and "0 to 0.003 m/s" in row.note
+    assert parse_case(given.table()).hash == given.hash  # the file is no part of the resolved case
 
 
 def test_samples_of_a_history_and_of_stages() -> None:
