@@ -327,8 +327,6 @@ class Case(CaseFile):
     def _check_rotations(self) -> None:
         if not self.large_rotations:
             return
-        if self.plane not in ("stress", "strain"):
-            raise ValueError(f"large_rotations: plane = '{self.plane}': in plane stress and plane strain only")
         if self.faults:
             raise ValueError(
                 f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
@@ -345,8 +343,6 @@ class Case(CaseFile):
             )
         if self.fracture is None:
             return
-        if self.plane not in ("stress", "strain"):
-            raise ValueError(f"plane = '{self.plane}': bodies break in plane stress and plane strain only")
         if self.order != 1:
             raise ValueError(f"order = {self.order}: with [fracture] the cells are of order 1")
         for name, fault in self.faults.items():
@@ -363,8 +359,6 @@ class Case(CaseFile):
         if self.plane != "axisymmetric":
             return
         for name, fault in self.faults.items():
-            if fault.sliding is not None:
-                raise ValueError(f"faults.{name}.sliding: only motion in a plane slides far; leave it out")
             if fault.initial_stress.tensor is not None:
                 raise ValueError(
                     f"faults.{name}.initial_stress.tensor: around an axis no uniform stress is in equilibrium in "

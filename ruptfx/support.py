@@ -18,8 +18,10 @@ from ruptfx.contact import ContactMethod
 from ruptfx.cracks import Fracture
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._rate_and_state import RateAndState
+from ruptfx.materials import IN_PLANE, Material
 from ruptfx.nucleation import Nucleation
 from ruptfx.schema import Alternative, CaseError, Part, alternatives
+from ruptfx.sliding import Sliding
 from ruptfx.steppers import Stepper
 
 if TYPE_CHECKING:
@@ -27,13 +29,15 @@ if TYPE_CHECKING:
 
 FOLDERS = {
     "stepper": "ruptfx.steppers", "contact": "ruptfx.contact", "friction": "ruptfx.friction",
-    "fracture": "ruptfx.cracks",
+    "fracture": "ruptfx.cracks", "materials": "ruptfx.materials",
 }  # fmt: skip
-"""Where other kinds of a part are, by the last word of its key."""
+"""Where other kinds of a part are, by the last word of its key, or by the first where that is a name."""
+PLANE = "plane."  # begins the key of the plane of a case
 MOST_CHANGES = 3  # that a remedy may need together
 
 Choices = Mapping[str, type[Part]]
-"""Classes of the parts that a case gives, by key; for a key without a table, the class of the part that it is in."""
+"""Classes of the parts that a case gives, by key; for a key without a table, the class of the part that it is in. The
+plane is part of its key, as `plane.strain`."""
 Keys = tuple[str, ...]
 
 
@@ -50,12 +54,15 @@ class Refusal:
         Parts that may be of another kind; those of one tuple change together.
     drop : tuple of tuple of str
         Parts that may be removed; those of one tuple together.
+    hint : str
+        Remedy where neither helps.
     """
 
     keys: Keys
     reason: str
     swap: tuple[Keys, ...] = ()
     drop: tuple[Keys, ...] = ()
+    hint: str = ""
 
 
 @dataclass(frozen=True)
@@ -111,14 +118,17 @@ def check(case: Case) -> None:
     if refusals:
         found = remedies(choices, refusals)
         reasons = (f"{', '.join(_shown(case, key) for key in refusal.keys)}: {refusal.reason}" for refusal in refusals)
-        raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {_in_words(found)}", found)
+        hints = "; ".join(refusal.hint for refusal in refusals if refusal.hint)
+        remedy = _in_words(found) or hints or "no other kind of one of them helps"
+        raise UnsupportedError(f"{'; '.join(dict.fromkeys(reasons))}; {remedy}", found)
     for text in without_effect(case):
         raise CaseError(text)
 
 
 def choices_of(case: Case) -> Choices:
     """Everything in a case that some rule asks for."""
-    choices: dict[str, type[Part]] = {"stepper": type(case.stepper)}
+    choices: dict[str, type[Part]] = {"stepper": type(case.stepper), PLANE + case.plane: type(case)}
+    choices |= {f"materials.{name}": type(material) for name, material in case.materials.items()}
     for name, fault in case.faults.items():
         for field in ("contact", "friction", "cohesion", "sliding"):
             if (part := getattr(fault, field)) is not None:
@@ -149,11 +159,17 @@ def remedies(choices: Choices, refusals: Iterable[Refusal]) -> tuple[tuple[Chang
     drops: list[Change] = []
     for refusal in refusals:
         for keys in refusal.swap:
-            others = alternatives(FOLDERS[keys[0].rpartition(".")[2]]).values()
+            others = alternatives(_folder(keys[0])).values()
             swaps += (Change(keys, cls) for cls in others if cls is not choices[keys[0]])
         drops += (Change(keys) for keys in refusal.drop)
     found = [*_smallest(choices, swaps), *_smallest(choices, drops)]
     return tuple(found or _smallest(choices, [*swaps, *drops]))
+
+
+def _folder(key: str) -> str:
+    """Return where other kinds of a part are."""
+    first, _, rest = key.partition(".")
+    return FOLDERS[first if first in FOLDERS else rest.rpartition(".")[2]]
 
 
 def _smallest(choices: Choices, changes: list[Change]) -> list[tuple[Change, ...]]:
@@ -318,7 +334,8 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
         yield Refusal(("stepper",), "bodies break in explicit steps only", (("stepper",),))
     large = "large_rotations"
     if large in choices and not stepper.large_rotations:
-        yield Refusal((large,), f"stepper.kind = '{stepper.kind()}' is for small ones", (("stepper",),), ((large,),))
+        reason = f"stepper.kind = '{stepper.kind()}' is for small rotations"
+        yield Refusal((large,), reason, (("stepper",),), ((large,),))
     way = choices.get("fracture")
     sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
     if way is not None and sliding:
@@ -334,8 +351,39 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
                 yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))
 
 
+def _planes(choices: Choices) -> Iterator[Refusal]:
+    key = next((key for key in choices if key.startswith(PLANE)), None)
+    if key is None:
+        return
+    plane, way = key.removeprefix(PLANE), choices.get("fracture")
+    if way is not None and plane not in cast(type[Fracture], way).planes:
+        planes = cast(type[Fracture], way).planes
+        hint = f"use plane = {_listed([repr(plane) for plane in planes], 'or')}"
+        yield Refusal((key,), f"bodies break in {_in_words_of(planes)} only", hint=hint)
+    if "large_rotations" in choices and plane not in IN_PLANE:
+        yield Refusal(("large_rotations", key), f"in {_in_words_of(IN_PLANE)} only", drop=(("large_rotations",),))
+    sliding = tuple(f"faults.{name}.sliding" for name, cls in _faults(choices, "sliding").items()
+                    if plane not in cast(type[Sliding], cls).planes)  # fmt: skip
+    if sliding:
+        yield Refusal(sliding, f"only motion in a plane slides far ({_in_words_of(IN_PLANE)})", drop=(sliding,))
+
+
+def _in_words_of(planes: Sequence[str]) -> str:
+    return _listed([f"plane {plane}" for plane in planes], "and")
+
+
+def _materials(choices: Choices) -> Iterator[Refusal]:
+    way = choices.get("fracture")
+    if way is None or not cast(type[Fracture], way).isotropic:
+        return
+    kind = cast(type[Fracture], way).kind()
+    for key, cls in choices.items():
+        if key.startswith("materials.") and not cast(type[Material], cls).isotropic:
+            yield Refusal((key,), f"fracture.kind = '{kind}' breaks isotropic bodies", ((key,),))
+
+
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _bodies,
+    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _bodies, _planes, _materials,
 )  # fmt: skip
 
 
@@ -345,11 +393,17 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
 def without_effect(case: Case) -> Iterator[str]:
     """Messages on keys that change nothing in a case, whatever its parts are."""
     output, stop = case.output, case.stop_when
-    if output.plate_thickness is not None and case.plane not in ("stress", "strain"):
-        yield (
-            f"output.plate_thickness = {output.plate_thickness:g} m: without effect, for fringes are of plates, and "
-            f"plane = '{case.plane}'; remove it"
-        )
+    if case.plane not in IN_PLANE:
+        of_fringes = {
+            f"materials.{name}.fringe_constant": (material.fringe_constant, "N/m")
+            for name, material in case.materials.items()
+        }
+        for key, (value, unit) in {"output.plate_thickness": (output.plate_thickness, "m"), **of_fringes}.items():
+            if value is not None:
+                yield (
+                    f"{key} = {value:g} {unit}: without effect, for fringes are of plates, and plane = "
+                    f"'{case.plane}'; remove it"
+                )
     yield from _edges_named_twice(case)
     if case.faults:
         return
@@ -387,6 +441,8 @@ def _edges_named_twice(case: Case) -> Iterator[str]:
 
 def _shown(case: Case, key: str) -> str:
     """A key with its kind or its number, as in a case."""
+    if key.startswith(PLANE):
+        return f"plane = '{key.removeprefix(PLANE)}'"
     value: object = case
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else (
@@ -398,7 +454,7 @@ def _shown(case: Case, key: str) -> str:
 
 
 def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
-    """Remedies as the end of a message: kinds of one key side by side."""
+    """Remedies as the end of a message: kinds of one key side by side; empty where there is none."""
     kinds: dict[tuple[tuple[Change, ...], Keys], list[str]] = {}
     removals = []
     for changes in found:
@@ -411,7 +467,7 @@ def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
     for (first, keys), names in kinds.items():
         texts.append(" with ".join([*(_change(change.keys, change.kind) for change in first), _change(keys, *names)]))
     words = ["use " + ", or ".join(texts)] if texts else []
-    return ", or ".join([*words, *removals]) or "no other kind of one of them helps"
+    return ", or ".join([*words, *removals])
 
 
 def _change(keys: Keys, *kinds: str | None) -> str:

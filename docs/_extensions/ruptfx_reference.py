@@ -3,6 +3,7 @@
 - ``{ruptfx-entries} TOPIC``: every kind or table of a topic of `ruptfx describe`.
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
+- ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
 - ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`.
 - ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases, aims or checks.
 - ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
@@ -23,7 +24,7 @@ from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
-from ruptfx import bench, describe
+from ruptfx import bench, describe, support_table
 from ruptfx.bench import _speed_tables, demo_times
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
@@ -145,6 +146,26 @@ class Fields(Directive):
         return [table(("field", "unit", "what it is"), rows, (25, 10, 65))]
 
 
+class Support(Directive):
+    """Features against steppers, contact methods, planes or materials, with notes below the table."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        found = next((each for each in support_table.tables() if each.topic == self.arguments[0]), None)
+        if found is None:
+            raise self.error(f"no table of '{self.arguments[0]}'")
+        rows, notes = found.numbered()
+        first = 40
+        widths = first, *([(100 - first) // len(found.columns)] * len(found.columns))
+        listed = nodes.enumerated_list(enumtype="arabic", prefix="(", suffix=")")
+        for note in notes:
+            item = nodes.list_item()
+            item += paragraph(note)
+            listed += item
+        return [table(("feature", *found.columns), rows, widths, literal=0), *([listed] if notes else [])]
+
+
 class Bench(Directive):
     """Saved results of `ruptfx bench`, a table for each problem; the argument is their folder."""
 
@@ -218,7 +239,7 @@ class Time(SphinxRole):
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    for directive in (Entries, Commands, Fields, Bench, Speed):
+    for directive in (Entries, Commands, Fields, Support, Bench, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
     return {"parallel_read_safe": True, "parallel_write_safe": True}

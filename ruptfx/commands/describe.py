@@ -7,31 +7,34 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from ruptfx import __version__
 from ruptfx.commands._shared import completed_from, reported, screen
+
+SUPPORT = "support"
 
 
 def topics() -> tuple[str, ...]:
     """Return the topics."""
     from ruptfx.describe import TOPICS
 
-    return TOPICS
+    return *TOPICS, SUPPORT
 
 
 def topics_and_kinds() -> tuple[str, ...]:
     """Return topics and kinds, for completion."""
     from ruptfx.describe import FOLDERS, TOPICS, names_of
 
-    return (*TOPICS, *(name for topic in FOLDERS for name in names_of(topic)))
+    return (*TOPICS, SUPPORT, *(name for topic in FOLDERS for name in names_of(topic)))
 
 
 def describe(
     what: Annotated[
         str | None,
         typer.Argument(
-            help="A topic (case, friction, output, study, summary ...) or a kind (coulomb, boundaries.driven); without "
-            "one, all topics are listed.",
+            help="A topic (case, friction, output, study, summary, support ...) or a kind (coulomb, "
+            "boundaries.driven); without one, all topics are listed.",
             autocompletion=completed_from(topics_and_kinds),
         ),
     ] = None,
@@ -47,14 +50,32 @@ def describe(
 
             print(json.dumps(file_schema(), indent=2))
             return
+        if what == SUPPORT:
+            _show_support()
+            return
         from ruptfx.describe import about, describe_topic
 
         if what is None:
             screen.print(f"ruptfx {__version__}: `describe TOPIC` describes one of these, `describe KIND` a kind.\n")
             listed = Table(box=None, pad_edge=False, show_header=False)
             for topic in topics():
-                listed.add_row(topic, about(topic))
+                listed.add_row(topic, "Which features work together" if topic == SUPPORT else about(topic))
             screen.print(listed)
             return
         for block in describe_topic(what):
             screen.print(block)
+
+
+def _show_support() -> None:
+    """Print which features work with which steppers, contact methods, planes and materials."""
+    from ruptfx.support_table import tables
+
+    for each in tables():
+        rows, notes = each.numbered()
+        shown = Table(f"feature x {each.topic}", *each.columns, show_lines=False, title_justify="left")
+        for name, *cells in rows:
+            shown.add_row(name, *(Text(cell, style="" if cell.startswith("yes") else "red") for cell in cells))
+        screen.print(shown)
+        for number, note in enumerate(notes, 1):
+            screen.print(f"({number}) {note}")
+        screen.print()

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.friction import AnyFriction
-from ruptfx.materials import Material, Plane
+from ruptfx.materials import IN_PLANE, Material, Plane
 from ruptfx.schema import Alternative, CaseError, Name, Part, alternative, nearest
 from ruptfx.units import Length
 
@@ -39,6 +39,11 @@ class Fracture(Alternative):
 
     rigid: ClassVar[bool] = False
     """Whether cells are tied to each other until a facet breaks; else springs are between them from the start."""
+
+    planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
+    """Where bodies break."""
+    isotropic: ClassVar[bool] = True
+    """Whether only bodies of isotropic materials break."""
 
     default: CrackLaws
     """Of all facets that `pairs` does not mention."""

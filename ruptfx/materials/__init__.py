@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from ruptfx.schema import Alternative, alternative
 from ruptfx.units import Density, FringeConstant
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
+IN_PLANE: tuple[Plane, ...] = ("stress", "strain")
+"""Where bodies move in a plane."""
 """What the displacement is: two components in plane stress or strain, the one out of plane, all three in 3D, or two in
 the section of bodies of revolution, along the axis and the radius."""
 
@@ -30,6 +32,9 @@ class WaveSpeeds(NamedTuple):
 
 class Material(Alternative):
     """Contract of a material."""
+
+    isotropic: ClassVar[bool] = False
+    """Whether it is isotropic linear elastic, given by Young's modulus and Poisson's ratio."""
 
     density: Density
     """Mass per volume."""

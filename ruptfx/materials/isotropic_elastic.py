@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import GetJsonSchemaHandler, ValidationError, model_validator
@@ -65,6 +65,8 @@ class IsotropicElastic(Material):
     speeds of the bulk (in plane strain and 3D; `ruptfx check` shows those of the case). The resolved case contains
     young_modulus and poisson_ratio.
     """
+
+    isotropic: ClassVar[bool] = True
 
     young_modulus: Modulus
     """Young's modulus."""

@@ -8,12 +8,18 @@ explicit step. Implicit steps find it again until it is that of their end (`rupt
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+from ruptfx.materials import IN_PLANE, Plane
 from ruptfx.schema import Part
 from ruptfx.units import Positive
 
 
 class Sliding(Part):
     """The two sides have meshes of their own, and what each point faces follows the motion."""
+
+    planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
+    """Where surfaces are chains of facets."""
 
     follow: Positive = 0.05
     """Slip over the distance of nodes after which explicit steps find again what every point faces."""

@@ -5,16 +5,20 @@ from __future__ import annotations
 import copy
 import re
 from itertools import product
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from crack_cases import HERE, block
-from small_cases import COMPLIANT, SPLIT, merged, plates
+from small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
+from typer.testing import CliRunner
 
 from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table
+from ruptfx.cli import app
+from ruptfx.materials import Plane
 from ruptfx.schema import Alternative, CaseError, alternatives, set_key
 from ruptfx.support import Change, UnsupportedError
+from ruptfx.support_table import columns, features, judge
 
 pytest.importorskip("dolfinx")
 
@@ -114,6 +118,101 @@ def test_every_remedy_is_accepted() -> None:
     assert refused > 100 and tried > 300
 
 
+# -- the table of support ------------------------------------------------------------------------------------------
+
+ROWS = {
+    "sliding interfaces": "sliding", "cohesive interfaces": "cohesion", "gap": "gap", "boundary periodic": "periodic",
+    "stages": "stages", "friction coulomb": "coulomb", "friction rate_and_state_ageing": "plain",
+    "nucleation friction_drop": "weakened", "boundary absorbing": "waves", "mass damping": "waves",
+    "Kelvin-Voigt damping": "waves",
+}  # fmt: skip
+"""Rows of the table, by the feature of `CELLS` that is the same."""
+
+
+def is_accepted(given: dict[str, Any]) -> bool:
+    try:
+        parse_case(given, HERE)
+    except UnsupportedError:
+        return False
+    return True
+
+
+def judged(name: str, topic: str, column: str) -> bool:
+    """Return what the table says."""
+    feature = next(feature for feature in features() if feature.name == name)
+    return judge(feature, columns()[topic][column]).works
+
+
+def test_the_table_says_what_cases_are_refused() -> None:
+    """Cases of every stepper, contact method and feature; a cell is `yes` if the part that is free can be chosen."""
+    accepted = {name: is_accepted(given) for name, given in CELLS}
+    for method, stepper in product(METHODS, STEPPERS):
+        contact = {"kind": method, **table(METHODS[method])}
+        given = {**SMALL, "faults.main.contact": contact, "stepper": {"kind": stepper}, "stages": [{"duration": 2e-6}]}
+        accepted[f"{method}, {stepper}, stages"] = is_accepted(plates(given))  # without the damping of the other case
+    seen = set()
+    for row, feature in ROWS.items():
+        for stepper in STEPPERS:
+            if feature == "gap" and STEPPERS[stepper].ages_only:
+                continue  # that case has a law without age
+            works = any(accepted[f"{method}, {stepper}, {feature}"] for method in METHODS)
+            assert judged(row, "stepper", stepper) == works, f"{row}, {stepper}"
+            seen.add(works)
+        if any(feature.name == row and "faults.main.contact" in feature.parts for feature in features()):
+            for method in METHODS:
+                works = any(accepted[f"{method}, {stepper}, {feature}"] for stepper in STEPPERS)
+                assert judged(row, "contact", method) == works, f"{row}, {method}"
+    for method, stepper in product(METHODS, STEPPERS):
+        assert judged(f"contact {method}", "stepper", stepper) == accepted[f"{method}, {stepper}, plain"]
+    for kind, stepper in product(alternatives("ruptfx.cracks"), STEPPERS):
+        assert judged(f"fracture {kind}", "stepper", stepper) == accepted[f"{kind}, {stepper}, plain"]
+    for stepper in STEPPERS:
+        assert judged("large rotations", "stepper", stepper) == accepted[f"everywhere, {stepper}, turning"]
+        assert judged("collisions potential", "stepper", stepper) == accepted[f"everywhere, {stepper}, meeting"]
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("plane", get_args(Plane))
+def test_the_table_says_in_which_planes_cases_are_refused(plane: str) -> None:
+    still = {"plane": plane, "boundaries": []}
+    for kind in alternatives("ruptfx.cracks"):
+        broken = block({"fracture.kind": kind, **still})
+        assert judged(f"fracture {kind}", "plane", plane) == is_accepted(broken) == (plane in ("stress", "strain"))
+    sliding = plates({**SMALL, "faults.main.contact": COMPLIANT, "faults.main.sliding": {}, **still})
+    assert judged("sliding interfaces", "plane", plane) == is_accepted(sliding)
+    turning = {**plates({**SMALL, **BARE, **still}), "large_rotations": True}
+    assert judged("large rotations", "plane", plane) == is_accepted(turning)
+    bonded = plates({**SMALL, "faults.main.contact": SPLIT, "faults.main.cohesion": BOND, **still})
+    assert judged("cohesive interfaces", "plane", plane) == is_accepted(bonded)
+
+
+@pytest.mark.parametrize("material", MATERIALS := alternatives("ruptfx.materials"))
+def test_the_table_says_of_which_materials_cases_are_refused(material: str) -> None:
+    given = {"kind": material, **table(MATERIALS[material])}
+    for kind in alternatives("ruptfx.cracks"):
+        broken = block({"fracture.kind": kind, "materials": {"default": given}, "operator": "ufl_form"})
+        assert judged(f"fracture {kind}", "material", material) == is_accepted(broken)
+        if not is_accepted(broken):
+            with pytest.raises(UnsupportedError, match=r"breaks isotropic bodies; use .*= 'isotropic_elastic'$"):
+                parse_case(broken, HERE)
+    slides = plates({**SMALL, "faults.main.contact": COMPLIANT, "faults.main.sliding": {}, "operator": "ufl_form",
+                     "materials": {"default": given}})  # fmt: skip
+    assert judged("sliding interfaces", "material", material) == is_accepted(slides)
+
+
+def test_the_table_in_the_terminal() -> None:
+    shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["describe", "support"])
+    assert shown.exit_code == 0
+    for topic, names in columns().items():
+        assert f"feature x {topic}" in shown.output and all(name in shown.output for name in names)
+    line = next(line for line in shown.output.splitlines() if "boundary periodic" in line)
+    note = re.findall(r"no \((\d+)\)", line)[0]
+    assert f"({note}) this stepper cannot tie nodes" in shown.output
+
+
+# -- remedies -------------------------------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("stepper", ["petsc_ts", "quasi_dynamic"])
 @pytest.mark.parametrize("method", ["split_node", "forward_lagrange", "augmented_lagrangian"])
 def test_no_remedy_leads_in_a_circle(stepper: str, method: str) -> None:
@@ -170,6 +269,10 @@ def test_steps_without_waves_refuse_what_acts_on_waves(stepper: str, key: str, c
     ("output.plate_thickness = 0.01", {"plane": "antiplane", "boundaries": [], "output.plate_thickness": 0.01}),
     ("output.plate_thickness = 0.01", {"plane": "axisymmetric", "boundaries": [], "output.plate_thickness": 0.01}),
     ("output.plate_thickness = 0.01", {"plane": "solid", "boundaries": [], "output.plate_thickness": 0.01}),
+    ("materials.default.fringe_constant = 26000",
+     {"plane": "antiplane", "boundaries": [], "materials.default.fringe_constant": 26e3}),
+    ("materials.upper.fringe_constant = 26000",
+     {"plane": "axisymmetric", "boundaries": [], "materials.upper": {**HOMALITE, "fringe_constant": 26e3}}),
     ("damping.kelvin_voigt: fraction = 0.2: without effect beside eta = 1e-08",
      {"damping.kelvin_voigt": {"fraction": 0.2, "eta": 1e-8}}),
     ("boundaries.3.kind = 'free'", {"boundaries": [*SMALL["boundaries"], {"kind": "free", "edge": "upper.top"}]}),
