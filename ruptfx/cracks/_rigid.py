@@ -17,7 +17,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from ruptfx import fem, native
+from ruptfx import RuptfxError, fem, native
 from ruptfx.bodies import Bodies
 from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
 from ruptfx.cracks.on_strength import OnStrength
@@ -27,8 +27,10 @@ from ruptfx.operators import Damped
 from ruptfx.state import FaultState, State
 
 LOG = logging.getLogger("ruptfx.run")
-SETTLED = 1e-5  # change of tractions in the last sweep over their size, as in rigid.c
-REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of such steps at which the log says so
+# Error of the tractions at a vertex over the tractions and the tensile strength there; patch.c asks for 1e-8.
+CONVERGED = 1e-6
+ALLOWED = 1e-3
+REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps beyond CONVERGED at which the log says so
 
 
 class _Rigid(ctypes.Structure):
@@ -49,7 +51,7 @@ class RigidCracks(CrackStep):
     Attributes
     ----------
     unsettled : int
-        Steps in which tractions at a vertex of this rank had not settled after the last sweep.
+        Steps in which the tractions at a vertex of this rank had an error above 1e-6.
     leader : ndarray of int32, shape (nodes,)
         First corner, in the order of the input, of the piece that a corner belongs to.
     """
@@ -150,7 +152,7 @@ class RigidCracks(CrackStep):
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law *const LAWS[] = {{{laws}}};\n"
         lanes = files("ruptfx").joinpath("lanes.c").read_text()
-        self._library = native.load("rigid", lanes + whole + _source("rigid.c"), given)
+        self._library = native.load("rigid", lanes + whole + _source("patch.c") + _source("rigid.c"), given)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)
         for number, group in enumerate(self.groups):
@@ -160,7 +162,7 @@ class RigidCracks(CrackStep):
         self._keep("number", np.array(numbers))
         self._keep("strength", np.array(strengths))
         self._found = np.zeros(len(self.order) + 1, np.int32)
-        self._taken = np.zeros(4)
+        self._taken = np.zeros(5)
         self._pieces = np.zeros(0, np.int32)
         self._waiting = np.zeros(0, np.int32)
         self._mend(np.arange(len(self._arrays["split"]), dtype=np.int32))
@@ -310,18 +312,33 @@ class RigidCracks(CrackStep):
         )  # fmt: skip
         if len(self._waiting) and np.isfinite(cracks["time_of_failure"][self._waiting]).any():
             self._wait(cracks)
-        self._count(state, taken)
+        self._worst = int(taken[4])
+        self._count(state, taken[:4])
 
     def require_balance(self, time: float) -> None:
-        """Report a step whose tractions have not settled, now and then: neighbours go on from what they are."""
-        if self.residual <= SETTLED:
+        """Check the error of the tractions in the last step: count and log those above 1e-6.
+
+        Raises
+        ------
+        RuptfxError
+            On the ranks of the vertex: an error above 1e-3.
+        """
+        if self.residual <= CONVERGED:
             return
+        if not self.residual <= ALLOWED:
+            end = self._arrays["ends"][self._arrays["ends_start"][self._worst]]
+            x = ", ".join(f"{value:.6g}" for value in self.network.ends[self.order[end // 2], end % 2])
+            raise RuptfxError(
+                f"no tractions of the inserted facets at ({x}) m satisfy cohesion, contact and friction at time "
+                f"{time:.6g} s: the error is {self.residual:.3g} of them, {ALLOWED:g} is allowed; a shorter "
+                "stepper.time_step may help, or a smaller mu_d"
+            )
         self.unsettled += 1
         if self.unsettled in REPORTED:
             LOG.warning(
-                "fracture: tractions of inserted facets at a vertex changed by %.2g of their size in the last sweep, "
-                "step %d of that kind, at %.6g s; the run goes on with what they are, a shorter step leaves less",
-                self.residual, self.unsettled, time,
+                "fracture: the tractions of the inserted facets at a vertex have an error of %.2g of their size at "
+                "%.6g s (%d steps with more than %g so far); a shorter stepper.time_step reduces it",
+                self.residual, time, self.unsettled, CONVERGED,
             )  # fmt: skip
 
     def _ends(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:

@@ -99,7 +99,7 @@ class CrackStep:
         Mean length of facets [m].
     residual : float
         Largest of this rank in the last step: difference of a damage and the one that opening and slip make; of rigid
-        facets, change of the tractions at a vertex in the last sweep over their size.
+        facets, error of the tractions at a vertex over their size.
     weight, half_length : ndarray, shape (facets,)
         Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
     initial : ndarray, shape (facets, 2)

@@ -1,19 +1,8 @@
 // Bodies whose facets are rigid until their strength: corners that are tied to each other, the strength of tied facets, and
 // the tractions of those that have been inserted. _rigid.py writes in front of this file rigid_types.c, facet_law.c once
-// for every group of facets, and their table LAWS.
+// for every group of facets, their table LAWS, and patch.c.
 
 #define CHUNK 64  // facets looked at together
-#define SWEEPS 30
-#define TOLERANCE 1e-5  // of the tractions at a vertex, that a last sweep may change
-
-// An inserted end between two pieces of a star, at the time of the traction.
-struct end {
-    long at;             // its place in the fields of ends: 2 facet + end
-    int minus, plus;     // places in the star of the first corners of both pieces
-    const struct law *law;
-    const double *number;
-    double nx, ny, weight, z_normal, z_shear, open, slip, largest, most, held, normal, shear, friction;
-};
 
 // -- corners that move together --------------------------------------------------------------------------------------
 
@@ -193,7 +182,7 @@ static void begin(const struct rigid *r, struct end *end, double since, const do
     end->law = LAWS[r->group[f]], end->number = r->number + r->first_number[r->group[f]];
     end->open = x * end->nx + y * end->ny;
     end->slip = x * end->ny - y * end->nx;
-    end->normal = OLD(normal_traction), end->shear = OLD(shear_traction), end->friction = 0;
+    end->normal = OLD(normal_traction), end->shear = OLD(shear_traction);
     const double slid = fabs(end->slip - OLD(slip));
     if (OLD(damage) < 1) {
         if (end->open > OLD(largest_opening)) OLD(largest_opening) = end->open;
@@ -207,38 +196,6 @@ static void begin(const struct rigid *r, struct end *end, double since, const do
     end->largest = OLD(largest_opening);
     end->most = r->strength[2 * r->group[f]] * left;
     end->held = r->strength[2 * r->group[f] + 1] * left;
-}
-
-// Bring the tractions of an end back to what is admissible; returns how much they changed.
-static double project(struct end *end, double dt, double (*push)[2], double (*velocity)[2],
-                      double *const *state)
-{
-    const int a = end->minus, b = end->plus;
-    const double nx = end->nx, ny = end->ny, w = end->weight;
-    double change[2] = {0, 0};
-    for (int direction = 0; direction < 2; direction++) {
-        const double x = direction ? ny : nx, y = direction ? -nx : ny, z = direction ? end->z_shear : end->z_normal;
-        if (z == 0) continue;  // both sides are driven
-        const double rate = x * (velocity[b][0] - velocity[a][0]) + y * (velocity[b][1] - velocity[a][1]);
-        double *traction = direction ? &end->shear : &end->normal, now;
-        if (!direction) {
-            const double pulled = *traction + z * (rate + end->open / dt);
-            // Along the secant, taken at the end of the step.
-            const double secant = end->most > 0 ? end->most / (end->most + end->largest * z / dt) : 0;
-            now = pulled < 0 ? pulled : pulled * secant < end->most ? pulled * secant : end->most;
-        } else {
-            const double trial = *traction + z * rate, pressure = end->normal < 0 ? -end->normal : 0;
-            end->friction = pressure > 0 ? end->law->friction(end->number, state, end->at, pressure) : 0;
-            const double strength = end->held + end->friction;
-            now = fabs(trial) > strength ? copysign(strength, trial) : trial;
-        }
-        change[direction] = now - *traction;
-        *traction = now;
-        const double fx = w * change[direction] * x, fy = w * change[direction] * y;
-        velocity[a][0] += push[a][0] * fx, velocity[a][1] += push[a][1] * fy;
-        velocity[b][0] -= push[b][0] * fx, velocity[b][1] -= push[b][1] * fy;
-    }
-    return fabs(change[0]) + fabs(change[1]);
 }
 
 // Traction per velocity of both pieces along a direction, over the time that the traction acts.
@@ -255,44 +212,37 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
 {
     const int *star = r->star + r->star_start[v];
     const int corners = r->star_start[v + 1] - r->star_start[v];
-    double speed[MOST_CORNERS][2], mobility[MOST_CORNERS][2], sum[MOST_CORNERS][2];
-    int piece[MOST_CORNERS];
+    double speed[MOST_CORNERS][2], now[MOST_CORNERS][2], mobility[MOST_CORNERS][2], sum[MOST_CORNERS][2];
+    int piece[MOST_CORNERS], first[MOST_CORNERS];  // component of every corner, first corner of every component
     struct end ends[MOST_ENDS];
+    struct patch patch = {0, 0, dt, 0, state, speed, mobility, now, ends};
     for (int c = 0; c < corners; c++) {
-        for (int first = c; first >= 0; first--)
-            if (star[first] == r->leader[star[c]]) piece[c] = first;
+        const int leader = r->leader[star[c]];
+        for (piece[c] = 0; piece[c] < patch.pieces && star[first[piece[c]]] != leader;) piece[c]++;
+        if (piece[c] < patch.pieces) continue;
+        first[patch.pieces++] = c;
         for (int i = 0; i < 2; i++) {
-            speed[c][i] = velocity[2 * star[c] + i];
-            mobility[c][i] = push[2 * star[c] + i];
-            sum[c][i] = 0;
+            speed[piece[c]][i] = velocity[2 * star[c] + i];
+            mobility[piece[c]][i] = push[2 * star[c] + i];
+            sum[piece[c]][i] = 0;
         }
     }
-    int count = 0;
-    double scale = 0;
     for (int e = r->ends_start[v]; e < r->ends_start[v + 1]; e++) {
         const int minus = piece[r->place[2 * e]], plus = piece[r->place[2 * e + 1]];
         if (minus == plus) continue;
-        struct end *end = ends + count++;
+        struct end *end = ends + patch.count++;
         end->at = r->ends[e], end->minus = minus, end->plus = plus;
         begin(r, end, since, displacement, state);
-        const double nx = end->nx, ny = end->ny, w = end->weight;
-        end->z_normal = impedance(w, mobility[minus], mobility[plus], nx, ny);
-        end->z_shear = impedance(w, mobility[minus], mobility[plus], ny, -nx);
+        end->z_normal = impedance(end->weight, mobility[minus], mobility[plus], end->nx, end->ny);
+        end->z_shear = impedance(end->weight, mobility[minus], mobility[plus], end->ny, -end->nx);
         if (end->z_normal == 0) end->normal = 0;
         if (end->z_shear == 0) end->shear = 0;
-        const double fx = w * (end->normal * nx + end->shear * ny), fy = w * (end->normal * ny - end->shear * nx);
-        speed[minus][0] += mobility[minus][0] * fx, speed[minus][1] += mobility[minus][1] * fy;
-        speed[plus][0] -= mobility[plus][0] * fx, speed[plus][1] -= mobility[plus][1] * fy;
         const double size = fabs(end->normal) + fabs(end->shear) + r->strength[2 * r->group[end->at / 2]];
-        scale = size > scale ? size : scale;
+        patch.scale = fmax(patch.scale, size);
     }
-    double change = 0;
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        change = 0;
-        for (int e = 0; e < count; e++) change += project(ends + e, dt, mobility, speed, state);
-        if (change <= TOLERANCE * scale) break;
-    }
-    if (count && !(change <= taken[3] * scale)) taken[3] = change / scale;
+    const int count = patch.count;
+    const double error = count ? solve(&patch) : 0;
+    if (!(error <= taken[3])) taken[3] = error, taken[4] = v;
     for (int e = 0; e < count; e++) {
         const struct end *end = ends + e;
         const double fx = end->weight * (end->normal * end->nx + end->shear * end->ny);
@@ -307,7 +257,7 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
         }
     for (int e = 0; e < count; e++) {
         const struct end *end = ends + e;
-        const long l = end->at, a = 2 * star[end->minus], b = 2 * star[end->plus];
+        const long l = end->at, a = 2 * star[first[end->minus]], b = 2 * star[first[end->plus]];
         const double x = 0.5 * (velocity[b] + before[b] - velocity[a] - before[a]);
         const double y = 0.5 * (velocity[b + 1] + before[b + 1] - velocity[a + 1] - before[a + 1]);
         const double opening = end->open > 0 ? end->open : 0;
