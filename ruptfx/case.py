@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ruptfx import Table, support
+from ruptfx.attachments import AnyAttachment
 from ruptfx.boundaries import AnyBoundary, Boundary
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.collisions import AnyCollisions
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
-    "steppers", "instruments", "profiles", "phases",
+    "attachments", "steppers", "instruments", "profiles", "phases",
 ]  # fmt: skip
 
 
@@ -214,6 +215,8 @@ class Case(CaseFile):
     """Time stepper; keys without `kind` are those of `leapfrog`."""
     output: Output = Output()
     """Saved data and their intervals."""
+    attachments: list[AnyAttachment] = []
+    """Masses, springs and ground attached to edges, an entry each."""
     instruments: list[AnyInstrument] = []
     """Measurements during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
     stages: list[Stage] = []
@@ -238,6 +241,7 @@ class Case(CaseFile):
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
         for key, boundary in self.all_boundaries():
             boundary.check(key, self.plane, allowed)
+        self._check_attachments(allowed)
         self._check_initial_velocity(allowed)
         self._check_stages()
         self._check_instruments(allowed)
@@ -260,6 +264,17 @@ class Case(CaseFile):
                 )
         support.check(self)
         return self
+
+    def _check_attachments(self, components: str) -> None:
+        seen = set[str]()
+        for number, attachment in enumerate(self.attachments):
+            attachment.check(f"attachments.{number}", self.plane, components)
+            if attachment.name in seen:
+                raise ValueError(
+                    f"attachments.{number}.name = '{attachment.name}': another attachment has that name; give each one "
+                    "of its own"
+                )
+            seen.add(attachment.name)
 
     def _check_initial_velocity(self, components: str) -> None:
         for name, velocity in self.initial_velocity.items():

@@ -21,7 +21,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, painter
 from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
-from ruptfx.fields import DERIVED, ENERGIES, FIELDS, OF_SLIDING, stress_entries
+from ruptfx.fields import DERIVED, FIELDS, OF_SLIDING, stress_entries
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.crack_files import SNAPSHOTS
 from ruptfx.recording.recorder import Recorder
@@ -176,6 +176,7 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
         recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
         names = [name for field in recorded for name in field.names(fault.tangents)]
         numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
+    numbers += records * sum(each.numbers_per_record() for each in model.attachments)
     for instrument, channels in measured(model, 0.0) if case.instruments else []:
         numbers += case.duration / instrument.interval * (1 + len(channels))
     dim, c = model.coordinates.shape[1], model.components
@@ -185,7 +186,8 @@ def _bytes_of_files(model: Model, steps: int | None) -> float:
     if model.cracks is not None:
         # Once per facet: ends, line, normal, length, bodies; per snapshot: its fields, the status with one byte.
         numbers += int(model.cracks.owned.sum()) * (10 + snapshots * (len(SNAPSHOTS) - 1 + 1 / 8))
-    return 8 * numbers + model.total_nodes * (snapshots * of_snapshot + mesh) + 20 * (len(ENERGIES) + 2) * records
+    of_energies = 20 * (len(model.energy_columns) + 2) * records
+    return 8 * numbers + model.total_nodes * (snapshots * of_snapshot + mesh) + of_energies
 
 
 def measured(model: Model, dt: float) -> list[tuple[Instrument, list[Channel]]]:

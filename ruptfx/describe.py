@@ -40,8 +40,8 @@ from ruptfx.study.definition import Axis, Mark, Refine, Study
 from ruptfx.study.goals import Goal, Search
 
 FOLDERS = (
-    "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "contact", "materials", "meshes",
-    "phases", "steppers", "operators", "instruments", "profiles", "lumped",
+    "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries", "attachments", "contact", "materials",
+    "meshes", "phases", "steppers", "operators", "instruments", "profiles", "lumped",
 )  # fmt: skip
 CLASSES: dict[str, dict[str, type[Part]]] = {
     "profiles": {"a point as center": Place}, "histories": {"ricker": Ricker, "sampled": Sampled},

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -91,6 +91,51 @@ class Monitor(Field):
     update: Callable[[Array, Moment], Array] = lambda old, _: old
 
 
+@dataclass(frozen=True)
+class PointField:
+    """A field that a mechanism has at the nodes on which it acts.
+
+    Attributes
+    ----------
+    name, unit, long_name : str
+    vector : bool
+        One number per component of the displacement: `velocity_x`, `velocity_y`.
+    start : float
+        Value at the beginning of a run.
+    recorded, checkpointed : bool
+        Whether `attachments.h5` has it, and checkpoints; what is in none follows from the others.
+    """
+
+    name: str
+    unit: str
+    long_name: str
+    vector: bool = False
+    start: float = 0.0
+    recorded: bool = True
+    checkpointed: bool = True
+
+    def names(self, components: int) -> list[str]:
+        """Return the names of its numbers at a node."""
+        axes = "z" if components == 1 else "xyz"[:components]
+        return [f"{self.name}_{axis}" for axis in axes] if self.vector else [self.name]
+
+
+@dataclass(frozen=True)
+class Energy:
+    """A column of the energy table [J, per metre of thickness in 2D].
+
+    Attributes
+    ----------
+    name, meaning : str
+    role : {"stored", "dissipated"}
+        Stored energy may come back, dissipated energy does not.
+    """
+
+    name: str
+    meaning: str
+    role: Literal["stored", "dissipated"]
+
+
 _NEVER = 1e300  # m/s
 
 
@@ -154,6 +199,8 @@ ENERGIES = {
     "boundary_work": "work of boundaries, initial stress and nucleation, and initial kinetic energy",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is the sum of the others."""
+KEPT = ("collisions", "turning")
+"""Of `ACCUMULATED`: what mechanisms keep from step to step and is no column by itself."""
 ACCUMULATED = (
     "frictional_dissipation", "fracture", "damping", "impact", "collisions", "collision_loss", "facing", "turning",
     "boundary_work",

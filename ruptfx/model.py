@@ -17,15 +17,16 @@ from ruptfx import RuptfxError, axisymmetry, fem, operators, parallel
 from ruptfx.bodies import distribute
 from ruptfx.case import Case, FaultCase
 from ruptfx.closest import closest
-from ruptfx.collisions._step import FIELD, CollisionStep
+from ruptfx.collisions._step import CollisionStep
 from ruptfx.contact import Way, in_steps
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
 from ruptfx.fault import Fault
-from ruptfx.fields import OF_BODIES, TAKEN_IN_SLIDING
+from ruptfx.fields import ENERGIES, KEPT
 from ruptfx.interface import Interface, build_interface
 from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
+from ruptfx.mechanisms import mechanisms_of
 from ruptfx.nodes import Nodes
 from ruptfx.nucleation import first_begun
 from ruptfx.operators import ufl_form
@@ -130,7 +131,11 @@ class Model:
             found = ", ".join(f"faults.{name}: {line.meaning}" for name, line in lines.items()) or "there is none"
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.loads = Loads(self, case.boundaries)
-        self.viscosity = self.viscous_layer()
+        self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
+        self.viscosity: Viscosity | None = None
+        self.mechanisms = mechanisms_of(self)
+        self.viscosity = self.viscous_layer()  # as stable steps without it allow
+        self.mechanisms = mechanisms_of(self)
 
     def _tied_edges(self) -> dict[str, tuple[str, str]]:
         """Edges that boundaries tie, by key of the case."""
@@ -339,14 +344,9 @@ class Model:
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
         velocity = self.initial_velocity()
-        faults = {fault.name: fault.initial_state(self.initial_slip_rate(fault)) for fault in self.faults}
-        cracks = {} if self.cracks is None else self.cracks.initial_state()
-        state = State(zero, velocity, self.force.array, faults, cracks=cracks)
-        sliding = [fault.name for fault in self.faults if fault.slides]
-        state.energy |= {f"{fault}.{name}": 0.0 for fault in sliding for name in TAKEN_IN_SLIDING}
-        if self.collisions is not None:
-            cracks[FIELD] = np.zeros(len(cracks["damage"]))
-            state.pairs = self.collisions.initial_state()
+        state = State(zero, velocity, self.force.array, {})
+        for each in self.mechanisms:
+            each.begin(state)
         # What is there at the start counts as given.
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         return state
@@ -399,6 +399,7 @@ class Model:
         """
         view = copy.copy(self)
         view.faults = in_steps(self.faults, way)
+        view.mechanisms = mechanisms_of(view)
         return view
 
     @property
@@ -424,38 +425,20 @@ class Model:
             Kinetic and strain energy of this rank [J] where the stepper knows them; else they cost a force evaluation.
         """
         state.catch_up()
-        half = 0.5 * state.lag
-        held = taken = preload = 0.0
-        for fault in self.faults:
-            added = half * fault.interface.rate(state.velocity)
-            found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
-            held, taken = held + found[0], taken + found[1]
-            preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
-        if self.cracks is not None:
-            held += self.cracks.stored(state.cracks, half * state.velocity, state.at_faults()[1])
-            preload += self.cracks.preload_work(state.displacement - half * state.velocity)
         kinetic, strain = bulk or self.bulk_energies(state)
-        here = {
-            "kinetic": kinetic,
-            "strain": strain,
-            "interface_elastic": held,
-            "frictional_dissipation": state.energy["frictional_dissipation"] + taken,
-            "fracture": state.energy["fracture"],
-            "damping": state.energy["damping"],
-            "impact": state.energy["impact"],
-            "collisions": 0.0 if self.collisions is None else self.collisions.stored(state),
-            "collision_loss": state.energy["collision_loss"],
-            "facing": state.energy["facing"],
-            "turning": self._lost_in_turning(state, strain + held) if self.bulk.large_rotations else 0.0,
-            "boundary_work": state.energy["boundary_work"] + preload,
-        }
+        here = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
+        here["kinetic"], here["strain"] = kinetic, strain
+        for each in self.mechanisms:
+            each.add_energies(state, here)
+        for each in self.mechanisms:
+            each.close_energies(state, here)
         summed = self.copies * parallel.total(self.comm, list(here.values()))
         return dict(zip(here, summed.tolist(), strict=True))
 
-    def _lost_in_turning(self, state: State, stored: float) -> float:
-        """What forces of cells, facets and supports did beyond what these hold at the time of the velocity [J]."""
-        over = 0.0 if OF_BODIES not in state.fields else self.layout.owned_dot(state.fields[OF_BODIES], state.velocity)
-        return state.energy["turning"] - stored - 0.5 * state.lag * over
+    @property
+    def energy_columns(self) -> list[str]:
+        """Names of the energies: those of every case, then those that mechanisms of this case declare."""
+        return list(dict.fromkeys([*ENERGIES, *(energy.name for each in self.mechanisms for energy in each.energies)]))
 
     def bulk_energies(self, state: State) -> tuple[float, float]:
         """Kinetic and strain energy of this rank [J]; collective."""

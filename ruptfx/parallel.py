@@ -6,7 +6,7 @@ Also rounding of numbers for results that do not depend on the number of ranks.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -79,6 +79,27 @@ def gather_rows(comm: Comm, rows: np.ndarray) -> np.ndarray | None:
     """Return the rows of all ranks, one below the other, on rank 0; None elsewhere."""
     parts = comm.gather(np.ascontiguousarray(rows), root=0)
     return None if parts is None else np.concatenate(parts)
+
+
+def gather_fields(
+    comm: Comm, number: np.ndarray, owned: np.ndarray, fields: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return fields of points of all ranks by name on rank 0, in ascending order of their numbers; empty elsewhere.
+
+    Parameters
+    ----------
+    number : ndarray of int, shape (n,)
+        Of the points of this rank, the same on any partition.
+    owned : ndarray of bool, shape (n,)
+        Points that this rank contributes.
+    fields : mapping of str to ndarray, shape (n,)
+    """
+    rows = np.stack([number.astype(float), *fields.values()], axis=1)[owned]
+    gathered = gather_rows(comm, rows)
+    if gathered is None:
+        gathered = np.zeros((0, 1 + len(fields)))
+    ordered = gathered[np.argsort(gathered[:, 0], kind="stable"), 1:]
+    return dict(zip(fields, np.ascontiguousarray(ordered.T), strict=True))
 
 
 def share_rows(comm: Comm, rows: np.ndarray) -> np.ndarray:

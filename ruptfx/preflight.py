@@ -36,7 +36,7 @@ from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.roughness import Roughness, roughness
-from ruptfx.spectrum import stable_time_step
+from ruptfx.spectrum import springs_of, stable_time_step
 from ruptfx.steppers import Motion, leapfrog
 from ruptfx.stopping import StopRules
 
@@ -604,7 +604,8 @@ def _spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
     ways, damping = model.case.stepper.ways, [stage.damping for stage in model.case.stages] + [model.case.damping]
     if "explicit" not in ways or not any(fault.contact.stiffness()):
         return
-    without = stable_time_step(model, [other for other in model.faults if other is not fault])
+    others = [other for other in springs_of(model) if other.text != f"the contact stiffness of faults.{fault.name}"]
+    without = stable_time_step(model, others)
     damped = any(each is not None and each.kelvin_voigt is not None for each in damping)
     chatters = without > STIFF * stable and not damped
     note = (

@@ -77,7 +77,7 @@ class Files:
     ----------
     omitted : list of str
         What was left out for want of the plug-ins.
-    case, summary, interface, interfaces, bulk, energy, instruments, forces, cracks, events, edges
+    case, summary, interface, interfaces, bulk, energy, instruments, attachments, forces, cracks, events, edges
         As of `Record`.
 
     Raises
@@ -182,10 +182,20 @@ class Files:
     def instruments(self) -> Mapping[str, Data]:
         if not self.case.get("instruments"):
             return {}
-        path, found = self._existing("instruments.h5"), {}
+        return self._groups("instruments.h5", [str(table["name"]) for table in self.case["instruments"]])
+
+    @cached_property
+    def attachments(self) -> Mapping[str, Data]:
+        if not self.case.get("attachments"):
+            return {}
+        return self._groups("attachments.h5", [str(table["name"]) for table in self.case["attachments"]])
+
+    def _groups(self, file_name: str, names: list[str]) -> Mapping[str, Data]:
+        """Return the histories of a file with a group for every name."""
+        path, found = self._existing(file_name), {}
         try:
             file = self._opened(path)
-            for name in [str(table["name"]) for table in self.case["instruments"]]:
+            for name in names:
                 data = self._histories(file, name)
                 found[name] = data.isel(time=slice(_written(data["time"].values)))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
@@ -193,7 +203,7 @@ class Files:
         return found
 
     def _histories(self, file: h5py.File, group: str | None = None) -> Any:
-        """Return the arrays of an interface, or of an instrument."""
+        """Return the arrays of an interface, of an instrument, or of an attachment."""
         import h5netcdf
 
         whole = h5netcdf.File(file)
@@ -294,7 +304,7 @@ class Files:
 
     def close(self) -> None:
         """Close the files; the record opens them again at the next use."""
-        for name in ("interfaces", "bulk", "instruments", "cracks", "events", "edges"):
+        for name in ("interfaces", "bulk", "instruments", "attachments", "cracks", "events", "edges"):
             self.__dict__.pop(name, None)
         while self._open:
             self._open.pop().close()
@@ -335,6 +345,8 @@ class Record(Files):
         Energies [J, per metre of thickness in 2D] and their closure against `time` [s].
     instruments : dict of xarray.Dataset
         Signals of each instrument against its `time` [s], by name; empty without instruments.
+    attachments : dict of xarray.Dataset
+        Fields of each attachment against `time` [s] and `node`, by its name; empty without attachments.
     forces : xarray.Dataset
         First interface with finite sliding: forces [N/m], fractions of its length and works [J/m] against `time` [s].
     cracks : xarray.Dataset
@@ -360,6 +372,7 @@ class Record(Files):
     bulk: xarray.Dataset
     energy: xarray.Dataset
     instruments: dict[str, xarray.Dataset]
+    attachments: dict[str, xarray.Dataset]
     forces: xarray.Dataset
     cracks: xarray.Dataset
     events: xarray.Dataset
@@ -401,7 +414,7 @@ class Record(Files):
         return xarray.Dataset(described, coords={"time": described.pop("time")}, attrs={"units": notes})
 
     def close(self) -> None:
-        for name in ("interfaces", "instruments"):
+        for name in ("interfaces", "instruments", "attachments"):
             for data in self.__dict__.get(name, {}).values():
                 data.close()
         super().close()

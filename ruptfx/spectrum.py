@@ -11,18 +11,12 @@ import numpy as np
 from ruptfx import RuptfxError, parallel
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.mechanisms import Springs
     from ruptfx.model import Model
 
-SLIDING = 0.92
-"""The largest eigenvalue of compliant contact between different meshes changes with their place by up to a tenth of its
-mean or, between elements of unequal size, a sixth."""
 
-
-def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
-    """Return the largest stable explicit step [s], with the contact stiffness of all or the given faults.
-
-    With or without the springs of cohesive facets.
+def stable_time_step(model: Model, springs: Sequence[Springs] | None = None) -> float:
+    """Return the largest stable explicit step [s], with all springs of mechanisms or those given; collective.
 
     2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
     eta^2) - 1), the root of omega^2 dt^2 + 2 eta omega^2 dt = 4.
@@ -30,48 +24,45 @@ def stable_time_step(model: Model, compliant: Sequence[Fault] | None = None, spr
     Springs between cells are not damped; if they are the stiffest part, up to twice this step is stable. This is not
     used, because impacts of open cracks then dissipate more: twice as much in granite with a step 1.5 times as long.
     """
-    stable = 2 / highest_frequency(model, compliant, springs)
-    counted = model.faults if compliant is None else compliant
-    if any(fault.slides and any(fault.contact.stiffness()) for fault in counted):
-        stable *= SLIDING
+    counted = springs_of(model) if springs is None else springs
+    stable = 2 / highest_frequency(model, counted) * min((each.margin for each in counted), default=1.0)
     if model.viscosity is None:
         return stable
     eta = model.viscosity.eta
     return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
 
 
-def highest_frequency(model: Model, compliant: Sequence[Fault] | None = None, springs: bool = True) -> float:
-    """Return the highest angular frequency of bodies and compliant interfaces [rad/s], by the Lanczos method.
+def springs_of(model: Model) -> list[Springs]:
+    """Return the springs of all mechanisms of a model."""
+    return [springs for each in model.mechanisms for springs in each.springs()]
+
+
+def highest_frequency(model: Model, springs: Sequence[Springs] | None = None) -> float:
+    """Return the highest angular frequency of bodies and springs [rad/s], by the Lanczos method; collective.
 
     Parameters
     ----------
     model : Model
-    compliant : sequence of Fault, optional
-        Interfaces whose contact stiffness is included; default is all.
-    springs : bool
-        Include the springs of cohesive facets, all undamaged.
+    springs : sequence of Springs, optional
+        Springs that are included; default is all.
     """
-    counted = model.faults if compliant is None else compliant
-    known, what = _known.setdefault(model, {}), (springs, *(fault.name for fault in counted))
+    counted = springs_of(model) if springs is None else springs
+    known, what = _known.setdefault(model, {}), tuple(each.text for each in counted)
     if what not in known:
-        known[what] = _lanczos(model, counted, springs)
+        known[what] = max(_lanczos(model, counted), *(each.own_frequency for each in counted), 0.0)
     return known[what]
 
 
-_known: WeakKeyDictionary[Model, dict[tuple[object, ...], float]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Model, dict[tuple[str, ...], float]] = WeakKeyDictionary()
 """By model and what counts: damping and the step ask for the same."""
 
 
-def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
+def _lanczos(model: Model, springs: Sequence[Springs]) -> float:
     root = np.sqrt(model.free_inverse_mass())
-    stiffness = [(fault, np.array(fault.contact.stiffness())) for fault in counted]
-    # Unpaired surfaces that may touch later: C |u+ - u-|^2 <= 2 C (|u+|^2 + |u-|^2), with equality for equal bodies.
     later = np.zeros(model.nodes)
-    for fault, springs_of in stiffness:
-        nodes, lengths = fault.interface.without_partner()
-        later[nodes] += 2 * springs_of.max() * lengths
-    if springs and model.collisions is not None:
-        later += model.collisions.without_partner()
+    for each in springs:
+        if each.bound is not None:
+            later += each.bound
     later = np.repeat(later, model.components) if later.any() else later[:0]
     work = np.empty_like(root)  # long vectors are allocated once: allocation costs more than arithmetic
 
@@ -79,18 +70,17 @@ def _lanczos(model: Model, counted: Sequence[Fault], springs: bool) -> float:
         """force = M^-1/2 K M^-1/2 vector."""
         u = np.multiply(root, vector, out=work)
         model.internal_force(u, at_rest=True, out=force)
-        for fault, (normal, shear) in stiffness:
-            if normal or shear:
-                face = fault.interface
-                spring = np.array([normal] * face.has_normal + [shear] * face.tangents)
-                face.assemble(-spring * face.rate(u), force)
+        for each in springs:
+            if each.add is not None:
+                each.add(u, force)
         if len(later):
             force -= later * u
-        if springs and model.cracks is not None:
-            between = np.zeros_like(force)
-            model.cracks.add_spring_force(u, between)
-            model.layout.sum_shared(between)
-            force += between
+        for each in springs:
+            if each.add_with_elements is not None:
+                between = np.zeros_like(force)
+                each.add_with_elements(u, between)
+                model.layout.sum_shared(between)
+                force += between
         model.layout.sum_tied(force)
         force *= root
         np.negative(force, out=force)

@@ -20,6 +20,7 @@ from ruptfx.boundaries import Action, Boundary, Force
 from ruptfx.boundaries import Motion as Prescribed
 from ruptfx.boundaries._history import ramp
 from ruptfx.loading import Loads
+from ruptfx.mechanisms import mechanisms_of
 from ruptfx.model import Model
 from ruptfx.spectrum import stable_time_step
 from ruptfx.state import State
@@ -110,6 +111,7 @@ def _in_stage(model: Model, number: int, start: float, before: Loads | None) -> 
     key = "boundaries" if stage.boundaries is None else f"stages.{number}.boundaries"
     view.loads = StageLoads(view, given, key, start, before)
     view.viscosity = view.viscous_layer()
+    view.mechanisms = mechanisms_of(view)
     return view
 
 

@@ -37,6 +37,8 @@ class State:
         Fields of points of a stepper, by fault.
     pairs : dict of ndarray, shape (n,)
         Frictional forces between colliding cells; empty without `[collisions]`.
+    attached : dict of str to dict of ndarray
+        Fields of attachments at their nodes, by name of the attachment.
     watched : bool
         True if energies are requested after the next step, which may then sum them on its way.
     unseen : bool
@@ -60,6 +62,7 @@ class State:
     cracks: FaultState = field(default_factory=dict)
     points: dict[str, FaultState] = field(default_factory=dict)
     pairs: FaultState = field(default_factory=dict)
+    attached: dict[str, FaultState] = field(default_factory=dict)
     unseen: bool = False
     behind: Callable[[State], None] | None = field(default=None, repr=False)
 

@@ -137,6 +137,7 @@ def choices_of(case: Case) -> Choices:
             choices[f"faults.{name}.gap"] = type(fault)
         choices |= {f"faults.{name}.nucleation.{n}": type(each) for n, each in enumerate(fault.nucleation)}
     choices |= {key: type(boundary) for key, boundary in case.all_boundaries()}
+    choices |= {f"attachments.{number}": type(each) for number, each in enumerate(case.attachments)}
     for key, damping in case.all_dampings():
         given = (name for name, field in type(damping).model_fields.items() if getattr(damping, name) != field.default)
         choices |= {f"{key}.{name}": type(damping) for name in given}
@@ -351,6 +352,13 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
                 yield Refusal((key,), f"fracture.kind = '{kind}' {why}", (("fracture",),), ((key,),))
 
 
+def _attachments(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    keys = tuple(key for key in choices if key.startswith("attachments."))
+    if keys and not stepper.attachments:
+        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
+
+
 def _planes(choices: Choices) -> Iterator[Refusal]:
     key = next((key for key in choices if key.startswith(PLANE)), None)
     if key is None:
@@ -383,7 +391,7 @@ def _materials(choices: Choices) -> Iterator[Refusal]:
 
 
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _bodies, _planes, _materials,
+    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _attachments, _bodies, _planes, _materials,
 )  # fmt: skip
 
 

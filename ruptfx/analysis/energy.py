@@ -18,6 +18,12 @@ PARTS = (
 )  # fmt: skip
 
 
+def parts_of(energy: Mapping[str, object] | Data) -> list[str]:
+    """Return the columns that the boundary work went to: those of every run, then those of attachments."""
+    others = [str(name) for name in energy if str(name) not in (*PARTS, "time", "boundary_work", "closure")]
+    return [name for name in PARTS if name in energy] + others
+
+
 def closure(boundary_work: Array, parts: Mapping[str, Array]) -> Array:
     """Return the unaccounted energy as a fraction of the largest boundary work; shape (times,).
 
@@ -44,7 +50,8 @@ def budget(energy: Mapping[str, object] | Data) -> dict[str, float]:
     energy : mapping of arrays, shape (times,)
         The columns of a run's energy table; `Record.energy` fits.
     """
-    columns = {name: np.asarray(energy[name]) for name in (*PARTS, "boundary_work") if name in energy}
+    names = [*parts_of(energy), *(["boundary_work"] if "boundary_work" in energy else [])]
+    columns = {name: np.asarray(energy[name]) for name in names}
     if not columns or not len(next(iter(columns.values()))):
         return {"energy_closure": float(np.nan)}
     final = {name: float(values[-1]) for name, values in columns.items()}

@@ -1,19 +1,25 @@
-"""Mechanisms of explicit steps, one per file: what exerts forces on the bodies or constrains their motion.
+"""Mechanisms, one per file: what exerts forces on the bodies or constrains their motion.
 
-A step is a sequence of phases, the methods of `Mechanism`. In each phase the stepper calls the mechanisms that override
-it, in ascending `Mechanism.order`. The stepper knows no mechanism by name, and no mechanism knows another one.
+The model, checkpoints and the energy table ask all mechanisms of a case for their initial state, their fields and their
+energies. An explicit step is a sequence of phases, other methods of `Mechanism`: in each phase the stepper calls the
+mechanisms that override it, in ascending `Mechanism.order`. None of them knows a mechanism by name, and no mechanism
+knows another one. Those of this folder follow from the tables of a case; `ruptfx.attachments` has those that a case
+chooses by their kind.
 """
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ruptfx.fields import Energy
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
@@ -22,6 +28,39 @@ if TYPE_CHECKING:
     from ruptfx.state import State
 
 Floats = NDArray[np.float64]
+Rows = Mapping[str, np.ndarray]
+"""Fields by name; values at all points in an order that no partition changes."""
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs of a mechanism, as the stable time step counts them.
+
+    Attributes
+    ----------
+    text : str
+        What they are, for messages: "the contact stiffness of faults.main".
+    plural : bool
+        Whether the text is a plural.
+    add : callable, (displacement, force) -> None, optional
+        Add their forces, complete at every local node [N].
+    add_with_elements : callable, (displacement, force) -> None, optional
+        Add the forces of this rank, which are summed over ranks afterwards.
+    bound : ndarray, shape (nodes,), optional
+        Upper bound of their stiffness at every node [N/m], where it is not known exactly.
+    own_frequency : float
+        Highest angular frequency of unknowns that the mechanism has besides the nodes of the bodies [rad/s].
+    margin : float
+        Part of the stable step that may be used with them.
+    """
+
+    text: str
+    plural: bool = False
+    add: Callable[[Floats, Floats], None] | None = None
+    add_with_elements: Callable[[Floats, Floats], None] | None = None
+    bound: Floats | None = None
+    own_frequency: float = 0.0
+    margin: float = 1.0
 
 
 class Mechanism:
@@ -41,9 +80,12 @@ class Mechanism:
         on any number of ranks.
     damped : Damped, optional
         Viscous damping of all elements, which the bulk kernel computes in its sweep.
+    energies : tuple of Energy
+        Columns of the energy table that only cases with this mechanism have.
     """
 
     order: ClassVar[int] = 55
+    energies: ClassVar[tuple[Energy, ...]] = ()
     rounds_as_kernel: bool = False
     damped: Damped | None = None
 
@@ -54,6 +96,43 @@ class Mechanism:
     def present(cls, model: Model) -> bool:
         """Return whether the model has this mechanism."""
         return True
+
+    # -- state, energies, checkpoints --------------------------------------------------------------
+
+    def begin(self, state: State) -> None:
+        """Add the fields and energies of this mechanism to the state at the start of a run."""
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        """Add the energies that steps have not accumulated, at the time of the velocity [J].
+
+        Parameters
+        ----------
+        state : State
+        energies : dict of str to float
+            Columns of the energy table, of this rank.
+        """
+
+    def close_energies(self, state: State, energies: dict[str, float]) -> None:
+        """Set energies that follow from those which the bodies and all mechanisms have added [J]."""
+
+    def saved(self, state: State) -> Mapping[str, Rows]:
+        """Return all fields that a checkpoint needs, by group and name, complete on rank 0; collective."""
+        return {}
+
+    def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
+        """Fill the fields from a checkpoint; `read` returns the rows of "group/name".
+
+        Raises
+        ------
+        KeyError
+            A checkpoint without one of them.
+        """
+
+    def springs(self) -> list[Springs]:
+        """Return its springs, which shorten the stable time step."""
+        return []
+
+    # -- explicit steps ----------------------------------------------------------------------------
 
     def nodes(self) -> NDArray[np.bool_]:
         """Nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
@@ -124,4 +203,5 @@ def kinds() -> tuple[type[Mechanism], ...]:
 
 def mechanisms_of(model: Model) -> list[Mechanism]:
     """Return the mechanisms that a model has, in calling order."""
-    return [kind(model) for kind in kinds() if kind.present(model)]
+    found = [*(kind(model) for kind in kinds() if kind.present(model)), *model.attachments]
+    return sorted(found, key=lambda each: (each.order, type(each).__name__))

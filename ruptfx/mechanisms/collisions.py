@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from ruptfx.mechanisms import Mechanism
+import numpy as np
+
+from ruptfx.collisions._step import FIELD
+from ruptfx.mechanisms import Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
@@ -27,6 +31,22 @@ class Collisions(Mechanism):
     @classmethod
     def present(cls, model: Model) -> bool:
         return model.collisions is not None
+
+    def begin(self, state: State) -> None:
+        state.cracks[FIELD] = np.zeros(len(state.cracks["damage"]))
+        state.pairs = self._step.initial_state()
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        energies["collisions"] = self._step.stored(state)
+
+    def springs(self) -> list[Springs]:
+        return [Springs("the stiffness of collisions", bound=self._step.without_partner())]
+
+    def saved(self, state: State) -> Mapping[str, Rows]:
+        return {"pairs": self._step.gather(state)}
+
+    def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
+        state.pairs = {name: read(f"pairs/{name}") for name in state.pairs}  # of all ranks; each looks for its own
 
     def prepare(self, state: State, kick: Kick) -> None:
         with deducting_dissipation(state):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.cracks._rigid import RigidCracks
-from ruptfx.mechanisms import Mechanism
+from ruptfx.mechanisms import Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
@@ -17,27 +18,56 @@ if TYPE_CHECKING:
     from ruptfx.state import State
 
 
-class IntrinsicFacets(Mechanism):
-    """Springs of all facets, until they have failed."""
+class Facets(Mechanism):
+    """State and energies of facets, which `model.cracks` computes."""
 
     order = 0
     rounds_as_kernel = True
 
     @classmethod
     def present(cls, model: Model) -> bool:
+        return False
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        assert model.cracks is not None
+        self._cracks = model.cracks
+
+    def begin(self, state: State) -> None:
+        state.cracks = self._cracks.initial_state()
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        before = 0.5 * state.lag * state.velocity
+        energies["interface_elastic"] += self._cracks.stored(state.cracks, before, state.at_faults()[1])
+        energies["boundary_work"] += self._cracks.preload_work(state.displacement - before)
+
+    def springs(self) -> list[Springs]:
+        return [Springs("the springs of fracture", plural=True, add_with_elements=self._cracks.add_spring_force)]
+
+    def saved(self, state: State) -> Mapping[str, Rows]:
+        return {"cracks": self._cracks.gather(state.cracks)}
+
+    def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
+        for name, values in state.cracks.items():
+            values[:] = read(f"cracks/{name}")[self._cracks.number]
+
+
+class IntrinsicFacets(Facets):
+    """Springs of all facets, until they have failed."""
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
         return model.cracks is not None and not isinstance(model.cracks, RigidCracks)
 
     def add_first(self, state: State, kick: Kick) -> None:
-        assert self.model.cracks is not None
         with deducting_dissipation(state):
-            self.model.cracks(state, self.model.mass, kick.clock.since)
+            self._cracks(state, self.model.mass, kick.clock.since)
 
     def account(self, state: State, kick: Kick) -> None:
-        assert self.model.cracks is not None
-        self.model.cracks.require_balance(state.time)
+        self._cracks.require_balance(state.time)
 
 
-class ExtrinsicFacets(Mechanism):
+class ExtrinsicFacets(Facets):
     """Facets that are rigid until their strength: the corners of a connected component move as one.
 
     Mass, damping and force of a component are those of its corners together, so that all of them get the same velocity
@@ -45,7 +75,6 @@ class ExtrinsicFacets(Mechanism):
     """
 
     order = 90
-    rounds_as_kernel = True
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ruptfx import parallel
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep
-from ruptfx.mechanisms import Floats, Mechanism
+from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.sliding.step import SlidingStep
     from ruptfx.state import State
+
+
+SLIDING = 0.92
+"""The largest eigenvalue of compliant contact between different meshes changes with their position by up to a tenth of
+its mean or, between elements of unequal size, a sixth."""
 
 
 class Faults(Mechanism):
@@ -43,6 +50,39 @@ class Faults(Mechanism):
     @classmethod
     def present(cls, model: Model) -> bool:
         return bool(cls.of(model))
+
+    def begin(self, state: State) -> None:
+        for fault in self.faults:
+            state.faults[fault.name] = fault.initial_state(self.model.initial_slip_rate(fault))
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        half = 0.5 * state.lag
+        held = taken = preload = 0.0
+        for fault in self.faults:
+            added = half * fault.interface.rate(state.velocity)
+            found = fault.elastic_energy(state.faults[fault.name], added, half, state.fault_time)
+            held, taken = held + found[0], taken + found[1]
+            preload += fault.preload_work(state.displacement) - half * fault.preload_work(state.velocity)
+        energies["interface_elastic"] += held
+        energies["frictional_dissipation"] += taken
+        energies["boundary_work"] += preload
+
+    def springs(self) -> list[Springs]:
+        return [_contact_springs(fault, self.model.nodes) for fault in self.faults if any(fault.contact.stiffness())]
+
+    def saved(self, state: State) -> Mapping[str, Rows]:
+        found = {}
+        for fault in self.faults:
+            fields = state.faults[fault.name] | state.points.get(fault.name, {})
+            face = fault.interface
+            found[f"faults/{fault.name}"] = parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
+        return found
+
+    def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
+        for fault in self.faults:
+            for fields in (state.faults[fault.name], state.points.get(fault.name, {})):
+                for name, values in fields.items():
+                    values[:] = read(f"faults/{fault.name}/{name}")[fault.interface.number]
 
     def nodes(self) -> NDArray[np.bool_]:
         found = super().nodes()
@@ -100,3 +140,18 @@ class Faults(Mechanism):
         area = fault.interface.owned * fault.interface.weight
         state.take(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
         state.energy["boundary_work"] += float((area * fault.load(0.0)) @ way[:, 0])
+
+
+def _contact_springs(fault: Fault, count: int) -> Springs:
+    """Return the springs of compliant contact, at closed and stuck points."""
+    face, (normal, shear) = fault.interface, fault.contact.stiffness()
+    stiffness = np.array([normal] * face.has_normal + [shear] * face.tangents)
+    # Surfaces may meet later: C |u+ - u-|^2 is at most 2 C (|u+|^2 + |u-|^2), and that between equal bodies.
+    later = np.zeros(count)
+    nodes, lengths = face.without_partner()
+    later[nodes] += 2 * max(normal, shear) * lengths
+    return Springs(
+        f"the contact stiffness of faults.{fault.name}",
+        add=lambda u, force: face.assemble(-stiffness * face.rate(u), force),
+        bound=later if later.any() else None, margin=SLIDING if fault.slides else 1.0,
+    )  # fmt: skip

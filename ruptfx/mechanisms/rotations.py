@@ -30,6 +30,13 @@ class LargeRotations(Mechanism):
     def present(cls, model: Model) -> bool:
         return model.bulk.large_rotations
 
+    def close_energies(self, state: State, energies: dict[str, float]) -> None:
+        # By how much the work of the forces of cells, facets and supports exceeds what these store.
+        stored = energies["strain"] + energies["interface_elastic"]
+        force = state.fields.get(OF_BODIES)
+        over = 0.0 if force is None else self.model.layout.owned_dot(force, state.velocity)
+        energies["turning"] = state.energy["turning"] - stored - 0.5 * state.lag * over
+
     def nodes(self) -> NDArray[np.bool_]:
         return ~super().nodes()  # the forces of all nodes are needed
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ruptfx.fault import Fault
+from ruptfx.fields import TAKEN_IN_SLIDING
 from ruptfx.mechanisms import Floats
 from ruptfx.mechanisms.faults import Faults
 from ruptfx.sliding.follower import Follower
@@ -34,6 +35,10 @@ class SlidingFaults(Faults):
     @classmethod
     def of(cls, model: Model) -> list[Fault]:
         return [fault for fault in model.faults if fault.slides]
+
+    def begin(self, state: State) -> None:
+        super().begin(state)
+        state.energy |= {f"{fault.name}.{name}": 0.0 for fault in self.faults for name in TAKEN_IN_SLIDING}
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> SlidingStep:
         assert isinstance(fault.interface, SlidingInterface)

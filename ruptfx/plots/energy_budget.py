@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ruptfx.analysis.energy import PARTS, closure
+from ruptfx.analysis.energy import closure, parts_of
 from ruptfx.figure_style import MUTED, letter, new_figure, note, remark, scale, styled
 from ruptfx.record import Files
 
@@ -33,7 +33,7 @@ def energy_budget(record: Files) -> Figure:
     """
     energy = record.energy
     time = energy["time"].values
-    parts = whole_parts = {name: energy[name].values for name in PARTS if name in energy}
+    parts = whole_parts = {name: energy[name].values for name in parts_of(energy)}
     work = energy["boundary_work"].values
     largest = {name: float(np.abs(values).max(initial=0.0)) for name, values in (*parts.items(), ("", work))}
     small = [name for name in parts if largest[name] < SEEN * max(largest.values())]
@@ -45,7 +45,7 @@ def energy_budget(record: Files) -> Figure:
     figure, (axes,) = new_figure(1, 2, 2.8, width_ratios=[2, 1])
     axes[0].plot(time / t_size, work / size, color="#1a1a1a", lw=1.4, label="boundary work")
     for name, values in parts.items():
-        axes[0].plot(time / t_size, values / size, color=_COLOURS[name], label=name.replace("_", " "))
+        axes[0].plot(time / t_size, values / size, color=_COLOURS.get(name, MUTED), label=name.replace("_", " "))
     axes[0].set(xlabel=f"Time ({t_unit})", ylabel=label)
     axes[0].legend(loc="best")
     missing = 100 * np.abs(closure(work, whole_parts))

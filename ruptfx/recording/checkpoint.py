@@ -29,6 +29,7 @@ from ruptfx.run_files import seal as _seal
 from ruptfx.stopwatch import phase
 
 if TYPE_CHECKING:
+    from ruptfx.mechanisms import Rows
     from ruptfx.model import Model
     from ruptfx.recording.recorder import Recorder
     from ruptfx.state import State
@@ -93,9 +94,7 @@ class Checkpoints:
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
         with phase("gathering"):
             slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
-            faults = {fault.name: recorder.gather_fault(fault, state) for fault in model.faults}
-            cracks = {} if model.cracks is None else model.cracks.gather(state.cracks)
-            pairs = {} if model.collisions is None else model.collisions.gather(state)
+            groups = {group: rows for each in model.mechanisms for group, rows in each.saved(state).items()}
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
             memory = {name: keeper.table() for name, keeper in self._keepers.items()}
@@ -103,7 +102,7 @@ class Checkpoints:
         folder = recorder.out / FOLDER
         temporary, place = folder / ".unfinished", folder / (directories.FINAL if final else f"step_{state.step:08d}")
         recorder.meet(lambda: _make_anew(temporary) if first else None)
-        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, faults, cracks, pairs, not final)))
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, groups, not final)))
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
@@ -112,18 +111,15 @@ class Checkpoints:
         self._last = time.monotonic()
 
     def _write_files(
-        self, folder: Path, slabs: dict[str, np.ndarray], faults: dict[str, dict[str, np.ndarray]],
-        cracks: dict[str, np.ndarray], pairs: dict[str, np.ndarray], copies: bool,
-    ) -> run_files.Sums:  # fmt: skip
+        self, folder: Path, slabs: dict[str, np.ndarray], groups: Mapping[str, Rows], copies: bool
+    ) -> run_files.Sums:
         """Write this rank's part of the state, and copies of its history files; checksums, None without copy."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
             for name, slab in slabs.items():
                 file.write(f"nodes/{name}", slab, self._model.total_nodes)
             if file.whole is not None:
-                for fault, fields in faults.items():
-                    file.whole.create_group(f"faults/{fault}").update(fields)
-                file.whole.create_group("cracks").update(cracks)
-                file.whole.create_group("pairs").update(pairs)
+                for group, fields in groups.items():
+                    file.whole.create_group(group).update(fields)
         written, histories = list(file.paths), self._recorder.settle()
         for path in histories if copies else []:
             written.append(folder / path.name)
@@ -191,32 +187,23 @@ class Checkpoint:
         CheckpointError
             On all ranks: it cannot be read.
         """
-        error, slabs, faults = None, dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
-        cracks, pairs = dict[str, np.ndarray](), dict[str, np.ndarray]()
+        error, slabs = None, dict[str, np.ndarray]()
+        state.points = {
+            fault.name: {name: np.empty(len(fault.interface.plus)) for name in self.manifest["points"][fault.name]}
+            for fault in model.faults if fault.name in self.manifest["points"]
+        }  # fmt: skip
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
-                slabs = {name: rows[model.layout.slabs.here] for name, rows in file["nodes"].items()}
-                for fault in model.faults:
-                    saved = file[f"faults/{fault.name}"]
-                    names = [*state.faults[fault.name], *self.manifest["points"].get(fault.name, [])]
-                    faults[fault.name] = {name: saved[name][()] for name in names}
-                cracks = {name: file[f"cracks/{name}"][()] for name in state.cracks}
-                pairs = {name: file[f"pairs/{name}"][()] for name in state.pairs}
+                here = model.layout.slabs.here
+                slabs = {name: rows[here] for name, rows in file["nodes"].items()}
+                for each in model.mechanisms:
+                    each.restore(state, lambda name: np.asarray(file[name][()]))
         except (OSError, KeyError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
         parallel.raise_on_all(model.comm, error)
         for name in ("displacement", "velocity"):
             getattr(state, name)[:] = model.layout.spread(slabs[name])
         state.fields = {name: model.layout.spread(slabs[name]) for name in self.manifest["fields"]}
-        for fault in model.faults:
-            for name, values in state.faults[fault.name].items():
-                values[:] = faults[fault.name].pop(name)[fault.interface.number]
-            if faults[fault.name]:
-                state.points[fault.name] = {n: v[fault.interface.number] for n, v in faults[fault.name].items()}
-        if model.cracks is not None:
-            for name, values in state.cracks.items():
-                values[:] = cracks[name][model.cracks.number]
-        state.pairs = pairs  # of all ranks; each looks for its own
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:

@@ -20,9 +20,11 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__, fem, parallel, run_files
 from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED, ENERGIES
+from ruptfx.fields import DERIVED
+from ruptfx.interface import Interface
 from ruptfx.nucleation import first_begun
 from ruptfx.recording import edge_sums, forces
+from ruptfx.recording.attachments_file import AttachmentsFile
 from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.crack_files import CrackFiles, facets_of
 from ruptfx.recording.instruments_file import InstrumentsFile
@@ -34,6 +36,7 @@ from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase, phases
 
 if TYPE_CHECKING:
+    from ruptfx.mechanisms import Rows
     from ruptfx.model import Model
     from ruptfx.recording.checkpoint import Checkpoint, Keeper
     from ruptfx.state import State
@@ -87,6 +90,7 @@ class Recorder:
         self._forces: dict[str, TableFile] = {}
         self._instruments: InstrumentsFile | None = None
         self._cracks: CrackFiles | None = None
+        self._attachments: AttachmentsFile | None = None
         self._edges: TableFile | None = None
         self._edge_sums = None if model.cracks is None else edge_sums.EdgeSums(model)
         self._writer = Writer()
@@ -119,14 +123,12 @@ class Recorder:
 
     def __enter__(self) -> Recorder:
         with phase("gathering"):
-            places = [
-                _gather_fault(self.model.comm, f, [f.interface.position, *f.interface.points.T])
-                for f in self.model.faults
-            ]
+            places = [_positions(self.model.comm, fault.interface) for fault in self.model.faults]
             topology = self._bulk.topology()
+            nodes = [each.positions() for each in self.model.attachments]
             facets = None if self.model.cracks is None else self.model.cracks.gather(facets_of(self.model.cracks))
         try:
-            self.meet(lambda: self._open(places, facets) if self.model.comm.rank == 0 else None)
+            self.meet(lambda: self._open(places, facets, nodes) if self.model.comm.rank == 0 else None)
             self.meet(lambda: self._open_bulk(topology))
         except BaseException:
             self._writer.close()
@@ -142,7 +144,7 @@ class Recorder:
         """Number of records that the files of the checkpoint keep, None without one; later ones are those of an end."""
         return None if self._resume is None else int(self._resume.manifest["memory"]["recorder"]["counts"][what])
 
-    def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None) -> None:
+    def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None, nodes: list[Rows]) -> None:
         if self._resume:
             for part in self.out.glob("bulk.*.h5"):  # of ranks that there may not be any more
                 part.unlink()
@@ -158,7 +160,7 @@ class Recorder:
         self.log.handlers = [handler]
         self.log.setLevel(logging.INFO)
         self.log.propagate = False
-        self._energies = TableFile(self.out / "energy.csv", [*ENERGIES, "closure"], (
+        self._energies = TableFile(self.out / "energy.csv", [*self.model.energy_columns, "closure"], (
             "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
             "energies in J (in 2D per metre of thickness, but around an axis), closure relative to the largest work"
         ), self._kept("interface"))  # fmt: skip
@@ -177,6 +179,10 @@ class Recorder:
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
                 "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
             })  # fmt: skip
+        if nodes:
+            attached = list(zip(case.attachments, self.model.attachments, nodes, strict=True))
+            about = {"case_hash": case.hash, "record": "all fields of a record are those of its time", **versions()}
+            self._attachments = AttachmentsFile(self.out / "attachments.h5", attached, about, self._kept("interface"))
         if facets is not None and self._edge_sums is not None and case.fracture is not None:
             bodies, thickness = self.model.bodies, case.fracture.thickness
             joints, kept = list(bodies.joints), self._kept("bulk")
@@ -193,6 +199,7 @@ class Recorder:
         names += [f"interface{suffix}.h5" for suffix in suffixes]
         names += [f"forces{suffix}.csv" for fault, suffix in zip(model.faults, suffixes, strict=True) if fault.slides]
         names += ["instruments.h5"] if self.samples.instruments else []
+        names += ["attachments.h5"] if model.attachments else []
         return names + ([] if model.cracks is None else ["cracks.h5", "cracks.xdmf", "events.h5", "edges.csv"])
 
     def settle(self) -> list[Path]:
@@ -206,6 +213,9 @@ class Recorder:
             if self._instruments is not None:
                 self._instruments.settle()
                 files.append(self._instruments.path)
+            if self._attachments is not None:
+                self._attachments.settle()
+                files.append(self._attachments.path)
             if self._cracks is not None and self._edges is not None:
                 files += [*self._cracks.settle(), self._edges.path]
         return files
@@ -314,6 +324,7 @@ class Recorder:
                 comm, least = self.model.comm, self.model.case.output.rupture_threshold
                 slide = [] if self.means is not None else [fault for fault in self.model.faults if fault.slides]
                 sums = {fault.name: forces.row(comm, fault, state, least) for fault in slide}
+                attached = [each.record(state) for each in self.model.attachments]
             with phase("energies"):
                 energy = self._motion.energies(state)
             edges = None if self._edge_sums is None else self._edge_sums.row(state)
@@ -322,7 +333,7 @@ class Recorder:
                 rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
                 self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
                 row = self._balance(state, energy)
-                self._write(lambda: self._append(now, fields, row, sums, edges))
+                self._write(lambda: self._append(now, fields, row, sums, edges, attached))
         if self.means is not None and self._reached("forces", state):
             self._passed("forces", state)
             with phase("gathering"):
@@ -350,24 +361,25 @@ class Recorder:
         if fault.slides:
             least = self.model.case.output.rupture_threshold
             fields |= forces.sliding_fields(fault, state.faults[fault.name], state.at_faults()[1], least)
-        rows = _gather_fault(self.model.comm, fault, list(fields.values()))
-        return dict(zip(fields, np.ascontiguousarray(rows.T), strict=True))
+        return parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
 
     def _balance(self, state: State, energy: dict[str, float]) -> list[float]:
         """A row of the energy table: its time [s], the energies [J] and their closure."""
-        lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
         self.largest_work = max(self.largest_work, abs(energy["boundary_work"]))
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
-        return [state.time - 0.5 * state.lag, *(energy[name] for name in ENERGIES), closure]
+        return [state.time - 0.5 * state.lag, *energy.values(), closure]
 
     def _append(
         self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float],
-        sums: dict[str, list[float]], edges: list[float] | None,
+        sums: dict[str, list[float]], edges: list[float] | None, attached: list[Rows],
     ) -> None:  # fmt: skip
         """Fields and forces of the interfaces at one time [s], a row of the energy table at another."""
         self._append_forces(time, sums)
         if self._edges is not None and edges is not None:
             self._edges.append(time, edges)
+        if self._attachments is not None:
+            self._attachments.append(time, attached)
         for name, fields in faults.items():
             self._files[name].append(time, fields)
         self._energies.append(energies[0], energies[1:])
@@ -399,7 +411,7 @@ class Recorder:
         files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
         if self._instruments is not None:
             files.append(self._instruments)
-        files += [file for file in (self._cracks, self._edges) if file is not None]
+        files += [file for file in (self._cracks, self._edges, self._attachments) if file is not None]
         if self.model.comm.rank == 0:
             files.append(self._energies)
             if error is not None:
@@ -430,11 +442,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def _gather_fault(comm: fem.MPI.Comm, fault: Fault, columns: list[np.ndarray]) -> np.ndarray:
-    """Columns of all owned points in order along the interface on rank 0, shape (points, columns)."""
-    face = fault.interface
-    rows = np.stack([face.number.astype(float), *columns], axis=1)[face.owned]
-    gathered = parallel.gather_rows(comm, rows)
-    if gathered is None:
-        return np.zeros((0, len(columns)))
-    return gathered[np.argsort(gathered[:, 0]), 1:]
+def _positions(comm: fem.MPI.Comm, face: Interface) -> np.ndarray:
+    """Position along an interface and coordinates of its points [m] on rank 0, shape (points, 1 + dim)."""
+    columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
+    return np.column_stack([*parallel.gather_fields(comm, face.number, face.owned, columns).values()])

@@ -95,6 +95,8 @@ class Stepper(Alternative):
     """Whether bodies may break."""
     large_rotations: ClassVar[bool] = False
     """Whether bodies may turn by any angle."""
+    attachments: ClassVar[bool] = False
+    """Whether its steps ask mechanisms for their forces, so that masses and springs may be attached to the bodies."""
     multipliers: ClassVar[bool] = True
     """Whether the contact method may depend on multipliers, which outer iterations find."""
     elastic_contact_only: ClassVar[bool] = False

@@ -11,7 +11,7 @@ from ruptfx.mechanisms import Floats, mechanisms_of, overriding
 from ruptfx.mechanisms._nodes import Kick, SteppedNodes
 from ruptfx.operators import FusedOperator
 from ruptfx.schema import CaseError
-from ruptfx.spectrum import stable_time_step
+from ruptfx.spectrum import springs_of, stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Fraction
 
@@ -37,6 +37,7 @@ class Leapfrog(Stepper):
     staged: ClassVar[bool] = True
     fracture: ClassVar[bool] = True
     large_rotations: ClassVar[bool] = True
+    attachments: ClassVar[bool] = True
 
     safety: Fraction = 0.9
     """Time step over the stable one."""
@@ -70,16 +71,13 @@ class Leapfrog(Stepper):
 
 
 def what_limits(model: Model, stable: float) -> str:
-    """Whether elements or the stiffness of an interface set the stable step, as found without it; collective."""
-    compliant = [fault for fault in model.faults if any(fault.contact.stiffness())]
-    without = stable_time_step(model, [], springs=False) if compliant or model.cracks is not None else stable
+    """Whether elements or springs of a mechanism set the stable step, as found without all springs; collective."""
+    springs = springs_of(model)
+    without = stable_time_step(model, []) if springs else stable
     if without < 1.05 * stable:  # within the error of the computed highest frequencies
         return "set by the elements" + " and the elastic supports of boundaries" * bool(model.loads.supports)
-    if model.cracks is not None:
-        without = stable_time_step(model, springs=False)
-        return f"set by the springs of fracture ({without:.4g} s without them)"
-    first = min(compliant, key=lambda fault: stable_time_step(model, [fault])) if len(compliant) > 1 else compliant[0]
-    return f"set by the contact stiffness of faults.{first.name} ({without:.4g} s without it)"
+    first = min(springs, key=lambda each: stable_time_step(model, [each])) if len(springs) > 1 else springs[0]
+    return f"set by {first.text} ({without:.4g} s without {'them' if first.plural else 'it'})"
 
 
 class LeapfrogMotion:

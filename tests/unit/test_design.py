@@ -56,7 +56,7 @@ def run(case: Any, out: Path) -> Record:
 
 def test_every_example_is_used_here() -> None:
     source = Path(__file__).read_text(encoding="utf-8")
-    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 14
+    assert PAGE.count("```python") == len(BLOCKS) == len(EXAMPLES) == 15
     assert [title for title in EXAMPLES if f'"{title}"' not in source] == []
 
 
@@ -140,6 +140,26 @@ def test_material(plane: Plane, tmp_path: Path) -> None:
     u = np.random.default_rng(0).normal(size=len(ours.mass))
     expected = theirs.internal_force(u)
     np.testing.assert_allclose(ours.internal_force(u), expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.fem
+def test_mechanism(tmp_path: Path) -> None:
+    """The mat moves as the boundary `spring` with the same stiffness does; it has a file and a column of its own."""
+    pytest.importorskip("dolfinx")
+    push = {"kind": "traction", "edge": "upper.top", "traction": [1e5, -1e6]}
+    mat = {"kind": "mat", "name": "mat", "edge": "lower.bottom", "stiffness": 1e12}
+    spring = {"kind": "spring", "edge": "lower.bottom", "normal": 1e12, "tangential": 1e12}
+    fixed = {"duration": 6e-6, "stepper": {"kind": "leapfrog", "time_step": 2e-8}}
+    ours = in_a_case(tmp_path, "Mechanism", plates({**fixed, "attachments": [mat], "boundaries": [push]}))
+    theirs = parse_case(plates({**fixed, "boundaries": [push, spring]}))
+    with run(ours, tmp_path / "ours") as one, run(theirs, tmp_path / "theirs") as two:
+        mats, slip = one.energy["mat"].values, two.bulk["displacement"].values
+        np.testing.assert_allclose(one.bulk["displacement"].values, slip, atol=1e-11 * np.abs(slip).max())
+        np.testing.assert_allclose(
+            one.energy["strain"].values + mats, two.energy["strain"].values, atol=1e-11 * mats.max()
+        )
+        assert mats.max() > 0 and np.abs(one.attachments["mat"]["force_y"].values).max() > 0
+        assert float(np.abs(one.energy["closure"]).max()) < 1e-11
 
 
 @pytest.mark.fem

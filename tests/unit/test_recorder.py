@@ -15,9 +15,8 @@ pytest.importorskip("dolfinx")
 
 from small_cases import case
 
-from ruptfx import plots, simulate
+from ruptfx import parallel, plots, simulate
 from ruptfx.model import Model
-from ruptfx.recording import recorder
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.shared_file import SharedFile
 from ruptfx.recording.writer import Writer
@@ -173,10 +172,10 @@ def test_rows_of_an_interface_are_in_order_whatever_rank_has_them() -> None:
         def gather(self, rows: np.ndarray, root: int) -> list[np.ndarray]:
             return [rows, np.array([[4.0, 0.4, 40.0], [0.0, 0.0, 0.0], [2.0, 0.2, 20.0]])]
 
-    face = SimpleNamespace(number=np.array([5, 3, 4, 1]), owned=np.array([True, True, False, True]))
-    columns = [np.array([0.5, 0.3, 9.0, 0.1]), np.array([50.0, 30.0, 9.0, 10.0])]
-    rows = recorder._gather_fault(TwoRanks(), SimpleNamespace(interface=face), columns)
-    np.testing.assert_allclose(rows, np.outer(np.arange(6.0), [0.1, 10.0]), rtol=1e-15)
+    number, owned = np.array([5, 3, 4, 1]), np.array([True, True, False, True])
+    columns = {"a": np.array([0.5, 0.3, 9.0, 0.1]), "b": np.array([50.0, 30.0, 9.0, 10.0])}
+    rows = parallel.gather_fields(TwoRanks(), number, owned, columns)
+    np.testing.assert_allclose(np.column_stack([*rows.values()]), np.outer(np.arange(6.0), [0.1, 10.0]), rtol=1e-15)
 
 
 def test_a_snapshot_is_of_one_time() -> None:

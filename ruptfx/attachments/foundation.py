@@ -1,0 +1,184 @@
+"""A ground that an edge is attached to until it is torn off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from ruptfx import parallel
+from ruptfx.attachments import Attached, EdgeAttachment, EdgeNodes
+from ruptfx.bond import TracedBond
+from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.fields import PointField
+from ruptfx.mechanisms import Floats, Springs
+from ruptfx.schema import CaseError
+from ruptfx.units import Stiffness
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._nodes import Kick
+    from ruptfx.model import Model
+    from ruptfx.state import FaultState, State
+
+TOLERANCE, MOST_HALVINGS, FAILED = 1e-13, 60, 1e-12  # of the damage
+
+
+class Foundation(EdgeAttachment):
+    """Springs between an edge and the ground that fail by a cohesive law, in tension and in shear.
+
+    The separation d of edge and ground is the elastic one of the springs and an inelastic one w,
+
+        T = k (d - w) = strength left(D),   D = damage(w_n, w_s),
+
+    solved for the damage at the end of every step. A node that closes again goes along the secant to the origin; the
+    ground carries pressure by its springs for ever, and no shear where it has failed. Pulling an area off takes `G_Ic`
+    of it; the energy is in the column `fracture`, that of the springs in `interface_elastic`.
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "foundation", name = "base", edge = "lower.bottom", normal = 2e13, tangential = 1e13, '
+        'cohesion = { kind = "linear", f_t = 1e5, c = 2e5, G_Ic = 0.05, G_IIc = 0.1 } }'
+    )
+
+    normal: Stiffness
+    """Of the springs along the normal."""
+    tangential: Stiffness
+    """Of the springs along the edge."""
+    cohesion: AnyCohesion
+    """The law of the strength; positions of profiles are x along edges that are longer than high, else y."""
+
+    def bind(self, model: Model, key: str) -> Ground:
+        ground, error = None, None
+        edge, along = self.nodes_on(model, key), model.loads.edge(self.edge, key).along()
+        try:
+            ground = Ground(model, self, edge, self.cohesion.at(along[edge.nodes]), key)
+        except CaseError as caught:  # of a profile, at the nodes of this rank
+            error = caught
+        parallel.raise_on_all(model.comm, error)
+        assert ground is not None
+        return ground
+
+
+class Ground(Attached):
+    """The ground under the nodes of an edge."""
+
+    fields = (
+        PointField("traction", "Pa", "traction of the ground on the edge", vector=True),
+        PointField("damage", "1", "damage, 1 where the ground has failed"),
+        PointField("largest_opening", "m", "largest inelastic opening"),
+        PointField("largest_slip", "m", "largest inelastic slip"),
+    )
+
+    def __init__(self, model: Model, part: Foundation, edge: EdgeNodes, law: CohesiveLaw, key: str) -> None:
+        super().__init__(model, part.name, edge.nodes)
+        self._stiffness, self._bond = (part.normal, part.tangential), TracedBond(law)
+        self._area, self._normal = edge.area[:, None], edge.normal
+        self._counted = np.where(self.owned, edge.area, 0.0)
+        steepest = self._steepest()
+        for name, given, least in zip(("normal", "tangential"), self._stiffness, steepest, strict=True):
+            if given < least:
+                raise CaseError(
+                    f"{key}.{name} = {given:.4g} Pa/m: the law loses {least:.4g} Pa per metre, more than the springs "
+                    f"let go, so that the ground fails at once; give at least {1.01 * least:.3g} Pa/m, or a larger "
+                    "fracture energy"
+                )
+
+    def _steepest(self) -> tuple[float, float]:
+        """Return how fast strength falls with opening and with slip at most [Pa/m]."""
+        law, n = self._bond.law, len(self.at)
+        found = []
+        for mode, (strength, length) in enumerate(((law.f_t, law.opening_at_failure), (law.c, law.slip_at_failure))):
+            ways = np.linspace(0, 1, 201)[:, None] * np.broadcast_to(length, n)
+            ways = np.where(np.isfinite(ways), ways, 0.0)
+            left = np.array([self._strengths(self._damage(*((way, 0 * way), (0 * way, way))[mode]))[mode]
+                             for way in ways])  # fmt: skip
+            with np.errstate(all="ignore"):
+                slope = -np.diff(left, axis=0) / np.diff(ways, axis=0)
+            found.append(float(np.where(np.isfinite(slope) & (strength > 0), slope, 0.0).max(initial=0.0)))
+        return found[0], found[1]
+
+    def _damage(self, opening: Floats, slip: Floats) -> Floats:
+        return self._bond.damage_after(np.zeros(len(self.at)), opening, slip)
+
+    def _strengths(self, damage: Floats) -> tuple[Floats, Floats]:
+        """Return the strengths in tension and shear that a damage leaves [Pa]."""
+        held = self._bond.held(damage, damage, damage)
+        return held.tension, held.shear
+
+    def springs(self) -> list[Springs]:
+        def add(u: Floats, force: Floats) -> None:
+            normal, across, _ = self._separation(u)
+            resisting = self._stiffness[1] * across - self._stiffness[0] * normal[:, None] * self._directions()
+            self.at_nodes(force, add=-self._area * resisting)
+
+        return [Springs(f"the springs of attachments '{self.name}'", True, add=add)]
+
+    def _directions(self) -> Floats:
+        """Return the normal in the components of the displacement; zero where these are across the plane."""
+        return self._normal if self.model.components > 1 else np.zeros((len(self.at), 1))
+
+    def _separation(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the opening [m], the displacement across the normal, and how long that is."""
+        u, n = self.at_nodes(displacement), self._directions()
+        outward = np.sum(u * n, axis=1)
+        across = u - outward[:, None] * n
+        return -outward, across, np.linalg.norm(across, axis=1)
+
+    def add_external(self, state: State, kick: Kick) -> None:
+        fields = self.of(state)
+        opening, across, slip = self._separation(state.displacement)
+        before, damage = fields["damage"], self._solve(fields, opening, slip)
+        tension, shear = self._strengths(damage)
+        w = np.maximum(fields["largest_opening"], opening - tension / self._stiffness[0])
+        s = np.maximum(fields["largest_slip"], slip - shear / self._stiffness[1])
+        with np.errstate(all="ignore"):
+            secant = np.where(tension > 0, 1 / (1 / self._stiffness[0] + w / tension), 0.0)
+            along = np.where(shear > 0, 1 / (1 / self._stiffness[1] + s / shear), 0.0)
+        pull = np.where(opening > 0, secant, self._stiffness[0]) * opening
+        traction = pull[:, None] * self._directions() - along[:, None] * across
+        # The area between two secants of traction against displacement.
+        u = self.at_nodes(state.displacement)
+        u_before = u - kick.clock.since * self.at_nodes(state.velocity)
+        taken = 0.5 * np.sum(traction * u_before - fields["traction"] * u, axis=1) * self._counted
+        grown = damage > before
+        state.energy["fracture"] += float(taken[grown].sum())
+        state.energy["impact"] += float(taken[~grown].sum())  # of nodes that open or close within a step
+        self.at_nodes(state.force, add=self._area * traction)
+        for name, values in (("traction", traction), ("damage", damage), ("largest_opening", w), ("largest_slip", s)):
+            fields[name][:] = values
+
+    def _solve(self, fields: FaultState, opening: Floats, slip: Floats) -> Floats:
+        """Return the damage at which the springs carry what the law leaves, by false position (Illinois)."""
+
+        def excess(damage: Floats) -> Floats:
+            tension, shear = self._strengths(damage)
+            w = np.maximum(fields["largest_opening"], opening - tension / self._stiffness[0])
+            s = np.maximum(fields["largest_slip"], slip - shear / self._stiffness[1])
+            return np.asarray(self._damage(w, s) - damage)
+
+        low = fields["damage"].copy()
+        at_low = excess(low)
+        active = at_low > TOLERANCE
+        if not active.any():
+            return low
+        high = np.ones(len(low))
+        at_high, side, found = excess(high), np.zeros(len(low)), low.copy()
+        for _ in range(MOST_HALVINGS):
+            with np.errstate(all="ignore"):
+                middle = np.where(at_high < 0, (low * at_high - high * at_low) / (at_high - at_low), 1.0)
+            value = excess(middle)
+            up = value > 0
+            at_high = np.where(up & (side > 0), 0.5 * at_high, at_high)
+            at_low = np.where(~up & (side < 0), 0.5 * at_low, at_low)
+            low, at_low = np.where(up, middle, low), np.where(up, value, at_low)
+            high, at_high = np.where(up, high, middle), np.where(up, at_high, value)
+            side, found = np.where(up, 1.0, -1.0), middle
+            if np.all(np.abs(value[active]) <= TOLERANCE):
+                break
+        found = np.where(found > 1 - FAILED, 1.0, np.maximum(found, fields["damage"]))
+        return np.where(active, found, fields["damage"])
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        # What leapfrog balances half a step after the traction: of linear springs u_n k u_(n+1) / 2.
+        stored = -0.5 * np.sum(self.of(state)["traction"] * self.at_nodes(state.displacement), axis=1)
+        energies["interface_elastic"] += float(stored @ self._counted)

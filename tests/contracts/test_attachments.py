@@ -1,0 +1,171 @@
+"""Every attachment of the folder, by its own example: read again, energies, records, ranks, resume, refusals."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import COMPLIANT, advance, case, march, plates
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem, parallel
+from ruptfx.case import Case, parse_case
+from ruptfx.mechanisms import Mechanism
+from ruptfx.model import Model
+from ruptfx.record import Record
+from ruptfx.recording.checkpoint import Checkpoint
+from ruptfx.schema import CaseError, alternatives
+from ruptfx.simulation import simulate
+from ruptfx.spectrum import highest_frequency, springs_of
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+COMM = fem.MPI.COMM_WORLD
+ATTACHMENTS = alternatives("ruptfx.attachments")
+# Motion that comes to every edge, of both components.
+PUSH = {"kind": "traction", "edge": "upper.right", "traction": [-1e6, 5e5], "ramp": 1e-6}
+every_attachment = pytest.mark.parametrize("kind", ATTACHMENTS)
+
+
+def example(kind: str) -> dict[str, Any]:
+    """What the attachment gives as an example."""
+    return tomllib.loads(f"attachment = {ATTACHMENTS[kind].example}")["attachment"]
+
+
+def table(kind: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Two glued plates with a load and the attachment."""
+    return plates({
+        "order": 3, "duration": 6e-6, "boundaries": [PUSH], "attachments": [example(kind)],
+        "faults.main.contact": COMPLIANT, **(changes or {}),
+    })  # fmt: skip
+
+
+def attached(kind: str, changes: dict[str, Any] | None = None) -> Case:
+    return parse_case(table(kind, changes))
+
+
+@every_attachment
+def test_written_and_read_again(kind: str) -> None:
+    given = attached(kind)
+    again = parse_case(tomllib.loads(given.to_toml()))
+    assert example(kind)["kind"] == kind and again == given and again.hash == given.hash
+
+
+@every_attachment
+def test_fields_and_energies_are_declared(kind: str) -> None:
+    """Fields of the state are those declared, and a column of its own has a role and a meaning."""
+    model = Model(attached(kind))
+    (mechanism,) = model.attachments
+    assert isinstance(mechanism, Mechanism) and mechanism in model.mechanisms
+    state = model.initial_state()
+    assert list(state.attached) == [mechanism.name]
+    assert list(mechanism.of(state)) == [field.name for field in mechanism.fields]
+    for field in mechanism.fields:
+        assert field.unit and field.long_name
+        assert np.all(mechanism.of(state)[field.name] == field.start)
+    for energy in mechanism.energies:
+        assert energy.meaning and energy.role in ("stored", "dissipated")
+        assert energy.name in model.energies(state)
+
+
+@every_attachment
+@pytest.mark.parametrize("changes", [{}, {"plane": "antiplane", "boundaries": [{**PUSH, "traction": [1e6]}]}])
+def test_energy_budget_closes(kind: str, changes: dict[str, Any]) -> None:
+    """All that goes in is found again, and the attachment has its part of it."""
+    found = []
+    for attachments in ([example(kind)], []):
+        _, motion, state = march(attached(kind, {**changes, "attachments": attachments}))
+        energy = motion.energies(state)
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+        assert abs(lost) < 1e-12 * energy["kinetic"]
+        found.append(energy)
+    ours, without = found
+    assert any(abs(value - without.get(name, 0.0)) > 1e-3 * without["kinetic"] for name, value in ours.items())
+
+
+@every_attachment
+def test_the_same_on_any_ranks(kind: str) -> None:
+    found = []
+    for comm in (COMM, fem.MPI.COMM_SELF):
+        model = Model(attached(kind), comm)
+        motion, state = model.case.stepper.bind(model), model.initial_state()
+        advance(motion, state, 6e-6)
+        (mechanism,) = model.attachments
+        rows = comm.bcast(dict(mechanism.record(state)), root=0)
+        energies = np.array([*motion.energies(state).values()])
+        found.append([motion.dt, energies, *rows.values()])
+    for here, alone in zip(*found, strict=True):
+        np.testing.assert_allclose(here, alone, rtol=1e-9, atol=1e-11 * np.abs(alone).max(initial=0.0))
+
+
+@every_attachment
+def test_the_stable_step_respects_it(kind: str) -> None:
+    """Springs a thousand times stiffer than the example do not blow up at the step that is chosen for them."""
+    given = example(kind)
+    stiff = {key: 1e3 * value for key, value in given.items() if key in ("normal", "tangential", "mass")}
+    stiff |= {"frequency": 2e7} if "frequency" in given else {}
+    if not stiff:
+        pytest.skip("has neither stiffness nor frequency")
+    model, motion, state = march(attached(kind, {"attachments": [{**given, **stiff}], "duration": 3e-6}))
+    assert highest_frequency(model) > 1.2 * highest_frequency(model, [])
+    assert len(springs_of(model)) > 1
+    energy = motion.energies(state)
+    assert 0 < energy["kinetic"] < 1.0 and np.isfinite(state.displacement).all()
+
+
+@every_attachment
+def test_recorded_and_resumed_bitwise(kind: str, shared_tmp_path: Path) -> None:
+    """A run that goes on from a checkpoint ends as one that was never stopped, in every number of its files."""
+    plain = attached(kind)
+    steps = int(0.55 * plain.duration / plain.stepper.bind(Model(plain)).dt)
+    given = attached(kind, {"output.checkpoint_steps": steps, "output.interface_interval": 2e-7})
+    whole, cut = shared_tmp_path / f"{kind}_whole", shared_tmp_path / f"{kind}_cut"
+    for out in (whole, cut):
+        simulate(given, out, COMM, progress=False)
+    if COMM.rank == 0:
+        (cut / "summary.json").unlink()
+        (cut / "attachments.h5").write_bytes(b"cut off")
+        shutil.rmtree(cut / "checkpoints" / "final")
+    COMM.barrier()
+    checkpoint = Checkpoint.latest(COMM, cut, given.hash)
+    assert checkpoint is not None and 0 < checkpoint.manifest["time"] < 0.6 * given.duration
+    simulate(given, cut, COMM, progress=False, resume=True)
+    recorded = [name for field in Model(given).attachments[0].recorded_fields() for name in field.names(2)]
+    if COMM.rank == 0:
+        with Record(whole) as one, Record(cut) as other:
+            ours, theirs = (record.attachments[example(kind)["name"]] for record in (one, other))
+            assert ours.sizes["time"] > 20 and ours.identical(theirs)
+            assert sorted(recorded) == sorted(str(name) for name in ours.data_vars if "time" in ours[name].dims)
+            assert all(ours[name].attrs["units"] for name in ours.variables)
+            assert any(np.abs(ours[name].values).max() > 0 for name in recorded)
+            assert one.energy.identical(other.energy)
+            assert float(np.abs(one.energy["closure"]).max()) < 1e-11
+
+
+@every_attachment
+def test_steps_without_mechanisms_refuse_it(kind: str) -> None:
+    with pytest.raises(CaseError, match=r"attachments\.0\.kind = .*use stepper\.kind = 'leapfrog'"):
+        attached(kind, {"stepper": {"kind": "quasi_static"}})
+
+
+def test_each_has_its_own_name() -> None:
+    with pytest.raises(CaseError, match=r"attachments\.1\.name = 'row': another attachment has that name"):
+        case({"attachments": [{**example("resonators")}, {**example("resonators")}]})
+
+
+def test_an_edge_that_is_not_there_is_named() -> None:
+    with pytest.raises(Exception, match=r"attachments\.0\.edge = 'upper\.tip'"):
+        Model(case({"attachments": [{**example("resonators"), "edge": "upper.tip"}]}))
+
+
+def test_areas_and_normals_of_an_edge() -> None:
+    model = Model(case())
+    edge = case({"attachments": [example("resonators")]}).attachments[0].nodes_on(model, "attachments.0")
+    owned = edge.nodes < model.owned_nodes
+    assert parallel.total(COMM, edge.area[owned].sum()) == pytest.approx(12e-3, rel=1e-12)
+    np.testing.assert_allclose(edge.normal, np.tile([0.0, 1.0], (len(edge.nodes), 1)), atol=1e-12)
