@@ -16,10 +16,7 @@ from typing import TYPE_CHECKING, cast
 from ruptfx.boundaries import Boundary
 from ruptfx.contact import ContactMethod
 from ruptfx.cracks import Fracture
-from ruptfx.friction import FrictionLaw
-from ruptfx.friction._rate_and_state import RateAndState
 from ruptfx.materials import IN_PLANE, Material
-from ruptfx.nucleation import Nucleation
 from ruptfx.schema import Alternative, CaseError, Part, alternatives
 from ruptfx.sliding import Sliding
 from ruptfx.steppers import Stepper
@@ -28,8 +25,8 @@ if TYPE_CHECKING:
     from ruptfx.case import Case
 
 FOLDERS = {
-    "stepper": "ruptfx.steppers", "contact": "ruptfx.contact", "friction": "ruptfx.friction",
-    "fracture": "ruptfx.cracks", "materials": "ruptfx.materials",
+    "stepper": "ruptfx.steppers", "contact": "ruptfx.contact", "fracture": "ruptfx.cracks",
+    "materials": "ruptfx.materials",
 }  # fmt: skip
 """Where other kinds of a part are, by the last word of its key, or by the first where that is a name."""
 PLANE = "plane."  # begins the key of the plane of a case
@@ -130,12 +127,11 @@ def choices_of(case: Case) -> Choices:
     choices: dict[str, type[Part]] = {"stepper": type(case.stepper), PLANE + case.plane: type(case)}
     choices |= {f"materials.{name}": type(material) for name, material in case.materials.items()}
     for name, fault in case.faults.items():
-        for field in ("contact", "friction", "cohesion", "sliding"):
+        for field in ("contact", "cohesion", "sliding"):
             if (part := getattr(fault, field)) is not None:
                 choices[f"faults.{name}.{field}"] = type(part)
         if fault.gap is not None:
             choices[f"faults.{name}.gap"] = type(fault)
-        choices |= {f"faults.{name}.nucleation.{n}": type(each) for n, each in enumerate(fault.nucleation)}
     choices |= {key: type(boundary) for key, boundary in case.all_boundaries()}
     choices |= {f"attachments.{number}": type(each) for number, each in enumerate(case.attachments)}
     for key, damping in case.all_dampings():
@@ -290,27 +286,6 @@ def _cohesion(choices: Choices) -> Iterator[Refusal]:
                 yield Refusal((key,), f"an interface with {other} has no cohesion", drop=((key,), (other,)))
 
 
-def has_age(law: type[FrictionLaw]) -> bool:
-    """Return whether the only state of a law is an age, of which it knows the rate."""
-    known = issubclass(law, RateAndState) and overrides(law, RateAndState, "age_rate")
-    return known and set(law.state_fields) == {"theta"} and "law" not in law.model_fields
-
-
-def _friction(choices: Choices) -> Iterator[Refusal]:
-    stepper = _stepper(choices)
-    if not stepper.ages_only:
-        return
-    reason = f"stepper.kind = '{stepper.kind()}' integrates slip rate and age"
-    for name, law in _faults(choices, "friction").items():
-        if not has_age(cast(type[FrictionLaw], law)):
-            yield Refusal((f"faults.{name}.friction",), reason, ((f"faults.{name}.friction",), ("stepper",)))
-    weaken = tuple(
-        key for key, cls in choices.items() if issubclass(cls, Nucleation) and overrides(cls, Nucleation, "weaken")
-    )
-    if weaken:
-        yield Refusal(weaken, f"{reason}, of laws that nothing else weakens", (("stepper",),), (weaken,))
-
-
 def _boundaries(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     ties = tuple(
@@ -391,7 +366,7 @@ def _materials(choices: Choices) -> Iterator[Refusal]:
 
 
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _friction, _boundaries, _attachments, _bodies, _planes, _materials,
+    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials,
 )  # fmt: skip
 
 

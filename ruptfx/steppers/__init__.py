@@ -101,8 +101,6 @@ class Stepper(Alternative):
     """Whether the contact method may depend on multipliers, which outer iterations find."""
     elastic_contact_only: ClassVar[bool] = False
     """Whether the contact method must have a stiffness."""
-    ages_only: ClassVar[bool] = False
-    """Whether friction laws must have an age as their only state, and its rate (`ruptfx.support.has_age`)."""
 
     def fixed(self, model: Model) -> Self:
         """Itself with the step that it takes for a model, in place of one that it would choose for another."""

@@ -1,4 +1,4 @@
-"""Earthquake cycles of rate-and-state faults: explicit Runge-Kutta steps of slip and age."""
+"""Equilibrium with radiation damping: explicit Runge-Kutta steps of slip and of the state of friction laws."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from scipy.linalg import lu_factor, lu_solve
 from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.fields import MONITORS, Moment
-from ruptfx.friction._rate_and_state import RateAndState
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.implicit.condensed import MOST_UNKNOWNS, fits
@@ -21,6 +20,7 @@ from ruptfx.implicit.solvers import TOLERANCE
 from ruptfx.points import frictional_power
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
+from ruptfx.steppers._evolution import evolution_of
 from ruptfx.steppers._slow import SlowMotion
 from ruptfx.units import Duration, Fraction
 
@@ -41,15 +41,19 @@ HELD = 1e-9  # compliance of a point over that of the softest one, below which i
 
 
 class QuasiDynamic(Stepper):
-    """Equilibrium with radiation damping, slip and age of rate-and-state faults in adaptive Runge-Kutta steps.
+    """Equilibrium with radiation damping, slip and state of friction laws in adaptive Runge-Kutta steps.
 
     Tractions follow from slip by a matrix that is made once, for bodies are linear:
 
-        tau = tau_0 + tau_F(t) - K s,   strength(V, theta) + eta V = |tau|,   ds/dt = V,   dtheta/dt of the law
+        tau = tau_0 + tau_F(t) - K s,   ds/dt = V along tau,   dtheta/dt of the law,
+        V >= 0,   strength(V, theta) + eta V >= |tau|,   V [strength(V, theta) + eta V - |tau|] = 0
 
-    with eta the impedance of waves that leave both sides (Rice 1993). Steps follow the errors of slip over D_c and of
-    ln theta, the largest of all points; they are of fifth order. `quasi_static` takes more of them for cycles, and
-    serves other laws, contact that opens and bodies that are not linear.
+    with eta the impedance of waves that leave both sides (Rice 1993) and theta all state variables of the law. A point
+    of a law with strength at rest sticks up to it; a creeping law has none, and slides at any traction. Steps follow
+    the errors of slip over D_c and of ln theta, the largest of all points, or for laws with other states those of slip
+    over their shortest length and of the friction coefficient; they are of fifth order. While points slide under laws
+    without a direct effect, steps are no longer than some times that of a wave across an element. `quasi_static` takes
+    more steps for cycles, and serves contact that opens and bodies that are not linear.
     Source: Dormand and Prince (1980).
     """
 
@@ -59,10 +63,9 @@ class QuasiDynamic(Stepper):
     adaptive: ClassVar[bool] = True
     sliding: ClassVar[bool] = False
     elastic_contact_only: ClassVar[bool] = True
-    ages_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
-    """Error of a step: of slip over D_c, and of the logarithm of the age."""
+    """Error of a step: of slip over D_c, and of the logarithm of the age or, of other states, in the coefficient."""
     first_step: Duration | None = None
     """Default: the step in which the fastest point slips a hundredth of its D_c."""
     largest_step: Duration | None = None
@@ -73,7 +76,7 @@ class QuasiDynamic(Stepper):
 
 
 class QuasiDynamicMotion(SlowMotion):
-    """Steps bound to a model. All ranks know slip and age of all points, each asks the laws of its own."""
+    """Steps bound to a model. All ranks know slip and state of all points, each asks the laws of its own."""
 
     def __init__(self, model: Model, stepper: QuasiDynamic) -> None:
         super().__init__(model, True)
@@ -91,7 +94,9 @@ class QuasiDynamicMotion(SlowMotion):
             for fault in model.faults
         }
         self._bodies = Compliance(model, self._jumps, self.equilibrium.tangent, (0.0, 0.0), stuck)
-        self._D_c = self._of_all(lambda fault: np.broadcast_to(law_of(fault).D_c, len(fault.interface.plus)))
+        self._evolutions = {fault.name: evolution_of(model, fault) for fault in model.faults}
+        self._states = max(evolution.columns for evolution in self._evolutions.values())
+        self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
         self._make_matrices()
         end = model.case.duration  # a time that a run which goes on has, too: the same to the last bit
         self._at_end = self._loads(end), self._jump_under(self._loads(end), end)
@@ -129,13 +134,19 @@ class QuasiDynamicMotion(SlowMotion):
         speed = speed_of(fault, fields)
         shear = np.linalg.norm(fault.components(fields, "shear_traction"), axis=1)
         with np.errstate(all="ignore"):
-            law = law_of(fault).carried_slip_rate(shear, fields["normal_stress"], {"theta": fields["theta"]})
+            state = {name: fields[name] for name in fault.friction.all_state_fields()}
+            law = fault.friction.carried_slip_rate(shear, fields["normal_stress"], state)
             carried = np.fmin(law, shear / self.radiation[fault.name])
         return np.where(speed > np.exp(SLOWEST), speed, np.nan_to_num(carried, nan=0.0))
 
     def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
         """What every fault has at its own points, at all points; collective."""
         return self._jumps.gather({fault.name: ask(fault) for fault in self.model.faults})
+
+    def _variables(self, fault: Fault, fields: FaultState) -> np.ndarray:
+        """State variables of a fault, shape (n, states); zero where another fault has more of them."""
+        variables = self._evolutions[fault.name].variables(fields)
+        return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
     def _agreed(self, values: np.ndarray) -> np.ndarray:
         """Those of the first rank: products differ in their last digits."""
@@ -155,8 +166,7 @@ class QuasiDynamicMotion(SlowMotion):
         self._refuse_to_open(state)
         dt = min(state.numbers.get("dt", self.dt), self._greatest)
         slip = self._of_all(lambda fault: fault.components(state.faults[fault.name], "slip"))
-        age = np.log(self._of_all(lambda fault: state.faults[fault.name]["theta"]))
-        start = np.column_stack([slip, age])
+        start = np.column_stack([slip, self._of_all(lambda fault: self._variables(fault, state.faults[fault.name]))])
         speed = self._of_all(lambda fault: self._initial_guess(fault, state.faults[fault.name]))
         self._guess = np.log(np.maximum(speed, np.exp(SLOWEST)))
         while True:
@@ -186,7 +196,7 @@ class QuasiDynamicMotion(SlowMotion):
     def _attempt(
         self, time: float, dt: float, start: np.ndarray
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
-        """Slip and age at the end of a step, tractions and slip rates there, and the error over the tolerance."""
+        """Slip and state at the end of a step, tractions and slip rates there, and the error over the tolerance."""
         loaded, later = self._loaded_jump(time), self._loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
         slopes = np.zeros((len(RK45.B) + 1, *start.shape))
@@ -197,41 +207,57 @@ class QuasiDynamicMotion(SlowMotion):
             if stage == 0 and not np.isfinite(slopes[0]).all():  # no step is short enough
                 parallel.raise_on_all(self.model.comm, self._unbalanced)
         wrong = np.abs(dt * np.tensordot(RK45.E, slopes, 1))
-        wrong[:, :-1] /= self._D_c[:, None]
+        shear = y.shape[1] - self._states
+        wrong[:, :shear] /= self._D_c[:, None]
+        wrong[:, shear:] = self._of_all(lambda fault: self._errors(fault, time + dt, y, wrong, *answer))
         error = float(self._agreed(wrong.max(initial=0.0))) / self._stepper.tolerance
         return self._agreed(y), (answer[0], answer[1]), error if np.isfinite(error) else np.inf
+
+    def _errors(
+        self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
+    ) -> np.ndarray:
+        """Relative errors of the state variables of a fault, shape (n, states), from those of all points."""
+        shear, evolution = y.shape[1] - self._states, self._evolutions[fault.name]
+        end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
+        here = slice(shear, shear + evolution.columns)
+        pressure, _ = self._stresses(fault, time, traction)
+        found = evolution.errors(end[:, here], off[:, here], np.linalg.norm(rate, axis=1), pressure)
+        return np.pad(found, ((0, 0), (0, self._states - evolution.columns)))
 
     def _slope(
         self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of slip and age; tractions beyond the initial ones, (points, local), and slip rates, (points, tangents).
+        """Of slip and state; tractions beyond the initial ones, (points, local), and slip rates, (points, tangents).
 
         Not a number where there is no slip rate, or the fault would open.
         """
-        slip = self._with_normal(y[:, :-1])
+        shear = y.shape[1] - self._states
+        slip = self._with_normal(y[:, :shear])
         traction = self._by_jump @ loaded.ravel() - self._by_slip @ slip.ravel()
         traction = self._agreed(traction.reshape(slip.shape))
         found, self._unbalanced = {}, None
         with np.errstate(all="ignore"):  # trial steps that are too long
             for fault in self.model.faults:
-                whole = (y[:, -1], traction, growth, self._guess, self._held)
+                whole = (y[:, shear:], traction, growth, self._guess, self._held)
                 found[fault.name] = self._answer(fault, time, *(self._jumps.pick(each, fault.name) for each in whole))
         columns = self._jumps.gather(found)
-        rate, ageing, traction, log_rate = np.split(columns, np.cumsum([y.shape[1] - 1, 1, slip.shape[1]]), axis=1)
+        parts = np.cumsum([shear, self._states, slip.shape[1]])
+        rate, ageing, traction, log_rate = np.split(columns, parts, axis=1)
         self._guess = np.where(np.isfinite(log_rate[:, 0]), log_rate[:, 0], self._guess)
         return np.concatenate([rate, ageing], axis=1), traction, rate
 
     def _answer(
-        self, fault: Fault, time: float, age: np.ndarray, traction: np.ndarray, growth: np.ndarray,
+        self, fault: Fault, time: float, variables: np.ndarray, traction: np.ndarray, growth: np.ndarray,
         guess: np.ndarray, held: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Of the points of one fault: slip rate, that of ln theta, traction and ln V, side by side."""
-        law, eta, theta, traction = law_of(fault), self.radiation[fault.name], np.exp(age), traction.copy()
+        """Of the points of one fault: slip rate, rates of the state variables, traction and ln V, side by side."""
+        law, evolution, eta = fault.friction, self._evolutions[fault.name], self.radiation[fault.name]
+        state, traction = evolution.state(variables[:, : evolution.columns]), traction.copy()
         pressure, shear = self._stresses(fault, time, traction)
         size = np.linalg.norm(shear, axis=1)
 
         def missing(x: np.ndarray) -> np.ndarray:
-            return np.asarray(size - eta * np.exp(x) - law.strength(np.exp(x), pressure, {"theta": theta}))
+            return np.asarray(size - eta * np.exp(x) - law.strength(np.exp(x), pressure, state))
 
         x, residual = zero_of(missing, guess, size, np.log(size / eta))
         x = np.where((pressure > 0) & np.isfinite(size), x, np.nan)
@@ -239,17 +265,18 @@ class QuasiDynamicMotion(SlowMotion):
         if len(wrong):
             values = {"residual": residual, "shear traction": size, "normal stress": pressure}
             self._unbalanced = self._error(fault, time, wrong[0], values)
-        rate = np.exp(x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
+        rate = np.where(x > SLOWEST, np.exp(x), 0.0 * x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if held.any():
             # Slip follows the bodies there, and the traction is what friction makes of it.
             rate = np.where(held[:, None], growth[:, self._shear], rate)
             speed = np.linalg.norm(rate, axis=1)
-            carried = (law.strength(speed, pressure, {"theta": theta}) + eta * speed)[:, None] * rate
+            carried = (law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
             carried = carried / np.where(speed > 0, speed, 1.0)[:, None] - fault.driving_shear(time)
             traction[:, self._shear] = np.where(held[:, None], carried, traction[:, self._shear])
             x = np.where(held, np.log(np.maximum(speed, np.exp(SLOWEST))), x)
-        ageing = law.age_rate(theta, np.exp(x)) / theta
-        return np.column_stack([rate, ageing, traction, x])
+        changing = evolution.rates(state, np.exp(x), pressure)
+        unused = np.zeros((len(x), self._states - evolution.columns))
+        return np.column_stack([rate, changing, unused, traction, x])
 
     @staticmethod
     def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
@@ -314,9 +341,9 @@ class QuasiDynamicMotion(SlowMotion):
     def _solution(
         self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
     ) -> Solution:
-        """What the step leaves, from slip and age, tractions and slip rates at its end."""
+        """What the step leaves, from slip and state, tractions and slip rates at its end."""
         model, jumps, time = self.model, self._jumps, state.time + dt
-        jump = self._with_normal(end[:, :-1]) + self._compliance * traction
+        jump = self._with_normal(end[:, : end.shape[1] - self._states]) + self._compliance * traction
         moved = model.loads.moved(state.displacement, state.time, time)
         u = self._balanced(moved, time, traction - self._of_stuck(jump - jumps.of(moved)))
         internal = jumps.force(traction, len(u)) - model.internal_force(u)
@@ -353,11 +380,12 @@ class QuasiDynamicMotion(SlowMotion):
         """Of one fault at the end of a step."""
         old, time = state.faults[fault.name], state.time + dt
         pressure, shear = self._stresses(fault, time, traction)
-        slip = end[:, :-1]
+        shear_columns, evolution = end.shape[1] - self._states, self._evolutions[fault.name]
+        slip, variables = end[:, :shear_columns], end[:, shear_columns : shear_columns + evolution.columns]
         new = fault.state_of({
             "normal_stress": pressure, "opening": np.zeros(len(slip)), "slip": slip, "slip_rate": rate,
             "mean_slip_rate": (slip - fault.components(old, "slip")) / dt, "shear_traction": shear,
-        }) | {"theta": np.exp(end[:, -1])}  # fmt: skip
+        }) | evolution.state(variables)  # fmt: skip
         at = Moment(
             time=time, since=dt, speed=np.linalg.norm(rate, axis=1), speed_then=speed_of(fault, old),
             normal_stress=pressure, normal_stress_then=old["normal_stress"], closed=pressure > 0,
@@ -400,12 +428,6 @@ def zero_of(
         if np.all(found | np.isnan(change)):
             break
     return np.where(found, x, np.nan), value
-
-
-def law_of(fault: Fault) -> RateAndState:
-    """The friction law of a fault, one of `ages_only`."""
-    assert isinstance(fault.friction, RateAndState)
-    return fault.friction
 
 
 def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:

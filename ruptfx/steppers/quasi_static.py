@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 MOST_HALVINGS = 12
 MOST_GROWTH, MOST_SHRINKING = 1.5, 0.1
+NEVER = 1e30  # length of a law that stands for none [m]
 EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which on it shrinks
 
 
@@ -244,5 +245,5 @@ def _lengths(law: Part) -> Iterator[float]:
             yield from _lengths(value)
         elif isinstance(value, float | int | np.ndarray) and unit_of(type(law), name) == "m" and np.size(value):
             smallest = float(np.min(value))
-            if smallest > 0:
+            if 0 < smallest < NEVER:
                 yield smallest

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from small_cases import case
+from small_cases import case, memory_friction, merged, plates
 
 pytest.importorskip("dolfinx")
 
 from ruptfx import fem, parallel
+from ruptfx.case import parse_case
 from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
 
@@ -31,8 +34,14 @@ GIVEN = {
 }  # fmt: skip
 
 
-def test_same_on_any_number_of_ranks() -> None:
-    given = case(GIVEN)
+MEMORY = {
+    "faults.main.friction": memory_friction("P1"), "faults.main.initial_stress.shear": 3.7e6, "duration": 1e-5,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", [{}, MEMORY], ids=["age", "two states"])
+def test_same_on_any_number_of_ranks(changes: dict[str, Any]) -> None:
+    given = parse_case(merged(plates(GIVEN), changes))
     found = {}
     for name, comm in (("all", COMM), ("one", fem.MPI.COMM_SELF)):
         model = Model(given, comm)
@@ -40,7 +49,7 @@ def test_same_on_any_number_of_ranks() -> None:
         for _ in range(12):
             motion.step(state)
         face, fields = model.faults[0].interface, state.faults["main"]
-        rows = np.column_stack([face.number, *(fields[key] for key in COMPARED)])[face.owned]
+        rows = np.column_stack([face.number, *(fields[key] for key in COMPARED if key in fields)])[face.owned]
         everything = parallel.share_rows(comm, rows)
         energies = motion.energies(state)
         found[name] = everything[np.argsort(everything[:, 0])], [state.time, *energies.values()]
