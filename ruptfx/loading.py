@@ -62,18 +62,26 @@ class Loads:
         for action in actions:
             if action.dashpot is not None:
                 self.dashpot += action.dashpot
-        layout, prescribed = model.layout, self.prescribed.reshape(model.nodes, -1)
-        one_only = (prescribed[layout.kept] != prescribed[layout.copies]).any(axis=1)
+        layout, prescribed = model.layout, self.prescribed
+        of_nodes = prescribed.reshape(model.nodes, -1)
+        one_only = (of_nodes[layout.kept] != of_nodes[layout.copies]).any(axis=1)
         error = None
         if np.any(one_only):
             x = ", ".join(f"{value:.6g}" for value in model.coordinates[layout.kept[np.argmax(one_only)]])
             error = CaseError(f"boundaries: one of two nodes that are tied is driven, at ({x}) m; drive both or none")
         parallel.raise_on_all(model.comm, error)
         for number in range(len(self._acts)):
-            self._refuse_without_effect(key, number)
+            self._refuse_without_effect(key, number, prescribed)
 
-    def _refuse_without_effect(self, key: str, number: int) -> None:
+    def _refuse_without_effect(self, key: str, number: int, prescribed: np.ndarray) -> None:
         """Refuse a boundary that drives degrees of freedom twice, or acts only on driven ones; collective.
+
+        Parameters
+        ----------
+        key : str
+            Of the list of boundaries.
+        number : int
+        prescribed : ndarray of bool, shape (nodes * components,)
 
         Raises
         ------
@@ -92,7 +100,7 @@ class Loads:
                             "the same direction; remove one of them, or give each its x_range or y_range"
                         )
         for what, dofs in self._reach(action):
-            free = dofs[~self.prescribed[dofs]]
+            free = dofs[~prescribed[dofs]]
             count, left = parallel.total(self.model.comm, [len(dofs), len(free)])
             if count and not left:
                 raise CaseError(

@@ -50,26 +50,6 @@ class Basis:
         derivative = legendre.legder(self.inverse)  # of every column
         return legendre.legvander(at, self.order - 1) @ derivative
 
-    def between(self, at: Floats, wanted: Floats, values: Floats) -> Floats:
-        """Return where increasing polynomials on [-1, 1] have given values, by Newton's method from `at`.
-
-        Parameters
-        ----------
-        at, wanted : ndarray, shape (...)
-        values : ndarray, shape (..., order + 1)
-            Values of the polynomials at the points.
-        """
-        if self.order == 1:
-            return (2 * wanted - values[..., 0] - values[..., 1]) / (values[..., 1] - values[..., 0])
-        for _ in range(30):
-            found = np.einsum("...a,...a->...", self.values(at), values)
-            slope = np.einsum("...a,...a->...", self.slopes(at), values)
-            step = (wanted - found) / slope
-            at = np.clip(at + step, -1.2, 1.2)
-            if np.abs(step).max(initial=0.0) < 1e-14:
-                break
-        return at
-
 
 basis_of_order = cache(Basis.of_order)
 

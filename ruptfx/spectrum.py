@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from ruptfx.mechanisms import Springs
     from ruptfx.model import Model
 
+MOST_ITERATIONS = 1000
+
 
 def stable_time_step(model: Model, springs: Sequence[Springs] | None = None) -> float:
     """Return the largest stable explicit step [s], with all springs of mechanisms or those given; collective.
@@ -99,8 +101,8 @@ def _lanczos(model: Model, springs: Sequence[Springs]) -> float:
     before, w, beta = np.zeros_like(vector), np.empty_like(vector), 0.0
     diagonal: list[float] = []
     off: list[float] = []
-    highest = 0.0
-    for _ in range(200):
+    last, highest, converged = 0.0, 0.0, False
+    for _ in range(MOST_ITERATIONS):
         apply(vector, w)
         before *= beta
         w -= before
@@ -111,13 +113,18 @@ def _lanczos(model: Model, springs: Sequence[Springs]) -> float:
         beta = np.sqrt(dot(w, w))
         if len(diagonal) % 10 == 0 or beta == 0:
             last, highest = highest, _largest_of(diagonal, off)
-            if highest - last < 2e-3 * highest:
+            if converged := highest - last < 2e-3 * highest or beta == 0:
                 break
         off.append(beta)
         w /= beta
         before, vector, w = vector, w, before
     if not np.isfinite(diagonal[-1]) or highest <= 0:
         raise RuptfxError("the highest frequency could not be found: is the mesh or a material degenerate?")
+    if not converged:
+        raise RuptfxError(
+            f"the highest frequency was not found in {MOST_ITERATIONS} iterations (the last ten changed its square by "
+            f"{(highest - last) / highest:.2g} of it, and 0.002 is allowed); are elements or moduli too unequal?"
+        )
     return float(np.sqrt(highest))
 
 

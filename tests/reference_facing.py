@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from ruptfx.lobatto import Basis
 from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER, Coupling, Facing, Mortar, dual_basis
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
@@ -56,7 +57,7 @@ class MortarReference(Mortar):
             wanted = np.einsum("kga,ka->kg", self.plus.basis.values(places), here[chosen])
             targets = np.broadcast_to(there[chosen][:, None], (*wanted.shape, other + 1))
             guess = 2 * (wanted - targets[..., 0]) / (targets[..., -1] - targets[..., 0]) - 1
-            eta = self.minus.basis.between(np.clip(guess, -1, 1), wanted, targets)
+            eta = between(self.minus.basis, np.clip(guess, -1, 1), wanted, targets)
             block[chosen] = np.einsum("kga,kgj->kaj", given, self.minus.basis.values(eta))
             slope = np.einsum("kgj,kjc->kgc", self.minus.basis.slopes(eta), facing[faced[chosen]])
             slope /= np.linalg.norm(slope, axis=-1, keepdims=True)
@@ -96,7 +97,7 @@ class MortarReference(Mortar):
     def _dual_quadrature(self, own: Integers, here: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Places on the facets and integration weights times the dual basis, shapes (k, g) and (k, g, nodes)."""
         basis = self.plus.basis
-        first, last = (basis.between(2 * s / here[:, -1] - 1, s, here) for s in (low, high))
+        first, last = (between(basis, 2 * s / here[:, -1] - 1, s, here) for s in (low, high))
         points, weights = self._gauss
         at = 0.5 * ((first + last)[:, None] + (last - first)[:, None] * points)
         measure = 0.5 * (last - first)[:, None] * weights * self._metric(own, at)
@@ -111,3 +112,26 @@ class MortarReference(Mortar):
         counted = np.where(inside, self._nodal[own] / np.maximum(times[own], 1), 0.0)
         places = np.broadcast_to(self.plus.basis.points, here.shape)
         return places, counted[:, :, None] * np.eye(self.plus.order + 1)
+
+
+def between(basis: Basis, at: Floats, wanted: Floats, values: Floats) -> Floats:
+    """Where polynomials that grow along [-1, 1] have wanted values, by Newton's method from `at`.
+
+    Parameters
+    ----------
+    basis : Basis
+    at, wanted : ndarray, shape (...)
+    values : ndarray, shape (..., order + 1)
+        Of the polynomials at the points.
+    """
+    if basis.order == 1:
+        found: Floats = (2 * wanted - values[..., 0] - values[..., 1]) / (values[..., 1] - values[..., 0])
+        return found
+    for _ in range(30):
+        reached = np.einsum("...a,...a->...", basis.values(at), values)
+        slope = np.einsum("...a,...a->...", basis.slopes(at), values)
+        step = (wanted - reached) / slope
+        at = np.clip(at + step, -1.2, 1.2)
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
+    return at

@@ -304,6 +304,11 @@ def _solve(samples: _Samples, speed: float, passage: float, zone: float, medium:
         begin = np.array([speed, passage + 0.5 * zone / speed, zone]) / scale
         begin = np.clip(begin, [1.001 * SLOWEST, -np.inf, 0.01], [0.999 * FASTEST, np.inf, 0.99 * LONGEST])
         found = least_squares(residual, begin, bounds=bounds, xtol=1e-6, ftol=1e-6)
+        if not found.success:
+            raise RuptfxError(
+                f"front_fit: the least-squares fit has not converged in {found.nfev} evaluations; give traces with "
+                "less noise, or more of them"
+            )
         speed, passage, zone = _from_middle(found.x * scale)
         last, near = near, _near(samples, speed, passage, medium, reach)
     return _linear(last, speed, passage, zone, medium)

@@ -101,29 +101,36 @@ INLINE void expand(int order, const double *inverse, const double *values, doubl
     for (int k = 0; k <= order; k++) series[k] = dot(order, inverse + k * (order + 1), values);
 }
 
-// Where a polynomial that grows along [-1, 1] has a wanted value, by Newton's method.
-INLINE double between(int order, double at, double wanted, const double *series)
+#define SETTLED 1e-9  // last step of Newton's method, in reference coordinates
+
+// Where a polynomial that grows along [-1, 1] has a wanted value, by Newton's method. *found: whether there is one.
+INLINE double between(int order, double at, double wanted, const double *series, int *found)
 {
+    *found = 1;
     if (order == 1) return (wanted - series[0]) / series[1];
+    double step = 0;
     for (int i = 0; i < 30; i++) {
         double value[HIGHEST + 1], slope[HIGHEST + 1];
         legendre(order, at, value, slope);
-        const double step = (wanted - dot(order, value, series)) / dot(order, slope, series);
+        step = (wanted - dot(order, value, series)) / dot(order, slope, series);
         at = fmin(fmax(at + step, -1.2), 1.2);
         if (fabs(step) < 1e-14) break;
     }
+    *found = fabs(step) < SETTLED;
     return at;
 }
 
 // Sums over pieces, which come facet by facet: rows of w B from column `first` on, w, w times the facing tangent.
 // inverse: values at the nodes to coefficients, of both sides; dual: of psi, in Legendre polynomials; metric: of the
 // facet where nothing has moved; nodal: weights of its nodes.
-void couple(long pieces, const double *plus, const double *minus, const long *own, const long *faced, const double *low,
+// Returns the first facet on which a point was not found, or -1.
+long couple(long pieces, const double *plus, const double *minus, const long *own, const long *faced, const double *low,
             const double *high, const double *share, const double *plus_inverse, const double *minus_inverse,
             const double *gauss, const double *gauss_weight, const double *nodes, const double *dual,
             const double *metric, const double *nodal, const long *first, long band, double *coupling, double *weight,
             double *tangent)
 {
+    long lost = -1;
     for (long last, k = 0; k < pieces; k = last) {
         const long e = own[k];
         const double *corners = begin_of(plus, PLUS, e), *psi = dual + e * (PLUS + 1) * (PLUS + 1);
@@ -149,9 +156,12 @@ void couple(long pieces, const double *plus, const double *minus, const long *ow
             expand(MINUS, minus_inverse, there, series_there);
             for (int c = 0; c < 2; c++) expand(MINUS, minus_inverse, x[c], series_x[c]);
             double at[SAMPLES], given[SAMPLES][PLUS + 1] = {{0}}, value[HIGHEST + 1], slope[HIGHEST + 1];
+            int found, counts = 1;
             if (whole) {
-                const double begin = between(PLUS, 2 * low[piece] / length - 1, low[piece], series);
-                const double end = between(PLUS, 2 * high[piece] / length - 1, high[piece], series);
+                const double begin = between(PLUS, 2 * low[piece] / length - 1, low[piece], series, &found);
+                counts = found;
+                const double end = between(PLUS, 2 * high[piece] / length - 1, high[piece], series, &found);
+                if (!(found && counts) && lost < 0) lost = e;
                 for (int g = 0; g < GAUSS; g++) {
                     at[g] = 0.5 * ((begin + end) + (end - begin) * gauss[g]);
                     legendre(PLUS, at[g], value, slope);
@@ -170,7 +180,9 @@ void couple(long pieces, const double *plus, const double *minus, const long *ow
                 legendre(PLUS, at[s], value, slope);
                 const double wanted = dot(PLUS, value, series);
                 const double guess = 2 * (wanted - there[0]) / (there[MINUS] - there[0]) - 1;
-                const double eta = between(MINUS, fmin(fmax(guess, -1), 1), wanted, series_there);
+                const double eta = between(MINUS, fmin(fmax(guess, -1), 1), wanted, series_there, &found);
+                // Nodes that are not above this piece give nothing, and need no point on it.
+                if (!found && lost < 0 && (whole || given[s][s] != 0)) lost = e;
                 legendre(MINUS, eta, value, slope);
                 const double dx = dot(MINUS, slope, series_x[0]), dy = dot(MINUS, slope, series_x[1]);
                 const double size = hypot(dx, dy);
@@ -192,4 +204,5 @@ void couple(long pieces, const double *plus, const double *minus, const long *ow
             }
         }
     }
+    return lost;
 }

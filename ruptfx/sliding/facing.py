@@ -143,7 +143,7 @@ class Mortar:
             "SLIVER": SLIVER,
         }  # fmt: skip
         self._library = native.load("facing", files("ruptfx.sliding").joinpath("facing.c").read_text(), macros)
-        self._library.overlaps.restype = ctypes.c_long
+        self._library.overlaps.restype = self._library.couple.restype = ctypes.c_long
         self._groups = np.zeros(3 * minus.facets)
         self._grow(4 * (plus.facets + minus.facets))
 
@@ -162,7 +162,7 @@ class Mortar:
         Raises
         ------
         RuptfxError
-            A facet that faces a surface twice.
+            A facet that faces a surface twice, or a folded one.
         """
         plus, minus = np.ascontiguousarray(plus), np.ascontiguousarray(minus)
         pieces, share = self._overlaps(plus, minus)
@@ -176,12 +176,18 @@ class Mortar:
         n = len(plus)
         values, weight, tangent = np.zeros((n, columns)), np.zeros(n), np.zeros((n, 2))
         basis, other = self.plus.basis, self.minus.basis
-        self._library.couple(
+        lost = self._library.couple(
             ctypes.c_long(pieces), *map(_pointer, (plus, minus, *self._pair, *self._ends, share)),
             *map(_pointer, (basis.inverse, other.inverse, *self._gauss, basis.points)),
             *map(_pointer, (self._dual, self._shape, self._nodal, first)), ctypes.c_long(columns),
             *map(_pointer, (values, weight, tangent)),
         )  # fmt: skip
+        if lost >= 0:
+            x, y = plus[self.plus.numbers][lost].mean(axis=0)
+            raise RuptfxError(
+                f"what the interface faces at ({x:.6g}, {y:.6g}) m was not found: the side of an element there is "
+                "folded or bent too much; use a smoother surface, or smaller elements"
+            )
         covered = weight > SLIVER * self._length
         if not covered.all():
             values[~covered], weight[~covered] = 0.0, self._length[~covered]

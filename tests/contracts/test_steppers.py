@@ -15,7 +15,7 @@ from ruptfx.check_law.examples import table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import spectrum
+from ruptfx import RuptfxError, spectrum
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
 from ruptfx.schema import CaseError, alternatives
@@ -252,6 +252,13 @@ def test_damping_and_step_ask_for_the_highest_frequency_once() -> None:
         with_contact = stable_time_step(model)
         assert searched.call_count == 1
         assert stable_time_step(model, []) > with_contact and searched.call_count == 2  # of the bodies alone
+
+
+def test_a_highest_frequency_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten iterations are one estimate, with nothing to compare it with; it was taken as the highest frequency."""
+    monkeypatch.setattr(spectrum, "MOST_ITERATIONS", 10)
+    with pytest.raises(RuptfxError, match="not found in 10 iterations"):
+        highest_frequency(Model(case({"faults.main.contact": COMPLIANT})))
 
 
 @pytest.mark.parametrize("C_n", [300e9, 1e14])

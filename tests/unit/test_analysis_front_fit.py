@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from xarray import DataArray
 
 from ruptfx import RuptfxError
+from ruptfx.analysis import front_fit
 from ruptfx.analysis.fracture import A_II, stress_intensity
 from ruptfx.analysis.front_fit import FrontFit, Trace, fit_front
 from ruptfx.analysis.near_tip import Medium, mode_II, mode_II_rate
@@ -142,3 +144,15 @@ def before_the_front() -> list[Trace]:
 def test_refuses(make: Callable[[], list[Trace]], text: str) -> None:
     with pytest.raises(RuptfxError, match=text):
         fit_front(make(), MEDIUM)
+
+
+def test_a_fit_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Least squares that stop after two evaluations say so; their values were taken as those of the front."""
+    whole = front_fit.least_squares
+
+    def stopped(*given: Any, **options: Any) -> Any:
+        return whole(*given, **options, max_nfev=2)
+
+    monkeypatch.setattr(front_fit, "least_squares", stopped)
+    with pytest.raises(RuptfxError, match="front_fit: the least-squares fit has not converged in 2 evaluations"):
+        fit_front(traces(0.7), MEDIUM)

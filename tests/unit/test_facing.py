@@ -50,6 +50,18 @@ def test_compiled_is_the_same_with_arrays(orders: tuple[int, int], tilt: float) 
     np.testing.assert_allclose(found.tangent, expected.tangent, atol=1e-12)
 
 
+@pytest.mark.parametrize("folded, near", [("plus", "0.46"), ("minus", "0.3")])
+def test_a_folded_facet_is_an_error(folded: str, near: str) -> None:
+    """A node of one facet lies 0.2 before the others: coordinates along it do not grow, Newton's method has no end."""
+    plus, minus = chain(np.linspace(0, 1, 6), 4), chain(np.linspace(0, 1, 8), 4)
+    places = {"plus": plus.points.copy(), "minus": minus.points.copy()}
+    Mortar(plus, minus).find(**places)
+    places[folded][9, 0] -= 0.2
+    # Mean of the nodes of the third facet of the plus side, 0.5 - 0.2 / 5, or of the second one, which faces the other.
+    with pytest.raises(RuptfxError, match=rf"faces at \({near}, 0\) m was not found"):
+        Mortar(plus, minus).find(**places)
+
+
 def test_a_node_above_a_facing_vertex_counts_once() -> None:
     """Facets of 0.2 above ones of 0.05 that end at 0.75: the fourth is partly faced, its middle node is above a vertex.
 

@@ -371,7 +371,7 @@ def test_a_default_material_that_no_body_has() -> None:
     assert "materials.default" not in rows(plates())
     assert "materials.default" not in rows(plates({"materials.upper": HOMALITE}))
     found = rows(plates({"materials.upper": HOMALITE, "materials.lower": HOMALITE}))["materials.default"]
-    assert found.verdict == "warning" and "every body has its own: lower, upper; remove it" in found.note
+    assert found.verdict == "warning" and "every body has its own: upper, lower; remove it" in found.note
 
 
 # -- what loads the bodies --------------------------------------------------------------------------------------------

@@ -6,17 +6,22 @@ The first are antiplane columns of two equal plates, which are as one-dimensiona
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from sliding_cases import rough
 from small_cases import COMPLIANT, HOMALITE, SPLIT, case
 
 pytest.importorskip("dolfinx")
 
 from ruptfx.bench.collisions import Flight, pair
+from ruptfx.case import parse_case
 from ruptfx.fields import ENERGIES
+from ruptfx.mechanisms.rotations import LargeRotations
 from ruptfx.model import Model
+from ruptfx.sliding.follower import Follower
 
 pytestmark = pytest.mark.fem
 
@@ -186,3 +191,85 @@ def test_what_collisions_lose_is_the_error_of_the_step() -> None:
     assert held[-1] == 0 and held.max() > 0.1 * rows[-1]["boundary_work"]  # they have met, and are apart again
     assert loss.max() < 5e-4 * held.max()
     assert loss[-1] < 5e-3 * rows[-1]["frictional_dissipation"]
+
+
+def test_turning_of_a_stretched_and_turned_block() -> None:
+    """A step from rest to F = R U, stretched by e along x in the frame of the bodies and turned by an angle a.
+
+    The energy of volume V goes from 0 to W = (lambda + 2 G) e^2 V / 2, and the force of the bodies from 0 to that of
+    the stress P = R diag(lambda + 2 G, lambda) e. The mean of both does the work -V P : (R U - 1) / 2 =
+    -V e ((lambda + 2 G) (1 + e - cos a) + lambda (1 - cos a)) / 2. That and W differ by V e (lambda + G) (1 - cos a).
+    """
+    e, angle, dt, length, height = 1e-3, 0.3, 1e-7, 4e-3, 2e-3
+    plate = {"kind": "rectangle", "center": [0.0, 0.0], "width": length, "height": height}
+    given = case({
+        "plane": "strain", "order": 1, "large_rotations": True, "faults": {}, "boundaries": [],
+        "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": {"plate": plate}},
+    })  # fmt: skip
+    model = Model(given)
+    state, rotations = model.initial_state(), LargeRotations(model)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    moved = (model.coordinates @ (turn @ np.diag([1 + e, 1.0]) - np.eye(2)).T).ravel()
+    kick: Any = SimpleNamespace(clock=SimpleNamespace(since=dt))
+    for displacement, velocity in ((0 * moved, 0 * moved), (moved, moved / dt)):
+        state.displacement[:], state.velocity[:] = displacement, velocity
+        state.force[:] = 0.0
+        model.internal_force(state.displacement, out=state.force)
+        rotations.add_internal(state, kick)
+    state.velocity[:] = 0.0
+    E, nu = HOMALITE["young_modulus"], HOMALITE["poisson_ratio"]
+    lame = E * nu / ((1 + nu) * (1 - 2 * nu))
+    volume = length * height
+    found = model.energies(state)
+    assert found["strain"] == pytest.approx(0.5 * (lame + 2 * G) * e**2 * volume, rel=1e-9)
+    assert found["turning"] == pytest.approx(volume * e * (lame + G) * (1 - np.cos(angle)), rel=1e-9)
+
+
+def test_facing_of_a_flat_surface_that_slides_past_a_kink() -> None:
+    """Nodes of both surfaces are a distance d apart, above each other; the lower surface falls from its node 3 on.
+
+    The upper one comes down by 0.3 d and slides by d, so that its point i faces node i + 1 in place of node i. Springs
+    store w (sigma^2 / C_n + tau^2 / C_s) / 2, with sigma = C_n times the overlap along the normal of the opposite
+    surface. What they are stretched along the tangent, beyond the slip, does not change. The tangent at a point is the
+    mean of the unit tangents opposite to its two facets.
+    """
+    d, fall, C_n, C_s = 1e-4, 0.1, 3e13, 1e13
+    ends = [-2 * d, 3 * d, 8 * d]
+    low = {"kind": "table", "positions": ends, "values": [0.0, 0.0, -5 * d * fall]}
+    body = {"length": 4 * d, "height": 2 * d, "element_size": d, "left": 0.0, "profile": 0.0}
+    given = parse_case(rough({
+        "order": 1, "mesh.curve_order": 1, "mesh.upper": body,
+        "mesh.lower": {**body, "length": 10 * d, "left": -2 * d, "profile": low},
+        "faults.main.contact": {"kind": "compliant", "C_n": C_n, "C_s": C_s},
+    }))  # fmt: skip
+    model = Model(given)
+    state, fault = model.initial_state(), model.faults[0]
+    motion = np.array([d, -0.3 * d])
+    state.displacement.reshape(-1, 2)[model.coordinates[:, 1] > -1e-3 * d] = motion
+    state.displacement.reshape(-1, 2)[fault.interface.nodes[5:]] = 0.0  # of the lower surface
+
+    heights = np.array([0.0, 0.0, 0.0, 0.0, -fall * d, -2 * fall * d])  # of nodes 0 to 5 of the lower surface
+    facets = np.array([[1.0, 0.0]] * 3 + [[1.0, -fall]] * 2) / np.array([1.0] * 3 + [np.hypot(1.0, fall)] * 2)[:, None]
+    weight = d * np.array([0.5, 1.0, 1.0, 1.0, 0.5])
+
+    def springs(first: int) -> tuple[np.ndarray, np.ndarray]:
+        """Overlap along the normals and motion along the tangents if point 0 faces node `first`."""
+        seen = facets[first : first + 4]
+        tangent = np.vstack([seen[:1], 0.5 * (seen[1:] + seen[:-1]), seen[-1:]])
+        tangent /= np.hypot(*tangent.T)[:, None]
+        apart = motion + np.column_stack([-first * d * np.ones(5), -heights[first : first + 5]])
+        return tangent[:, 1] * apart[:, 0] - tangent[:, 0] * apart[:, 1], tangent @ motion
+
+    stretch = 1e-6
+    (overlap, along), (later, _) = springs(0), springs(1)
+    assert overlap.min() > 0 and later.min() > 0
+    fields = state.faults["main"]
+    order = np.argsort(fault.interface.points[:, 0])
+    fields["normal_stress"][order], fields["shear_traction"][:] = C_n * overlap, C_s * stretch
+    fields["slip"][order] = along - stretch
+    Follower(fault)(state)
+    np.testing.assert_allclose(fields["normal_stress"][order], C_n * later, rtol=1e-9)
+    np.testing.assert_allclose(fields["shear_traction"], C_s * stretch, rtol=1e-9)
+    before, after = weight @ (0.5 * C_n * overlap**2), weight @ (0.5 * C_n * later**2)
+    assert abs(before - after) > 0.05 * before
+    assert state.energy["facing"] == pytest.approx(before - after, rel=1e-9)
