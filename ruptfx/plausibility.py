@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx.boundaries.absorbing import Absorbing
 from ruptfx.boundaries.incident_wave import IncidentWave
-from ruptfx.fault import Fault
-from ruptfx.interface import Interface
-from ruptfx.model import Model
+from ruptfx.check_table import Row
 from ruptfx.schema import unit_of
+
+if TYPE_CHECKING:
+    from ruptfx.fault import Fault
+    from ruptfx.interface import Interface
+    from ruptfx.model import Model
 
 # Soft gels to diamond; aerogels to osmium; gels to diamond; smallest pressure on a laboratory sample.
 MODULI = (1e3, 1.3e12)  # Pa
@@ -32,6 +36,11 @@ class Doubt:
     note: str
     likely_meant: bool = False
     """Only a remark, not a warning."""
+
+
+def row_of(doubt: Doubt) -> Row:
+    """Return the row of `ruptfx check` that shows a doubt."""
+    return Row(doubt.quantity, doubt.value, doubt.unit, doubt.note, "ok" if doubt.likely_meant else "warning")
 
 
 def doubts(model: Model) -> Iterator[Doubt]:

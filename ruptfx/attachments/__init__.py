@@ -7,7 +7,7 @@ records and the stable time step ask every mechanism for its part; none knows a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx import parallel
+from ruptfx.check_table import Row
 from ruptfx.fields import PointField
 from ruptfx.materials import Plane
 from ruptfx.mechanisms import Floats, Mechanism, Rows
 from ruptfx.schema import Alternative, Name, alternative
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan
     from ruptfx.model import Model
     from ruptfx.state import FaultState, State
 
@@ -161,6 +163,9 @@ class Attached(Mechanism):
         state.attached[self.name] = {
             field.name: np.full((n, c) if field.vector else n, self.start(field)) for field in self.fields
         }
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        yield Row(f"attachments '{self.name}': nodes", self.total)
 
     def saved(self, state: State) -> Mapping[str, Rows]:
         kept = [field for field in self.fields if field.checkpointed]

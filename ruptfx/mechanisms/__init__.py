@@ -10,7 +10,7 @@ chooses by their kind.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ruptfx.fields import Energy
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.operators import Damped
@@ -131,6 +132,10 @@ class Mechanism:
     def springs(self) -> list[Springs]:
         """Return its springs, which shorten the stable time step."""
         return []
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        """Yield the rows of `ruptfx check` on this mechanism."""
+        return iter(())
 
     # -- explicit steps ----------------------------------------------------------------------------
 

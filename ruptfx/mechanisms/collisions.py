@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx.check_table import Row
 from ruptfx.collisions._step import FIELD
 from ruptfx.mechanisms import Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan
     from ruptfx.collisions._step import CollisionStep
     from ruptfx.mechanisms._nodes import Kick
     from ruptfx.model import Model
@@ -41,6 +43,11 @@ class Collisions(Mechanism):
 
     def springs(self) -> list[Springs]:
         return [Springs("the stiffness of collisions", bound=self._step.without_partner())]
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        cells = self.model.mesh.topology.index_map(2).size_global
+        note = f"of {cells}, at the start; every facet that fails adds two"
+        yield Row("collisions: cells that may meet", self._step.cells(), "", note)
 
     def saved(self, state: State) -> Mapping[str, Rows]:
         return {"pairs": self._step.gather(state)}

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.cracks._rigid import RigidCracks
+from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.mechanisms import Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.state import State
@@ -44,6 +46,11 @@ class Facets(Mechanism):
     def springs(self) -> list[Springs]:
         return [Springs("the springs of fracture", plural=True, add_with_elements=self._cracks.add_spring_force)]
 
+    def check(self, plan: Plan) -> Iterator[Row]:
+        from ruptfx.mechanisms import _facet_check as rows
+
+        return rows.facet_rows(self.model, self._cracks)
+
     def saved(self, state: State) -> Mapping[str, Rows]:
         return {"cracks": self._cracks.gather(state.cracks)}
 
@@ -58,6 +65,12 @@ class IntrinsicFacets(Facets):
     @classmethod
     def present(cls, model: Model) -> bool:
         return model.cracks is not None and not isinstance(model.cracks, RigidCracks)
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        from ruptfx.mechanisms import _facet_check as rows
+
+        yield from super().check(plan)
+        yield from rows.spring_rows(self.model, self._cracks)
 
     def add_first(self, state: State, kick: Kick) -> None:
         with deducting_dissipation(state):
@@ -86,6 +99,14 @@ class ExtrinsicFacets(Facets):
     @classmethod
     def present(cls, model: Model) -> bool:
         return isinstance(model.cracks, RigidCracks)
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        from ruptfx.mechanisms import _facet_check as rows
+
+        fracture = self._rigid.fracture
+        assert isinstance(fracture, OnStrength)
+        yield from super().check(plan)
+        yield from rows.insertion_rows(self.model, self._rigid, fracture.check_every, plan.dt)
 
     def nodes(self) -> NDArray[np.bool_]:
         return ~super().nodes()  # they move with others

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from ruptfx.fault_step import FaultStep
 from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.sliding.step import SlidingStep
@@ -69,6 +70,20 @@ class Faults(Mechanism):
 
     def springs(self) -> list[Springs]:
         return [_contact_springs(fault, self.model.nodes) for fault in self.faults if any(fault.contact.stiffness())]
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        from ruptfx.mechanisms import _fault_check as rows  # runs need none of it
+
+        for fault in self.faults:
+            if len(fault.interface.plus):
+                yield from rows.fault_rows(self.model, fault)
+                yield from self._check_surfaces(fault, plan)
+                yield from rows.rows_without_effect(self.model, fault)
+                if plan.steps is not None:
+                    yield from rows.shortest_time(self.model, fault, plan.dt)
+
+    def _check_surfaces(self, fault: Fault, plan: Plan) -> Iterator[Row]:
+        return iter(())
 
     def saved(self, state: State) -> Mapping[str, Rows]:
         found = {}

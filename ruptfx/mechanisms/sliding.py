@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ruptfx.fault import Fault
@@ -13,6 +14,7 @@ from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.step import SlidingStep
 
 if TYPE_CHECKING:
+    from ruptfx.check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.state import State
@@ -39,6 +41,15 @@ class SlidingFaults(Faults):
     def begin(self, state: State) -> None:
         super().begin(state)
         state.energy |= {f"{fault.name}.{name}": 0.0 for fault in self.faults for name in TAKEN_IN_SLIDING}
+
+    def _check_surfaces(self, fault: Fault, plan: Plan) -> Iterator[Row]:
+        from ruptfx.mechanisms import _sliding_check as rows
+        from ruptfx.sliding.roughness import roughness
+
+        assert isinstance(fault.interface, SlidingInterface)
+        yield from rows.surface_rows(self.model, fault.name, fault.interface, plan.ends)
+        yield from rows.spring_rows(self.model, fault, plan.stable)
+        yield from rows.rough_rows(f"faults.{fault.name}", roughness(self.model, fault, plan.ends))
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> SlidingStep:
         assert isinstance(fault.interface, SlidingInterface)

@@ -15,6 +15,7 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import fem, parallel
 from ruptfx.case import Case, parse_case
+from ruptfx.check_table import Plan
 from ruptfx.mechanisms import Mechanism
 from ruptfx.model import Model
 from ruptfx.record import Record
@@ -145,6 +146,14 @@ def test_recorded_and_resumed_bitwise(kind: str, shared_tmp_path: Path) -> None:
             assert any(np.abs(ours[name].values).max() > 0 for name in recorded)
             assert one.energy.identical(other.energy)
             assert float(np.abs(one.energy["closure"]).max()) < 1e-11
+
+
+@every_attachment
+def test_check_has_its_rows(kind: str) -> None:
+    model = Model(attached(kind))
+    plan = Plan(1e-8, 600, 2e-8, [(6e-6, model.loads)])
+    rows = [row for each in model.attachments for row in each.check(plan)]
+    assert rows and all(example(kind)["name"] in row.quantity for row in rows)
 
 
 @every_attachment

@@ -13,9 +13,11 @@ from crack_cases import case as broken
 from small_cases import case, march
 
 import ruptfx.steppers.leapfrog as leapfrog
+from ruptfx import preflight, spectrum
 from ruptfx.case import parse_case
 from ruptfx.mechanisms import Mechanism, kinds, mechanisms_of
 from ruptfx.model import Model
+from ruptfx.recording import checkpoint
 from ruptfx.steppers.leapfrog import LeapfrogMotion
 
 pytestmark = pytest.mark.fem
@@ -57,6 +59,16 @@ def test_the_stepper_names_none() -> None:
     names = {"faults", "sliding", "cracks", "facets", "collisions", "rotations", "viscosity", "ties", "loads"}
     assert not words & names
     assert "isinstance(model.operator" in source and source.count("isinstance") == 1
+
+
+@pytest.mark.parametrize("module", [preflight, checkpoint, spectrum])
+def test_what_asks_all_mechanisms_names_none(module: Any) -> None:
+    """Rows of `check`, checkpoints and the stable step come from loops over mechanisms."""
+    source = Path(module.__file__).read_text(encoding="utf-8")
+    code = re.sub(r"#.*", "", re.sub(r'""".*?"""', "", source, flags=re.DOTALL))
+    words = {word.lower() for word in re.findall(r"[A-Za-z]+", code)}
+    assert "mechanisms" in words
+    assert not words & {"cracks", "collisions", "sliding", "slides", "resonators", "foundation", "rigid", "facets"}
 
 
 @pytest.mark.parametrize("made", [case, broken])

@@ -16,7 +16,8 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plate
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case, read_case
-from ruptfx.preflight import Row, preflight
+from ruptfx.check_table import Row
+from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
 from ruptfx.sliding.roughness import _slope
 
