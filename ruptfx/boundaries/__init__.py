@@ -1,6 +1,6 @@
-"""What acts on the bodies, one kind per file; the file name is the `kind` of an entry of ``[[boundaries]]``.
+"""Boundaries and loads, one kind per file; the file name is the `kind` of an entry of ``[[boundaries]]``.
 
-Displacements are measured from the initial state, which is in equilibrium: what a boundary does comes on top of it.
+Displacements are measured from the initial state, which is in equilibrium; a boundary adds to its initial load.
 Edges that are not named are free to move under their initial load. `ruptfx.loading.Loads` sums the actions of all.
 """
 
@@ -27,14 +27,14 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]
 
 @dataclass(frozen=True)
 class Motion:
-    """Prescribed motion of some degrees of freedom: a number for all of them, or an array.
+    """Prescribed motion of some degrees of freedom.
 
     Attributes
     ----------
     dofs : ndarray of int, shape (n,)
         Local ones.
     displacement, velocity, acceleration : callable, time -> float or ndarray of shape (n,)
-        Since time zero [m], [m/s], [m/s2].
+        Motion since time zero [m], [m/s], [m/s2]: one number for all degrees of freedom, or an array.
     """
 
     dofs: np.ndarray
@@ -45,7 +45,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Force:
-    """Nodal forces, which change in time by a factor.
+    """Nodal forces and their common factor in time.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Force:
 
     @classmethod
     def of(cls, nodal: np.ndarray, factor: Callable[[float], float | np.ndarray]) -> Force:
-        """From a vector over all local degrees of freedom [N]."""
+        """Return the force of a vector over all local degrees of freedom [N] times a factor."""
         dofs = np.flatnonzero(nodal)
         return cls(dofs, nodal[dofs], factor)
 
@@ -85,7 +85,7 @@ class Support:
 
 @dataclass(frozen=True)
 class Action:
-    """What a boundary adds to the equation of motion; what it does not mention it leaves alone.
+    """Terms that a boundary adds to the equation of motion; None for those it does not have.
 
     Attributes
     ----------
@@ -106,18 +106,18 @@ class Boundary(Alternative):
     """The contract of a boundary, which may also act inside of the bodies."""
 
     example: ClassVar[str] = ""
-    """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
+    """Entry of a case of two plates in plane stress, each 12 mm long and 4 mm high."""
     source: ClassVar[str] = ""
-    """Where what it does comes from."""
+    """Publication of the method."""
     waves: ClassVar[bool] = False
     """Whether it acts on waves only, and needs a stepper that computes them (`Stepper.inertia`)."""
     acts: ClassVar[bool] = True
     """Whether it adds anything to the equation of motion."""
     amounts: ClassVar[tuple[str, ...]] = ()
-    """Fields that say how much and how soon, with a `ramp` among them; a stage of loading may change them smoothly."""
+    """Fields of amplitude and duration, with a `ramp` among them; a stage of loading may change them smoothly."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
-        """Refuse what does not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
+        """Refuse fields that do not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
 
         Raises
         ------
@@ -127,34 +127,34 @@ class Boundary(Alternative):
 
     @property
     def driven_edge(self) -> str | None:
-        """The edge whose motion is prescribed."""
+        """Edge with prescribed motion, None if there is none."""
         return None
 
     @property
     def tied_edges(self) -> tuple[str, str] | None:
-        """Two edges whose nodes move alike."""
+        """Two edges whose nodes have the same motion, None if there are none."""
         return None
 
     @property
     def largest_speed(self) -> float:
-        """Of the motion that is prescribed [m/s]."""
+        """Largest prescribed speed [m/s]."""
         return 0.0
 
     @property
     def samples(self) -> Samples | None:
-        """Course in time that it follows from sample to sample, if there is one."""
+        """Samples in time that prescribe the load, None if there are none."""
         history = getattr(self, "history", None)
         return history.samples if isinstance(history, Sampled) else None
 
     def in_place_of(self, other: Boundary) -> bool:
-        """Whether they differ by their amounts only: in the next stage one goes on from where the other had come."""
+        """Return whether boundaries differ by amplitudes only, so that the next stage continues from the last value."""
         if type(self) is not type(other) or not self.amounts:
             return False
         kept = set(type(self).model_fields) - set(self.amounts)
         return all(getattr(self, name) == getattr(other, name) for name in kept)
 
     def act(self, loads: Loads, key: str) -> Action:
-        """What it adds to the bodies of `loads.model`, whose mass and interfaces are there; collective.
+        """Return the action on the bodies of `loads.model`, whose mass and interfaces are known; collective.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class EdgeBoundary(Boundary):
         return self.act_on(loads.edge(self.edge, f"{key}.edge"), key)
 
     def act_on(self, edge: Edge, key: str) -> Action:
-        """What it adds on its edge; collective.
+        """Return the action on an edge; collective.
 
         Raises
         ------
@@ -185,7 +185,7 @@ class EdgeBoundary(Boundary):
 
 
 def check_component(key: str, value: str, plane: Plane, components: str) -> None:
-    """Refuse a direction the case does not move in.
+    """Refuse a direction in which the bodies cannot move.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def check_component(key: str, value: str, plane: Plane, components: str) -> None
 
 
 def check_vector(key: str, value: list[float], components: str) -> None:
-    """Refuse a vector of another length.
+    """Refuse a vector with the wrong number of components.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What acts at a point of the bodies."""
+"""Sources at a point of the bodies."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ruptfx.units import Time
 
 
 class AtPoint(Boundary):
-    """Place and course in time of a source."""
+    """Place and time history of a point source."""
 
     point: Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
-    """Where it acts."""
+    """Coordinates of the point."""
     body: str | None = None
-    """Where bodies meet, the one that it acts on."""
+    """Body that the source acts on, needed where several bodies share the point."""
     ramp: Time = 0.0
-    """Time over which it grows linearly from zero."""
+    """Time over which the source grows linearly from zero."""
     history: History | None = None
-    """Its factor in time."""
+    """Factor of the source in time."""
 
     def factor(self, time: float) -> float:
-        """What it is multiplied with."""
+        """Return the factor of the source at a time [s]."""
         return course(time, self.ramp, self.history)

@@ -1,4 +1,4 @@
-"""Edges whose motion is given."""
+"""Edges with prescribed motion."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from ruptfx.materials import Plane
 
 
 class EdgeMotion(EdgeBoundary):
-    """Which part of an edge moves, and in which direction."""
+    """Prescribed motion of an edge, or of a part of it, in one direction."""
 
     component: Component
-    """Direction of the given motion."""
+    """Direction of the prescribed motion."""
     x_range: Range | None = None
     """Only the part of the edge between these x moves."""
     y_range: Range | None = None

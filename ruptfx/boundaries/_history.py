@@ -1,4 +1,4 @@
-"""Courses in time that boundaries share."""
+"""Time histories that boundaries share."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Times = TypeVar("Times", float, np.ndarray)
 
 
 def ramp(time: float, duration: float) -> float:
-    """Linear growth from 0 to 1."""
+    """Return the linear growth from 0 to 1 over a duration."""
     return 1.0 if duration <= 0 else min(max(time / duration, 0.0), 1.0)
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A course in time that a boundary follows from sample to sample, as `ruptfx check` shows it.
+    """Sampled time history of a boundary, as `ruptfx check` shows it.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Samples:
     at : callable
         Value at a time [s]; between samples it stays between theirs.
     held : bool
-        Whether the last value is meant to go on after the last sample.
+        Whether a constant value after the last sample is intended.
     file : str
         File that the samples were read from, as the case names it; empty where the case has the numbers.
     """
@@ -46,7 +46,7 @@ class Samples:
     file: str = ""
 
     def until(self, end: float) -> tuple[float, float]:
-        """Smallest and largest value from time zero to `end` [s]."""
+        """Return the smallest and the largest value from time zero to `end` [s]."""
         within = [value for time, value in zip(self.times, self.values, strict=True) if 0 <= time <= end]
         seen = [*within, self.at(0.0), self.at(end)]
         return min(seen), max(seen)
@@ -57,12 +57,12 @@ class Ricker(Part):
 
     kind: Literal["ricker"]
     frequency: Annotated[float, Field(gt=0), Unit("1/s")]
-    """Of the peak of the spectrum."""
+    """Frequency of the peak of the spectrum."""
     delay: Time
-    """Time of the peak; from 1.5 / frequency on nothing begins suddenly."""
+    """Time of the peak; with at least 1.5 / frequency the wavelet starts smoothly."""
 
     def __call__(self, time: Times) -> Times:
-        """At a time [s] or an array of times."""
+        """Return the wavelet at a time [s] or an array of times."""
         a = (np.pi * self.frequency * (time - self.delay)) ** 2
         return (1 - 2 * a) * np.exp(-a)
 
@@ -83,7 +83,7 @@ class Sampled(Part):
         return self
 
     def __call__(self, time: Times) -> Times:
-        """At a time [s] or an array of times."""
+        """Return the factor at a time [s] or an array of times."""
         return np.interp(time, self.times, self.values)
 
     @property
@@ -96,5 +96,5 @@ History = Annotated[Ricker | Sampled, Field(discriminator="kind")]
 
 
 def course(time: float, duration: float, history: Ricker | Sampled | None) -> float:
-    """Product of a ramp and a history, if there is one."""
+    """Return the product of a linear ramp and a history, if there is one, at a time [s]."""
     return ramp(time, duration) * (float(history(time)) if history is not None else 1.0)

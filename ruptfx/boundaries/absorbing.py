@@ -16,8 +16,8 @@ class Absorbing(EdgeBoundary):
     The impedance is rho c_p (normal) and rho c_s (tangential) where isotropic. Every component has its own dashpot, so
     the edge must be along an axis, and so must the axes of an anisotropic material.
 
-    An interface may cross the edge and a rupture leave through it. Dashpots do not hold the static stress of the crack
-    beyond, so that slip next to the edge becomes too large behind the front: keep it away from where slip is read.
+    An interface may cross the edge and a rupture leave through it. Dashpots do not carry the static stress of the crack
+    beyond, so that slip next to the edge becomes too large behind the front: keep the edge away from evaluated slip.
     Source: Lysmer and Kuhlemeyer (1969).
     """
 

@@ -1,4 +1,4 @@
-"""Edges that move with a given velocity."""
+"""Edges that move with a prescribed velocity."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 
 class Driven(EdgeMotion):
-    """The edge moves with a given velocity in one direction and is free in the others."""
+    """Edge with a prescribed velocity in one direction, free in the others."""
 
     example: ClassVar[str] = '{ kind = "driven", edge = "upper.left", component = "x", velocity = 2.0, ramp = 4e-6 }'
 
     amounts: ClassVar[tuple[str, ...]] = ("velocity", "profile", "ramp")
 
     velocity: Velocity
-    """Of the edge, once the ramp is over."""
+    """Velocity of the edge after the ramp."""
     profile: VaryingFactor = 1.0
-    """What the velocity is multiplied with along the edge, by x, or by y where the edge is higher than long."""
+    """Factor of the velocity along the edge, as a function of x, or of y where the edge is higher than long."""
     ramp: Time = 0.0
     """Time over which the velocity grows linearly from zero."""
 
@@ -38,17 +38,17 @@ class Driven(EdgeMotion):
         return abs(self.velocity)
 
     def speed(self, time: float) -> float:
-        """Velocity of the edge [m/s]."""
+        """Return the velocity of the edge at a time [m/s]."""
         return self.velocity * ramp(time, self.ramp)
 
     def travelled(self, time: float) -> float:
-        """Displacement of the edge since time zero [m]."""
+        """Return the displacement of the edge since time zero [m]."""
         if time < self.ramp:
             return 0.5 * self.velocity * time**2 / self.ramp
         return self.velocity * (time - 0.5 * self.ramp)
 
     def accelerated(self, time: float) -> float:
-        """Acceleration of the edge [m/s2]."""
+        """Return the acceleration of the edge at a time [m/s2]."""
         return self.velocity / self.ramp if time < self.ramp else 0.0
 
     def act_on(self, edge: Edge, key: str) -> Action:

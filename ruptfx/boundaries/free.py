@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Free(EdgeBoundary):
-    """No traction beyond the initial load: what an edge is when it is not named."""
+    """No traction beyond the initial load; the default of edges that are not named."""
 
     acts: ClassVar[bool] = False
     example: ClassVar[str] = '{ kind = "free", edge = "upper.top" }'

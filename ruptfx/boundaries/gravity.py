@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 class Gravity(Boundary):
-    """A force on all bodies, their density times an acceleration, on top of what the initial stress carries.
+    """Body force on all bodies, density times an acceleration, in addition to the load of the initial stress.
 
-    It is integrated as the mass is, so that what is free falls as a rigid body.
+    The force uses the same quadrature as the mass, so that free bodies fall rigidly.
     """
 
     example: ClassVar[str] = '{ kind = "gravity", acceleration = [1e5, -3e5], ramp = 2e-6 }'
@@ -29,7 +29,7 @@ class Gravity(Boundary):
     acceleration: Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s2")]
     """One component for each direction in which the plane moves; [0, -9.81] on Earth."""
     ramp: Time = 0.0
-    """Time over which it grows linearly from zero."""
+    """Time over which the acceleration grows linearly from zero."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.acceleration", self.acceleration, components)

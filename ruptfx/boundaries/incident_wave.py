@@ -23,12 +23,12 @@ Vector = Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")]
 
 
 class IncidentWave(EdgeBoundary):
-    """A plane wave from outside, and dashpots for what leaves.
+    """Plane wave from outside the mesh, and dashpots that absorb outgoing waves.
 
     The traction is that of the wave + impedance times (its velocity - the velocity). The velocity of the wave is
     v = velocity p f(t - (d . x - d . x_0) / c) with the direction d, the motion p and the history f; it reaches the
-    bodies at time zero, x_0 being the point that d comes to first. Name every edge that the wave passes, where it
-    leaves, too: in a homogeneous body it then passes as if there were no edges, at any angle. An edge must be along an
+    bodies at time zero, x_0 being the point of the bodies that it reaches first. Name every edge that the wave passes,
+    also those where it leaves: a homogeneous body then acts as a full space at any angle. An edge must be along an
     axis and of one material, as for `absorbing`.
     Source: Lysmer and Kuhlemeyer (1969); Joyner and Chen (1975).
     """
@@ -44,13 +44,13 @@ class IncidentWave(EdgeBoundary):
     """P or SV in the plane (motion 90 degrees to the left of the direction), SH in antiplane; S in 3D needs
     `polarisation`."""
     direction: Vector
-    """In which it travels, of any length."""
+    """Direction of propagation, a vector of any length."""
     polarisation: Vector | None = None
-    """Of S waves in 3D, across the direction."""
+    """Direction of particle motion of S waves in 3D, perpendicular to the direction of propagation."""
     velocity: Velocity
-    """Of the particles, where the history is 1."""
+    """Particle velocity where the history is 1."""
     history: History
-    """Course of the particle velocity in time."""
+    """Factor of the particle velocity in time."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         check_vector(f"{key}.direction", self.direction, "xyz" if plane == "solid" else "xy")
@@ -90,7 +90,7 @@ class IncidentWave(EdgeBoundary):
         return Action(force=force, dashpot=dashpot)
 
     def _material(self, edge: Edge, key: str) -> Material:
-        """The only material at the edge; collective."""
+        """Return the material at the edge, which must be one only; collective."""
         bodies = parallel.share_rows(edge.model.comm, edge.bodies)
         materials = [edge.model.materials[number] for number in np.unique(bodies)]
         if any(material != materials[0] for material in materials):
@@ -100,7 +100,7 @@ class IncidentWave(EdgeBoundary):
         return materials[0]
 
     def _motion(self, stiffness: np.ndarray, d: np.ndarray) -> tuple[float, np.ndarray]:
-        """Modulus [Pa] and unit motion of the wave: the one of the medium that is nearest to what is asked for."""
+        """Return the modulus [Pa] and the unit motion of the plane wave nearest to the requested polarisation."""
         if stiffness.ndim == 2:
             return float(christoffel(stiffness, d)[0, 0]), np.ones(1)
         wanted = d

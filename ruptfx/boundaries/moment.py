@@ -1,4 +1,4 @@
-"""Moment tensors at a point of the bodies: earthquakes that are given, explosions."""
+"""Moment tensors at a point of the bodies: point sources of earthquakes, explosions."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ ENTRIES = {
 
 
 class Moment(AtPoint):
-    """A moment tensor at a point, the force -M_ij d delta / dx_j; in two dimensions on a line, per length of it [N].
+    """Moment tensor at a point, the force -M_ij d delta / dx_j; in 2D on a line, per length of it [N].
 
     Slip s on a small area A of normal n is the double couple M = mu A (s n + n s).
 
-    It acts on the gradient of the shape functions of the element at the point, which need not be a node; where elements
-    meet, on the mean of their gradients. Nearer than about one element the field is that of the elements.
+    The force uses the gradient of the shape functions of the element at the point, which need not be a node; where
+    elements meet, the mean of their gradients. The field is not resolved within about one element of the point.
     Source: Aki and Richards (2002), chapter 3.
     """
 
@@ -43,7 +43,7 @@ class Moment(AtPoint):
             raise ValueError(f"{key}.moment: {len(names)} entries are needed ({', '.join(names)})")
 
     def tensor(self, components: str) -> np.ndarray:
-        """M_ij, shape (components, dim) [N m]."""
+        """Return M_ij, shape (components, dim) [N m]."""
         tensor = np.zeros((len(components), 3 if components == "xyz" else 2))
         for (i, j), value in zip(ENTRIES[components], self.moment, strict=True):
             tensor[i, j] = value

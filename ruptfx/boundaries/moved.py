@@ -1,4 +1,4 @@
-"""Edges that move as a table says."""
+"""Edges that move as sampled in a table."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 
 class Moved(EdgeMotion):
-    """The edge moves in one direction as sampled, and is free in the others.
+    """Edge with sampled motion in one direction, free in the others.
 
-    Between the samples by piecewise cubics with continuous slope, which do not overshoot. A displacement rests before
-    its first and after its last time, where a slope that is not zero ends in a jump of the velocity; a velocity keeps
-    its first and last value. What counts is the displacement since time zero.
+    Monotone piecewise cubics with continuous slope interpolate the samples. A displacement is constant before
+    the first and after the last sample, where a slope that is not zero ends in a jump of the velocity; a velocity keeps
+    its first and last value. The displacement is measured from its value at time zero.
     Source: Fritsch and Carlson (1980).
     """
 
@@ -36,13 +36,13 @@ class Moved(EdgeMotion):
     source: ClassVar[str] = "Fritsch and Carlson (1980)"
 
     quantity: Literal["displacement", "velocity"]
-    """What `values` are: displacement [m] or velocity [m/s]."""
+    """Quantity of `values`: displacement [m] or velocity [m/s]."""
     times: Annotated[list[float], Unit("s")] = []
     """At least two, increasing."""
     values: list[float] = []
     """One for each time, in m or m/s."""
     file: str | None = None
-    """CSV file with two columns, time and value, instead; relative to the case file. Its header may give their units,
+    """CSV file with time and value, in place of the lists; relative to the case file. Its header may give units,
     as in `time (us), velocity (m/s)`; without, they are s and m or m/s. The resolved case holds the numbers."""
 
     _read_from: str = PrivateAttr("")
@@ -83,7 +83,7 @@ class Moved(EdgeMotion):
         return Samples(self.times, self.values, unit, lambda time: float(course(time)), held, self._read_from)
 
     def motion(self, dofs: np.ndarray) -> Motion:
-        """Displacement, velocity and acceleration of some degrees of freedom in time."""
+        """Return displacement, velocity and acceleration of some degrees of freedom as functions of time."""
         from scipy.interpolate import PchipInterpolator
 
         first, last = self.times[0], self.times[-1]

@@ -1,4 +1,4 @@
-"""Two opposite edges that are one."""
+"""Periodic boundaries: two opposite edges with the same motion."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 
 class Periodic(Boundary):
-    """What leaves through one edge comes in at the other: the nodes of both move alike, with the mass of both.
+    """Two opposite edges whose nodes have the same motion, with the mass of both.
 
-    The edges must be the same but for a shift, and meshed alike. An interface that ends at one of them goes on at the
-    other, where the bodies on both sides of it must be tied: its two ends are one point.
+    The edges must be translated copies with the same nodes. An interface that ends at one of them continues at the
+    other, where the bodies on both sides of it must be tied: its two ends are the same point.
     """
 
     example: ClassVar[str] = '{ kind = "periodic", first = "lower.bottom", second = "upper.top" }'

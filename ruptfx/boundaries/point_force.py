@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class PointForce(AtPoint):
-    """A force at a point, inside or on an edge; in two dimensions on a line, per length of it [N/m].
+    """Force at a point, inside the bodies or on an edge; in 2D on a line, per length of it [N/m].
 
-    It acts on the shape functions of the element at the point, so that the point need not be a node. Nearer than about
-    one element the field is that of the elements.
+    The force uses the shape functions of the element at the point, so that the point need not be a node. The field is
+    not resolved within about one element of the point.
     """
 
     example: ClassVar[str] = '{ kind = "point_force", point = [5.3e-3, 2.2e-3], force = [1e3, -2e3], ramp = 3e-6 }'

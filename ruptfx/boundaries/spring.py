@@ -19,9 +19,9 @@ Foundation = Annotated[float, Field(ge=0), Unit("Pa/m")]
 
 
 class Spring(EdgeBoundary):
-    """Traction against the displacement, which the initial state is free of: k_n along the normal, k_t across.
+    """Elastic foundation: traction against the displacement from the initial state, k_n normal, k_t tangential.
 
-    The energy it holds counts as strain energy, and the stable time step respects it.
+    Its energy counts as strain energy, and the stable time step takes its stiffness into account.
     Source: Winkler (1867).
     """
 

@@ -1,4 +1,4 @@
-"""Loaded edges."""
+"""Edges with prescribed traction."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Traction(EdgeBoundary):
-    """A traction on the edge on top of the initial load."""
+    """Traction on the edge in addition to the initial load."""
 
     example: ClassVar[str] = '{ kind = "traction", edge = "upper.top", traction = [1e6, 2e6], ramp = 3e-6 }'
 
     amounts: ClassVar[tuple[str, ...]] = ("traction", "ramp", "history")
 
     traction: Annotated[list[float], Field(min_length=1, max_length=3), Unit("Pa")]
-    """One component for each direction in which the plane moves; of stress tensors' sign: tension is outward."""
+    """One component for each direction in which the plane moves; tension is positive, along the outward normal."""
     ramp: Time = 0.0
     """Time over which the traction grows linearly from zero."""
     history: History | None = None
@@ -40,7 +40,7 @@ class Traction(EdgeBoundary):
         check_vector(f"{key}.traction", self.traction, components)
 
     def factor(self, time: float) -> float:
-        """What the traction is multiplied with."""
+        """Return the factor of the traction at a time [s]."""
         return course(time, self.ramp, self.history)
 
     def act_on(self, edge: Edge, key: str) -> Action:

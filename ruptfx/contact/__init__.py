@@ -1,7 +1,7 @@
-"""Ways of enforcing contact, one per file: the trial traction if the interface stayed closed and stuck.
+"""Contact methods, one per file: the trial traction of an interface that stays closed and sticks.
 
 A contact method is pointwise NumPy, traced like a friction law (`ruptfx.tracing`); the shared projection then brings
-its trial back to what the friction law admits.
+the trial back to tractions that the friction law admits.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Way = Literal["explicit", "implicit"]
 
 @dataclass(frozen=True)
 class Point:
-    """What a contact method may use at an interface point; shear quantities have one entry per tangent.
+    """Quantities that a contact method may use at an interface point; shear ones have one entry per tangent.
 
     Attributes
     ----------
@@ -27,17 +27,17 @@ class Point:
     opening_jump, slip_jump :
         Displacement jump [m] in the local frame, at the time of the traction.
     opening_velocity, slip_velocity :
-        Velocity jump [m/s] half a step later if the interface carried its initial stress only.
+        Velocity jump [m/s] half a step later under the initial stress of the interface only.
     slip :
-        Inelastic slip at the traction before [m].
+        Inelastic slip at the previous traction [m].
     since, dt :
-        Time since the traction before, and until the displacement is known again [s].
+        Time since the previous traction, and until the next displacement [s].
     normal_impedance, shear_impedance :
         Traction per velocity jump over the coming step [Pa s/m], 1 / (dt w (1/m+ + 1/m-)).
     normal_multiplier, shear_multiplier :
         Normal stress and shear traction [Pa] of the last outer iteration (implicit steps only).
     body_stiffness :
-        Traction per displacement of the point alone [Pa/m], inertia included (implicit steps only).
+        Stiffness of the bodies at the point with all other points fixed [Pa/m], with inertia (implicit steps only).
 
     In implicit steps the jumps belong to the end of the step; velocities and impedances are not known (nan).
     """
@@ -60,13 +60,13 @@ class Point:
 
 @dataclass(frozen=True)
 class Trial:
-    """Trial traction and how far the interface moves when it is relieved.
+    """Trial traction and the compliances by which it is relieved.
 
     Attributes
     ----------
     normal_stress : trial normal stress [Pa], negative where the interface would be pulled.
     shear_traction : trial shear traction [Pa], one entry per tangent.
-    normal_compliance : opening per normal stress that cannot be carried [m/Pa].
+    normal_compliance : opening per normal stress beyond the admissible one [m/Pa].
     impedance : Z, shear traction relieved per slip rate [Pa s/m], one entry per tangent.
     """
 
@@ -80,27 +80,27 @@ class ContactMethod(Alternative):
     """The contract of a contact method.
 
     Implicit steps differentiate the trial: opening changes the normal stress by -1 / `normal_compliance`, slip the
-    shear traction by `impedance` / since, alike for all tangents, and nothing else may depend on the displacement.
+    shear traction by `impedance` / since, equally for all tangents, and nothing else may depend on the displacement.
     """
 
     explicit: ClassVar[bool] = True
-    """Whether its trial is that of explicit steps."""
+    """Whether explicit steps can use the trial."""
     traction_ends_slip: ClassVar[bool] = False
-    """Whether the slip rate that an explicit step solves for is that of the step which ends with the traction, or that
+    """Whether an explicit step solves for the slip rate of the step which ends with the traction, rather than that
     of the one which begins with it."""
     implicit: ClassVar[bool] = False
-    """Whether its trial is that of implicit steps."""
+    """Whether implicit steps can use the trial."""
 
     def sweeps_to(self) -> tuple[float, int] | None:
-        """When the sweeps of explicit steps end, where neighbouring points depend on each other.
+        """Return the tolerance and the largest number of sweeps of explicit steps with coupled points.
 
-        The change of the tractions over the largest one, and the largest number of sweeps; None where a method cannot
+        The tolerance is a change of the tractions over the largest one. None where a method cannot
         be used there, or, as compliant contact, needs no sweeps.
         """
         return None
 
     def multiplier_tolerance(self) -> float | None:
-        """Change of the tractions over the largest one at which the outer iterations of implicit steps end.
+        """Return the change of the tractions over the largest one at which outer iterations of implicit steps end.
 
         None where the trial does not depend on multipliers.
         """
@@ -118,21 +118,21 @@ class ContactMethod(Alternative):
         return self if getattr(self, way) else None
 
     def trial(self, point: Point) -> Trial:
-        """Traction that would hold if the interface stayed closed and stuck."""
+        """Return the traction of an interface that stays closed and sticks."""
         raise NotImplementedError
 
     def dissipated(self, traction_old: Array, traction: Array, rate_old: Array, rate: Array) -> Array:
-        """Frictional power [W/m2] of one shear component over the step that `traction_ends_slip` names.
+        """Return the frictional power [W/m2] of one shear component over the step that `traction_ends_slip` names.
 
         Parameters
         ----------
-        traction_old, traction : at the traction before, and now [Pa].
+        traction_old, traction : at the previous and at this update [Pa].
         rate_old, rate : mean slip rates of the step before, and of this one [m/s].
         """
         raise NotImplementedError
 
     def lost_in_impact(self, normal_stress: Array, rate_old: Array, rate: Array) -> Array:
-        """Power [W/m2] lost by a gap that closes, over the step that ends with this update.
+        """Return the power [W/m2] lost when a gap closes, over the step that ends with this update.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class ContactMethod(Alternative):
         return 0.0 * normal_stress
 
     def stored(self, normal_stress: Array, shear_traction: list[Array], opening: Array, slip: list[Array]) -> Array:
-        """Elastic energy held in the interface [J/m2].
+        """Return the elastic energy of the interface [J/m2].
 
         Parameters
         ----------
@@ -154,12 +154,12 @@ class ContactMethod(Alternative):
         return 0.0 * normal_stress
 
     def stiffness(self) -> tuple[float, float]:
-        """Normal and shear stiffness [Pa/m] that the stable time step must respect; zero for rigid methods."""
+        """Return the normal and the shear stiffness [Pa/m] for the stable time step; zero for rigid methods."""
         return 0.0, 0.0
 
 
 def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
-    """Return faults with the contact methods that steps of one kind take (`ContactMethod.in_steps`).
+    """Return faults with the contact methods for steps of one kind (`ContactMethod.in_steps`).
 
     Raises
     ------

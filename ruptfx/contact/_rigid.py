@@ -1,4 +1,4 @@
-"""Rigid contact: the same physics in steps of every kind, by the method that belongs to them."""
+"""Rigid contact: the same physics in steps of every kind, with a method for each kind."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BY_STEPS = {
 
 
 class RigidContact(ContactMethod):
-    """A rigid method: another one with its defaults replaces it in steps that need that one."""
+    """Rigid method, which steps of another kind replace by their own rigid method with its defaults."""
 
     def in_steps(self, way: Way, slides: bool) -> ContactMethod:
         if getattr(self, way) and not (slides and way == "explicit" and self.sweeps_to() is None):

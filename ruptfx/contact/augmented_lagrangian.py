@@ -15,11 +15,11 @@ Tolerance = Annotated[float, Field(gt=0, le=1e-4), Unit("1")]
 
 
 class AugmentedLagrangian(RigidContact):
-    """Multipliers that stop all elastic motion of the interface: sticking and closure are exact.
+    """Rigid contact by augmented Lagrange multipliers: sticking and closure are exact.
 
-    sigma = lambda_n - k [u_n], tau = lambda_s + k ([u_s] - slip), and what the law admits of them is the next lambda,
+    sigma = lambda_n - k [u_n], tau = lambda_s + k ([u_s] - slip), and their admissible part is the next lambda,
     until it changes no more: then [u_n] = 0 where the interface is closed and [u_s] = slip everywhere. k speeds up
-    this iteration and has no influence on its end. Explicit steps enforce the same rigid contact by `split_node`, or by
+    this iteration and does not change its result. Explicit steps enforce the same rigid contact by `split_node`, or by
     `forward_lagrange` on interfaces that slide.
     Source: Simo and Laursen (1992); Alart and Curnier (1991).
     """
@@ -28,9 +28,9 @@ class AugmentedLagrangian(RigidContact):
     implicit = True
 
     penalty: Penalty = 100.0
-    """k over the stiffness of the bodies at a point; eased where Newton's iteration cannot cope with it."""
+    """k over the stiffness of the bodies at a point; reduced where Newton's iteration does not converge."""
     tolerance: Tolerance = 1e-8
-    """Change of the tractions over the largest one at which it is enough."""
+    """Change of the tractions over the largest one at which the iteration ends."""
 
     def trial(self, point: Point) -> Trial:
         k = self.penalty * point.body_stiffness

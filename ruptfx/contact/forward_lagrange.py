@@ -1,4 +1,4 @@
-"""Forward Lagrange multipliers: rigid contact also where neighbouring points depend on each other."""
+"""Forward Lagrange multipliers: rigid contact also where neighbouring points are coupled."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Tolerance = Annotated[float, Field(gt=0, lt=1), Unit("1")]
 class ForwardLagrange(SplitNode):
     """Rigid contact for interfaces that slide: the tractions with which the jump is admissible after the step.
 
-    The trial is that of split nodes, with the stress that the velocities contain in place of the initial one: on an
-    interface that slides, that of the last sweep. All points are solved at once, again and again, until their tractions
-    settle; a step that does not within `sweeps` goes on with what it has. Where points do not depend on each other it
+    The trial is that of split nodes, with the stress contained in the velocities in place of the initial one: on an
+    interface that slides, the stress of the last sweep. Sweeps over all points repeat until the tractions
+    converge; a step that does not within `sweeps` continues with the last tractions. Where points are not coupled it
     is split-node contact. Implicit steps enforce the same rigid contact by `augmented_lagrangian`.
     Source: Carpenter, Taylor, Katona (1991).
     """
 
     tolerance: Tolerance = 1e-6
-    """Change of the tractions in a sweep, over the largest one, at which they have settled."""
+    """Change of the tractions in a sweep, over the largest one, at which they have converged."""
     sweeps: Annotated[int, Field(ge=1)] = 30
     """Largest number of sweeps in a step."""
 

@@ -9,7 +9,7 @@ from ruptfx.contact._rigid import RigidContact
 class SplitNode(RigidContact):
     """Traction at split nodes: exactly the traction that stops the jump in this step, unless friction gives way.
 
-    tau = tau_0 + Z [v], sigma = sigma_0 - Z ([v_n] + [u_n] / dt), with [v] the velocity jump the bodies would have
+    tau = tau_0 + Z [v], sigma = sigma_0 - Z ([v_n] + [u_n] / dt), with [v] the velocity jump of the bodies
     without contact forces (explicit steps only; the same as forward Lagrange multipliers).
     Source: Andrews (1973, 1999); Day et al. (2005).
     """
