@@ -1,17 +1,17 @@
-"""What holds the points of an interface together until they have failed: a cohesive law in a step.
+"""Cohesion of interface points until they fail: a cohesive law in a time step.
 
-Opening w and slip s, which never fall, give the damage D, and this what is left of the strength:
+The largest opening w and the whole slip s give the damage D, and the damage the remaining strength:
 
     tension <= f_t left(D),   shear strength = c left(D) + friction
 
-A point that opens less than it had goes along the secant to the origin, K = f_t left(D) / w, taken at the end of the
-step: with the opening that a trial of the tension t leaves when T of it is carried, compliance (t - T),
+A point that opens less than before unloads along the secant to the origin, K = f_t left(D) / w, at the end of the
+step. With the trial tension t and the carried tension T the opening is compliance (t - T), so that
 
     T = min(f_t left(D), t S / (S + w / compliance)),   S = f_t left(D),
 
-so that a young crack, whose secant is steep, cannot shorten the time step. Opening and slip are those at the time of
-the traction, which rigid contact knows beforehand: with springs between the points they would follow from it, and a
-bond that lags behind takes too much energy. So there are no bonds on compliant interfaces.
+and the steep secant of a new crack cannot reduce the stable time step. Opening and slip are those at the time of
+the traction, which rigid contact knows in advance. On compliant interfaces they would follow from the traction, and a
+bond that lags behind would dissipate too much energy: compliant interfaces have no cohesion.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STATE = {"damage": "1", "largest_opening": "m", "damaging_slip": "m"}
 
 
 class TracedBond:
-    """A cohesive law recorded once: its damage from opening and slip, and what that leaves of the strength.
+    """Cohesive law recorded once: damage from opening and slip, and the remaining strength from damage.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class TracedBond:
     parameters : dict of str to float or ndarray
         By the name of their symbols.
     damage, left : Expression
-        Of the symbols `bond_opening` and `bond_slip`, and of `bond_damage`.
+        Damage of the symbols `bond_opening` and `bond_slip`; remaining part of the strength of `bond_damage`.
     """
 
     def __init__(self, law: CohesiveLaw) -> None:
@@ -55,13 +55,13 @@ class TracedBond:
         self._left = to_numpy({"left": self.left}, ["bond_damage", *given])
 
     def damage_after(self, before: np.ndarray, opening: np.ndarray, slip: np.ndarray) -> np.ndarray:
-        """Damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
+        """Return the damage at the largest opening and the whole slip so far [m], not less than before; shapes (n,)."""
         with np.errstate(all="ignore"):
             (found,) = self._damage(opening, slip, *self.parameters.values())
         return np.asarray(np.maximum(before, found))
 
     def held(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> Held:
-        """What it holds at a damage and a largest opening [m], shapes (n,)."""
+        """Return the cohesive strength at a damage and a largest opening [m], shapes (n,)."""
         with np.errstate(all="ignore"):
             (left,) = self._left(damage, *self.parameters.values())
         left = np.where(damage < 1, left, 0.0)
@@ -70,7 +70,7 @@ class TracedBond:
 
 @dataclass(frozen=True)
 class Held:
-    """What is held at the points in a step.
+    """Cohesive strength of the points in a step.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Held:
     opening : ndarray, shape (n,)
         Largest so far [m].
     compliance : ndarray, shape (n,)
-        Opening per tension that is not carried [m/Pa].
+        Opening per trial tension beyond the carried one [m/Pa].
     """
 
     tension: np.ndarray
@@ -89,17 +89,17 @@ class Held:
 
     @property
     def intact(self) -> np.ndarray:
-        """Where anything is held, shape (n,)."""
+        """Mask of the points that have cohesive strength, shape (n,)."""
         return (self.tension > 0) | (self.shear > 0)
 
     def normal_stress(self, trial: np.ndarray) -> np.ndarray:
-        """Admissible normal stress from a trial one, compression positive [Pa]."""
+        """Return the admissible normal stress for a trial one, compression positive [Pa]."""
         with np.errstate(all="ignore"):
             secant = np.where(self.tension > 0, self.tension / (self.tension + self.opening / self.compliance), 0.0)
         return np.where(trial > 0, trial, 0.0 - np.minimum(self.tension, -trial * secant))
 
 
 def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Energy that open points would give back if they closed, T w / 2 [J/m2], shape (n,)."""
+    """Return the energy that open points would release by closing, T w / 2 [J/m2], shape (n,)."""
     return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
 

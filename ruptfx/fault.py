@@ -1,4 +1,4 @@
-"""A fault: an interface with its contact method, friction law and initial stress, and the fields of its points."""
+"""Faults: an interface with its contact method, friction law and initial stress, and the fields of its points."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from ruptfx.projection import TracedLaw, explain, least_strength
 from ruptfx.schema import CaseError
 from ruptfx.state import FaultState
 
-_FASTEST_CREEP = 1e-3  # m/s; an interface that slides faster at the start does so from rest
+_FASTEST_CREEP = 1e-3  # m/s; initial slip rates from here on are set to zero: the bodies start at rest
 _TRIED_RATES = (0.0, 1e-9, 1e-6, 1e-3, 1.0, 10.0)  # m/s
 _TRIED_TIMES = (0.0, 1e-6, 1.0, 1e3)  # s
-_TRIED_STRESS = 1e6  # Pa; where an interface is not pressed at the start
+_TRIED_STRESS = 1e6  # Pa; normal stress for points without compression at the start
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Everything about one fault that does not change during a run.
+    """Data of one fault that do not change during a run.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class Fault:
     shear_traction_0 : ndarray, shape (n, tangents)
         Initial shear traction [Pa].
     nucleation : tuple of Nucleation
-        What is added to it in time.
+        Nucleations: load or weakening that is added in time.
     gap : ndarray, shape (n,), or None
-        Opening where nothing has moved [m].
+        Opening in the undeformed state [m].
     cohesion : CohesiveLaw or None
-        What holds it together besides friction, until it has failed.
+        Cohesion in addition to friction, until the points have failed.
     rupture_after : float
-        When ruptures begin to count [s].
+        Time from which ruptures count [s].
     """
 
     name: str
@@ -64,35 +64,35 @@ class Fault:
 
     @property
     def slides(self) -> bool:
-        """Whether what its points face follows the motion."""
+        """True if the pairing of the surfaces follows the motion (finite sliding)."""
         return self.interface.initial is not self.interface
 
     @property
     def is_loaded(self) -> bool:
-        """Whether a nucleation adds shear traction."""
+        """True if a nucleation adds shear traction."""
         return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
 
     def load(self, time: float) -> np.ndarray:
-        """Shear traction added along the first tangent [Pa], shape (n,)."""
+        """Return the shear traction that nucleations add along the first tangent [Pa], shape (n,)."""
         position = self.interface.position
         return sum((item.shear_traction(position, time) for item in self.nucleation), np.zeros_like(position))
 
     def driving_shear(self, time: float) -> np.ndarray:
-        """Initial shear traction and what nucleation adds [Pa], shape (n, tangents)."""
+        """Return the initial shear traction plus that of nucleations [Pa], shape (n, tangents)."""
         shear = self.shear_traction_0.copy()
         shear[:, 0] += self.load(time)
         return shear
 
     def traced_law(self) -> TracedLaw:
-        """The friction law as the contact method sees it in explicit steps."""
+        """Return the friction law as explicit steps of the contact method use it."""
         return TracedLaw(self.friction, self.contact.traction_ends_slip, self.cohesion is not None)
 
     def traced_bond(self) -> TracedBond | None:
-        """The cohesive law, if there is one."""
+        """Return the cohesive law recorded for a step, None without cohesion."""
         return None if self.cohesion is None else TracedBond(self.cohesion)
 
     def state_fields(self) -> dict[str, str]:
-        """Names and units of the state of friction and cohesion."""
+        """Return names and units of the state of friction and cohesion."""
         return {**self.friction.all_state_fields(), **({} if self.cohesion is None else bond.STATE)}
 
     @property
@@ -100,12 +100,12 @@ class Fault:
         return self.interface.tangents
 
     def initial_state(self, slip_rate: np.ndarray | None = None) -> FaultState:
-        """Fields of every point before the first step.
+        """Return the fields of all points before the first step.
 
         Parameters
         ----------
         slip_rate : ndarray, shape (n, tangents), optional
-            At which the bodies move past each other at the start [m/s].
+            Initial slip rate from the velocities of the bodies [m/s].
         """
         n = len(self.interface.plus)
         given = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
@@ -123,7 +123,7 @@ class Fault:
         }  # fmt: skip
         state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
         if self.slides:
-            state["slip_followed"] = np.zeros(n)  # tangential jump when it was last found what points face
+            state["slip_followed"] = np.zeros(n)  # tangential jump at the last update of the pairing
         if self.cohesion is not None:
             state |= {name: np.zeros(n) for name in bond.STATE}
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
@@ -153,7 +153,7 @@ class Fault:
                 )
 
     def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
-        """The declared fields, one new array per component.
+        """Return the declared fields, one new array per component.
 
         Parameters
         ----------
@@ -166,27 +166,27 @@ class Fault:
         return state
 
     def threshold_at(self, time: float, threshold: float) -> float:
-        """Slip rate whose first passing is a rupture [m/s], infinite before ruptures count."""
+        """Return the slip rate whose first crossing is a rupture [m/s], infinite before ruptures count."""
         return threshold if time >= self.rupture_after else np.inf
 
     def opening(self, jump: np.ndarray) -> np.ndarray:
-        """Distance of the two sides from their normal displacement jump [m], negative where they would overlap."""
+        """Return the distance of the two sides from their normal displacement jump [m], negative where they overlap."""
         return jump if self.gap is None else jump + self.gap
 
     def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-        """Shear components of a field, shape (n, tangents)."""
+        """Return the shear components of a field, shape (n, tangents)."""
         return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
 
     def elastic_energy(self, state: FaultState, added: np.ndarray, ahead: float, time: float) -> tuple[float, float]:
-        """Energy held in the interface beyond that of the initial stress, and what friction takes [J].
+        """Return the energy of the interface beyond that of the initial stress, and the loss in friction [J].
 
-        Of the points of this rank, at a time that is `ahead` [s] of the tractions. `added` is the displacement jump
+        Sums over the points of this rank, at a time `ahead` [s] after the tractions. `added` is the displacement jump
         since the tractions at `time` [s], shape (n, local).
         """
         face = self.interface
         opening, jump = face.split(added)
         traction = self.components(state, "shear_traction")
-        # Between two tractions slip goes on as it does at the first. Split nodes have counted that already.
+        # Between two tractions slip continues at the rate of the first one. Split nodes have counted that already.
         slip = ahead * self.components(state, "slip_rate") * self.contact.traction_ends_slip
         shear = traction.copy()
         if self.is_loaded:
@@ -199,9 +199,9 @@ class Fault:
         return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
 
     def assemble(self, change: np.ndarray, out: np.ndarray) -> None:
-        """out += J' W T - J_0' W T_0: what the interface does to the bodies beyond their initial stress.
+        """Add to `out` the force J' W T - J_0' W T_0 of the interface on the bodies beyond its initial stress.
 
-        That stays with the nodes where it acted at the start, wherever they slide.
+        The initial stress remains at the nodes of the initial state, also after sliding.
 
         Parameters
         ----------
@@ -218,14 +218,14 @@ class Fault:
             face.initial.assemble(-initial, out)
 
     def preload_work(self, displacement: np.ndarray) -> float:
-        """Work of the initial stress on the displacement jump, points of this rank [J]."""
+        """Return the work of the initial stress on the displacement jump, points of this rank [J]."""
         face = self.interface.initial
         opening, slip = face.split(face.rate(displacement))
         density = np.sum(self.shear_traction_0 * slip, axis=1) - self.normal_stress_0 * opening
         return float(np.sum(face.owned * face.weight * density))
 
     def fail(self, state: FaultState, point: int, time: float, values: dict[str, float]) -> None:
-        """Raise the error for one point."""
+        """Raise the error of a point that failed."""
         x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
         where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
         known = {name: float(state[name][point]) for name in self.state_fields()}

@@ -2,7 +2,7 @@
 
 Vectors hold the local degrees of freedom of a blocked Lagrange space, ghosts included, node by node. Diagonal
 quantities (mass, dashpots, edge forces) are complete at every local node, so that ranks update shared nodes alike and
-exchange nothing but the internal force.
+exchange the internal force only.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ class Viscosity:
     eta : float
         [s]
     bulk : Bulk
-        These elements.
+        Elements with this damping.
     operator : Operator
-        K of them.
+        Stiffness K of these elements.
     nodes : ndarray of bool, shape (nodes,)
         Nodes of the elements this rank owns.
     everywhere : bool
@@ -138,12 +138,12 @@ class Model:
         self.mechanisms = mechanisms_of(self)
 
     def _tied_edges(self) -> dict[str, tuple[str, str]]:
-        """Edges that boundaries tie, by key of the case."""
+        """Return the edges that boundaries tie, by key of the case."""
         boundaries = {f"boundaries.{number}": boundary for number, boundary in enumerate(self.case.boundaries)}
         return {key: boundary.tied_edges for key, boundary in boundaries.items() if boundary.tied_edges is not None}
 
     def viscous_layer(self) -> Viscosity | None:
-        """Kelvin-Voigt damping next to the interfaces, as the case has it."""
+        """Return the Kelvin-Voigt damping next to the interfaces."""
         given = self.case.damping.kelvin_voigt
         if given is None:
             return None
@@ -175,11 +175,11 @@ class Model:
         return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None)
 
     def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
-        """Cells whose centre is that close to one of the points, or those that touch one."""
+        """Return a mask of cells with a centre within `thickness` of the points, or a node at one if it is None."""
         if thickness is None:
             dofs, x = self.space.dofmap.list, self.coordinates
             close = 1e-6 * np.linalg.norm([np.ptp(of_axis[dofs], axis=1) for of_axis in x.T], axis=0)
-            # Nobody asks how far away the others are.
+            # Distances of the other cells are not needed.
             low, high = points.min(axis=0) - close.max(initial=0.0), points.max(axis=0) + close.max(initial=0.0)
             there = np.flatnonzero(((x >= low) & (x <= high)).all(axis=1))
             distance = np.full(len(x), np.inf)
@@ -188,13 +188,13 @@ class Model:
         return np.asarray(closest(centres, points)[0] <= thickness)
 
     def free_inverse_mass(self) -> np.ndarray:
-        """Inverse mass [1/kg] of every degree of freedom, of tied ones together; zero where motion is prescribed."""
+        """Return the inverse mass of all degrees of freedom [1/kg], with sums of tied ones; zero if prescribed."""
         mass = self.mass.copy()
         self.layout.sum_tied(mass)
         return np.where(self.loads.prescribed, 0.0, 1 / mass)
 
     def _materials(self) -> list[Material]:
-        """Material of every body, in the order of the bodies."""
+        """Return the material of every body, in the order of the bodies."""
         given = self.case.materials
         for name in given:
             if name not in (*self.bodies.names, "default"):
@@ -207,7 +207,7 @@ class Model:
         return [given[name] if name in given else given["default"] for name in self.bodies.names]
 
     def _mass(self) -> np.ndarray:
-        """Lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
+        """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
         ufl = fem.ufl
         dx = self.measure()
         density = [material.density for material in self.materials]
@@ -220,10 +220,11 @@ class Model:
         return mass
 
     def around(self, density: fem.Expr) -> fem.Expr:
-        """What a density of the section is worth all round the axis, where there is one."""
+        """Return a density of the section times 2 pi r in axisymmetric cases, else as it is."""
         return axisymmetry.around(density, self.mesh, self.case.plane)
 
     def measure(self) -> fem.ufl.Measure:
+        """Return the measure of all cells with the quadrature of the mass, tagged by material."""
         return fem.ufl.Measure(
             "dx",
             domain=self.mesh,
@@ -232,6 +233,7 @@ class Model:
         )
 
     def sum_of(self, vector: fem.ufl.core.expr.Expr) -> fem.ufl.core.expr.Expr:
+        """Return the sum of the components of a vector expression."""
         return vector if self.components == 1 else sum(vector[i] for i in range(self.components))
 
     def _fault(self, name: str, fault: FaultCase) -> Fault:
@@ -263,7 +265,7 @@ class Model:
             law, contact = fault.friction.at(face.position), fault.contact.at(face.position)
             normal, shear = fault.initial_stress.tractions(face, law)
             for nucleation in fault.nucleation:
-                nucleation.at(face.position)  # its profiles are refused here, not in the first step
+                nucleation.at(face.position)  # refuses bad profiles before the first step
                 law = nucleation.weaken(law, face.position)
             cohesion = None if fault.cohesion is None else fault.cohesion.at(face.position)
             gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
@@ -305,7 +307,7 @@ class Model:
             )
 
     def _position_of(self, face: Interface, key: str, place: Place) -> float:
-        """Position [m] of the point of an interface that is nearest to a given one; collective."""
+        """Return the position [m] of the point of an interface that is nearest to a given one; collective."""
         if len(face.line.origin) == 3:
             raise CaseError(
                 f"{key}: a point; in 3D a center is a position ({face.line.meaning}), and its patch a strip across"
@@ -318,7 +320,7 @@ class Model:
     # -- what loads and steppers ask for ---------------------------------------------------------------------------
 
     def edge_measure(self, tag: int | tuple[int, ...]) -> fem.ufl.Measure:
-        """Of a named edge, or of one side of an interface."""
+        """Return the measure of a named edge, or of one side of an interface."""
         return fem.ufl.Measure(
             "ds",
             domain=self.mesh,
@@ -329,36 +331,36 @@ class Model:
 
     @cached_property
     def _constants(self) -> fem.dolfinx.fem.FunctionSpace:
-        """What is constant in every cell."""
+        """Function space of constants in every cell."""
         return fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
 
     def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
-        """A function that is constant in every cell, from values of all local cells."""
+        """Return a function that is constant in every cell, from values of all local cells."""
         function = fem.dolfinx.fem.Function(self._constants)
         cells = function.function_space.dofmap.list[:, 0]
         function.x.array[cells] = values[: len(cells)]
         return function
 
     def initial_state(self) -> State:
-        """At rest in the initial stress, or flying as the case says."""
+        """Return the state at the start, with the initial stress and the given velocities."""
         zero = np.zeros(self.nodes * self.components)
         self.force.array[:] = 0
         velocity = self.initial_velocity()
         state = State(zero, velocity, self.force.array, {})
         for each in self.mechanisms:
             each.begin(state)
-        # What is there at the start counts as given.
+        # The kinetic energy at the start counts as work of the boundaries.
         state.energy["boundary_work"] += 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         return state
 
     def initial_slip_rate(self, fault: Fault) -> np.ndarray | None:
-        """Slip rate at the start from the velocities of the bodies [m/s]; None where springs take up their motion."""
+        """Return the slip rate at the start from the velocities of the bodies [m/s], None for compliant contact."""
         if fault.contact.traction_ends_slip or not self.case.initial_velocity:
             return None
         return np.asarray(fault.interface.split(fault.interface.rate(self.initial_velocity()))[1])
 
     def initial_velocity(self) -> np.ndarray:
-        """Velocity of all local degrees of freedom at the start [m/s]; edges that are driven begin at rest."""
+        """Return the velocity of all local degrees of freedom at the start [m/s]; driven edges start at rest."""
         velocity = np.zeros((self.nodes, self.components))
         for name, given in self.case.initial_velocity.items():
             if name not in self.bodies.names:
@@ -372,7 +374,7 @@ class Model:
     def internal_force(
         self, displacement: np.ndarray, at_rest: bool = False, out: np.ndarray | None = None
     ) -> np.ndarray:
-        """-K u of bodies and elastic supports, summed over ranks [N], in `out` where that is given.
+        """Return -K u of bodies and elastic supports, summed over ranks [N].
 
         With the K of small motion, if `at_rest`.
         """
@@ -390,7 +392,7 @@ class Model:
         return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
 
     def in_steps(self, way: Way) -> Model:
-        """Return this model with the contact methods that steps of one kind take.
+        """Return this model with the contact methods for steps of one kind.
 
         Raises
         ------
@@ -404,19 +406,19 @@ class Model:
 
     @property
     def quadratic(self) -> bool:
-        """Return whether the strain energy of the bodies is a quadratic form of the displacement."""
+        """True if the strain energy of the bodies is a quadratic form of the displacement."""
         return not self.bulk.large_rotations
 
     @property
     def copies(self) -> int:
-        """2 where the bodies have a mirror image, which holds and loses what the meshed half does."""
+        """2 if the bodies have a mirror image, whose energies count too, else 1."""
         return 2 if set(self.bodies.one_sided.values()) & {"antisymmetric", "symmetric"} else 1
 
     def energies(self, state: State, bulk: tuple[float, float] | None = None) -> dict[str, float]:
-        """Energy budget over all ranks [J, per metre of thickness in 2D] at the time of the velocity.
+        """Return the energies over all ranks [J, per metre of thickness in 2D] at the time of the velocity.
 
         In the middle of a step the leapfrog scheme conserves v' M v / 2 + u_n' K u_(n+1) / 2 exactly. `boundary_work`
-        is that of driven edges, tractions and the initial stress.
+        contains the work of driven edges, tractions and the initial stress.
 
         Parameters
         ----------
@@ -437,11 +439,11 @@ class Model:
 
     @property
     def energy_columns(self) -> list[str]:
-        """Names of the energies: those of every case, then those that mechanisms of this case declare."""
+        """Names of the energies: those of every case, then those of its mechanisms."""
         return list(dict.fromkeys([*ENERGIES, *(energy.name for each in self.mechanisms for energy in each.energies)]))
 
     def bulk_energies(self, state: State) -> tuple[float, float]:
-        """Kinetic and strain energy of this rank [J]; collective."""
+        """Return kinetic and strain energy of this rank [J]; collective."""
         kinetic = 0.5 * self.layout.owned_dot(state.velocity, self.mass * state.velocity)
         then = state.at_faults()[1]
         if self.bulk.large_rotations:
@@ -451,12 +453,12 @@ class Model:
         return kinetic, 0.0 - 0.5 * self.layout.owned_dot(then, force)
 
     def strain_energy(self, displacement: np.ndarray) -> float:
-        """Of the cells of this rank where rotations are large, and of elastic supports [J]; no quadratic form."""
+        """Return the energy of the cells of this rank with large rotations, and of elastic supports [J]."""
         assert isinstance(self.operator, operators.EnergyOperator)
         support = np.zeros_like(displacement)
         self.loads.add_support_force(displacement, support)
         return self.operator.energy(displacement) - 0.5 * self.layout.owned_dot(displacement, support)
 
     def wave_speeds(self) -> WaveSpeeds:
-        """Of the slowest body, the scale of the pictures."""
+        """Return the wave speeds of the body with the slowest S wave, the scale of the figures."""
         return min((m.wave_speeds(self.case.plane) for m in self.materials), key=lambda speeds: speeds.c_s)

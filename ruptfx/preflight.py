@@ -1,4 +1,4 @@
-"""What a careful user computes by hand before the first time step: `ruptfx check`."""
+"""Pre-flight checks of a case: resolution, critical lengths, costs (`ruptfx check`)."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LONG_AFTER = 100  # times the run: where samples end that are hardly in seconds
 
 
 def preflight(case: Case) -> Iterator[Row]:
-    """Rows of the table; builds the model on this rank.
+    """Yield the rows of the table; builds the model on this rank.
 
     Raises
     ------
     RuptfxError
-        Whatever a run would refuse.
+        For all reasons for which a run would refuse the case.
     """
     started = time.process_time()
     need_memory(case, fem.MPI.COMM_WORLD)
@@ -73,7 +73,7 @@ def preflight(case: Case) -> Iterator[Row]:
 
 
 def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
-    """Numbers of records and snapshots."""
+    """Yield the numbers of records and snapshots."""
     for what, number in zip(("interface", "bulk"), counts(case, steps), strict=True):
         interval, key = case.intervals[what], f"output.{what}_interval"
         note = f"every {interval:.6g} s, and at the end" if interval < case.duration else "of the end alone"
@@ -85,7 +85,7 @@ def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
 
 
 def generalized_rayleigh_speed(model: Model) -> float | None:
-    """Speed of the interface wave of the first and last body without friction [m/s], None where there is none."""
+    """Return the speed of the interface wave of the first and last body without friction [m/s], None if none exists."""
     materials = [model.materials[0], model.materials[-1]]
     speeds = [material.wave_speeds(model.case.plane) for material in materials]
     moduli = [material.density * s.c_s**2 for material, s in zip(materials, speeds, strict=True)]
@@ -93,7 +93,7 @@ def generalized_rayleigh_speed(model: Model) -> float | None:
 
 
 def _remembers(model: Model) -> bool:
-    """Whether every fault has a memory of the normal stress."""
+    """Return whether every fault has a state variable in units of stress, a memory of the normal stress."""
     return all("Pa" in fault.friction.all_state_fields().values() for fault in model.faults)
 
 
@@ -114,7 +114,7 @@ def _pairing(model: Model) -> Iterator[Row]:
 
 
 def _load_rows(case: Case) -> Iterator[Row]:
-    """Samples in time that boundaries follow: how many, and what of them the run sees."""
+    """Yield the number of samples of boundaries in time, and the range that the run uses."""
     given = [("boundaries", case.boundaries, case.duration)]
     if case.stages:
         given = [
@@ -149,7 +149,7 @@ def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float
 
 
 def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
-    """Memory, files and time of the whole command, from a rehearsal."""
+    """Yield memory, files and time of the whole command, from a rehearsal."""
     found, there = rehearse(model, motion, steps, started, built), available()
     if there is None or found.memory < there:
         yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
@@ -169,7 +169,7 @@ def _cost(model: Model, motion: Motion, steps: int | None, started: float, built
 
 
 def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
-    """Up to which frequency each instrument sees, and what limits it."""
+    """Yield the largest frequency that each instrument resolves, and the reason for the limit."""
     speed = float(model.wave_speeds().c_s)
     for number, (instrument, channels) in enumerate(measured(model, dt)):
         often = 0.5 / instrument.interval

@@ -1,4 +1,4 @@
-"""Which parts of a case work together: parts declare what they can do, this module refuses what does not fit.
+"""Compatibility of the parts of a case: parts declare capabilities, this module refuses other combinations.
 
 Declarations are class attributes: `Stepper.ways`, `ContactMethod.implicit`, `Boundary.waves` and so on. A rule compares
 the declarations of two or three parts. The remedies of a message are changes of the same case that break no rule: they
@@ -145,13 +145,13 @@ def choices_of(case: Case) -> Choices:
 
 
 def refusals_of(choices: Choices) -> Iterator[Refusal]:
-    """Every rule that the choices break."""
+    """Yield every rule that the choices break."""
     for rule in RULES:
         yield from rule(choices)
 
 
 def remedies(choices: Choices, refusals: Iterable[Refusal]) -> tuple[tuple[Change, ...], ...]:
-    """Smallest sets of changes with which no rule is broken: of kinds, of removals, or of both where neither helps."""
+    """Return the smallest sets of changes with which no rule is broken: kinds, removals, or both if neither helps."""
     swaps: list[Change] = []
     drops: list[Change] = []
     for refusal in refusals:
@@ -170,7 +170,7 @@ def _folder(key: str) -> str:
 
 
 def _smallest(choices: Choices, changes: list[Change]) -> list[tuple[Change, ...]]:
-    """Smallest sets of some changes with which no rule is broken, at most `MOST_CHANGES` in each."""
+    """Return the smallest sets of some changes with which no rule is broken, at most `MOST_CHANGES` in each."""
     changes = list(dict.fromkeys(changes))
     for size in range(1, MOST_CHANGES + 1):
         sets = [each for each in combinations(changes, size) if _apart(each)]
@@ -196,7 +196,7 @@ def _changed(choices: Choices, changes: Iterable[Change]) -> Choices:
 
 
 def _faults(choices: Choices, field: str) -> dict[str, type[Part]]:
-    """Classes of a field of all faults that give it, by name of the fault."""
+    """Return the classes of a field of all faults that give it, by name of the fault."""
     split = ((key.split("."), cls) for key, cls in choices.items() if key.startswith("faults."))
     return {parts[1]: cls for parts, cls in split if parts[2] == field}
 
@@ -211,7 +211,7 @@ def overrides(cls: type, base: type, name: str) -> bool:
 
 
 def _contact(choices: Choices, wrong: Callable[[str, type[ContactMethod]], bool], reason: str) -> Iterator[Refusal]:
-    """Refuse contact methods, those of one kind together."""
+    """Yield refusals of contact methods, those of one kind together."""
     by_kind: dict[type[ContactMethod], list[str]] = {}
     for name, part in _faults(choices, "contact").items():
         method = cast(type[ContactMethod], part)
@@ -374,7 +374,7 @@ RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
 
 
 def without_effect(case: Case) -> Iterator[str]:
-    """Messages on keys that change nothing in a case, whatever its parts are."""
+    """Yield messages on keys that change nothing in a case, whatever its parts are."""
     output, stop = case.output, case.stop_when
     if case.plane not in IN_PLANE:
         of_fringes = {
@@ -402,7 +402,7 @@ def without_effect(case: Case) -> Iterator[str]:
 
 
 def _edges_named_twice(case: Case) -> Iterator[str]:
-    """Messages on boundaries that add nothing to an edge on which another one acts."""
+    """Yield messages on boundaries that add nothing to an edge on which another one acts."""
     edges: dict[tuple[str, str], list[str]] = {}
     idle = []
     for key, boundary in case.all_boundaries():
@@ -454,12 +454,12 @@ def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
 
 
 def _change(keys: Keys, *kinds: str | None) -> str:
-    """Other kinds of some parts; none leaves them out."""
+    """Return the text for other kinds of some parts; no kind means to leave them out."""
     if not any(kinds):
         return f"no {_listed(keys, 'and')}"
     return f"{_listed([f'{key}.kind' for key in keys], 'and')} = {_listed([repr(kind) for kind in kinds], 'or')}"
 
 
 def _listed(words: Sequence[str], last: str) -> str:
-    """Words with commas, the last one behind `and` or `or`."""
+    """Return words with commas, the last one behind `and` or `or`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,4 +1,4 @@
-"""Mechanisms, one per file: what exerts forces on the bodies or constrains their motion.
+"""Mechanisms, one per file: forces on the bodies and constraints of their motion.
 
 The model, checkpoints and the energy table ask all mechanisms of a case for their initial state, their fields and their
 energies. An explicit step is a sequence of phases, other methods of `Mechanism`: in each phase the stepper calls the
@@ -140,7 +140,7 @@ class Mechanism:
     # -- explicit steps ----------------------------------------------------------------------------
 
     def nodes(self) -> NDArray[np.bool_]:
-        """Nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
+        """Return a mask of the nodes that the stepper advances instead of the bulk kernel, shape (nodes,)."""
         return np.zeros(self.model.nodes, dtype=bool)
 
     def bind(self, stepped: SteppedNodes) -> None:
@@ -162,7 +162,7 @@ class Mechanism:
         """Add forces that derive from the strain energy, complete at every local node."""
 
     def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
-        """Forces among the internal ones that do not derive from the strain energy: degrees of freedom, values [N]."""
+        """Return internal forces that do not derive from the strain energy: degrees of freedom, values [N]."""
         return []
 
     def add_external(self, state: State, kick: Kick) -> None:
@@ -191,7 +191,7 @@ class Mechanism:
 
 
 def overriding(mechanisms: Iterable[Mechanism], phase: str) -> list[Callable[..., None]]:
-    """Methods of one phase of the mechanisms that override it."""
+    """Return the methods of one phase of the mechanisms that override it."""
     base = getattr(Mechanism, phase)
     return [getattr(each, phase) for each in mechanisms if getattr(type(each), phase) is not base]
 

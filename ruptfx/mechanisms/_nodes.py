@@ -25,7 +25,7 @@ Integers = NDArray[np.int64]
 
 
 def masses_and_dashpots(model: Model) -> tuple[Floats, Floats]:
-    """Mass [kg] and damping force per velocity [N s/m] of every degree of freedom; tied ones have the sum of both."""
+    """Return mass [kg] and damping force per velocity [N s/m] of every degree of freedom, sums for tied ones."""
     both = model.mass.copy(), model.loads.dashpot + model.case.damping.mass * model.mass
     for values in both:
         model.layout.sum_tied(values)
@@ -86,8 +86,8 @@ class SteppedNodes:
     mass, dashpot, driven : ndarray, shape (n,)
         [kg], [N s/m], and 1 where the motion is prescribed.
     owned, once : ndarray, shape (n,)
-        1 where this rank counts a degree of freedom in sums: `owned` of what each node has of its own (forces), `once`
-        of what tied nodes share (mass).
+        1 where this rank counts a degree of freedom in sums: `owned` for quantities of each node (forces), `once`
+        for quantities that tied nodes share (mass).
     velocity_before : ndarray, shape (n,)
         Before the last kick [m/s].
     kicks : list of Kick
@@ -119,7 +119,7 @@ class SteppedNodes:
         self._library = native.load("stepped_nodes", "".join(source))
 
     def inverse_mass(self, kick: Kick) -> Floats:
-        """Velocity per impulse of every degree of freedom in contact [1/kg], shape (nodes * components,).
+        """Return the velocity per impulse of every degree of freedom in contact [1/kg], shape (nodes * components,).
 
         The mass includes dashpots; it is zero where the motion is prescribed.
         """
@@ -127,11 +127,11 @@ class SteppedNodes:
         return np.where(self.model.loads.prescribed, 0.0, 1 / (mass + 0.5 * kick.clock.kick * dashpot))
 
     def among(self, dofs: Integers) -> Integers:
-        """Places of some of the stepped degrees of freedom in the arrays here."""
+        """Return the indices of some of the stepped degrees of freedom in the arrays of this class."""
         return np.searchsorted(self.dofs, dofs)
 
     def renew(self, places: Integers, mass: Floats, dashpot: Floats, driven: NDArray[np.bool_]) -> None:
-        """Take over mass, dashpots and prescribed motion that have changed at some places of the arrays here."""
+        """Replace mass, dashpots and prescribed motion at some indices of the arrays of this class."""
         self.mass[places], self.dashpot[places], self.driven[places] = mass, dashpot, driven
         if driven.any() or dashpot.any():
             self._special = self._damped_or_driven()
@@ -146,7 +146,7 @@ class SteppedNodes:
         )  # fmt: skip
 
     def drift(self, state: State, kick: Kick) -> tuple[float, float]:
-        """Move displacements on and clear the forces; energy lost in dashpots and work of prescribed motion [J]."""
+        """Move displacements on and clear the forces; return dashpot loss and work of prescribed motion [J]."""
         self._work[:] = 0
         self._library.drift(
             *self._which(), ctypes.c_long(len(self._special)), _at(self._special), ctypes.c_double(self.dt),
@@ -161,7 +161,7 @@ class SteppedNodes:
         return count, None if only is None else _at(only), None if isinstance(self.index, slice) else _at(self.dofs)
 
     def _damped_or_driven(self) -> Integers:
-        """Places in the arrays here at which dashpots or prescribed motion do work."""
+        """Return the indices in the arrays of this class at which dashpots or prescribed motion do work."""
         return np.flatnonzero((self.dashpot != 0) | (self.driven != 0)).astype(np.int64)
 
 

@@ -1,4 +1,4 @@
-"""The energy `turning`: what forces do in finite steps beyond the energies of the bodies that rotate."""
+"""The energy `turning`: work of forces in finite steps beyond the change of the energies of rotating bodies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DISSIPATED = "frictional_dissipation", "fracture", "impact", "collision_loss"
 
 @contextmanager
 def deducting_dissipation(state: State) -> Iterator[None]:
-    """Subtract from the energy `turning` what facets dissipate meanwhile: it has a column of its own."""
+    """Subtract the dissipation of facets within the context from the energy `turning`; it has its own column."""
     before = sum(state.energy[name] for name in DISSIPATED)
     yield
     state.energy["turning"] -= sum(state.energy[name] for name in DISSIPATED) - before

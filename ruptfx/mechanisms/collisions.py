@@ -1,4 +1,4 @@
-"""Contact between pieces of bodies that were no neighbours."""
+"""Collision contact between bodies and fragments that were no neighbours at the start."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Collisions(Mechanism):
-    """Forces between overlapping cells at the surfaces of the bodies."""
+    """Contact forces between overlapping cells at the surfaces of the bodies."""
 
     order = 10
 

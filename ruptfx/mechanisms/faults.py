@@ -150,7 +150,7 @@ class Faults(Mechanism):
                 self._count_start(fault, state, 0.25 * dt * rate)
 
     def _count_start(self, fault: Fault, state: State, way: Floats) -> None:
-        """Add the work of friction and nucleation on the part of the first half step that its step has left out [m]."""
+        """Add the work of friction and nucleation on slip `way` [m], the uncounted part of the first half step."""
         traction = fault.components(state.faults[fault.name], "shear_traction")
         area = fault.interface.owned * fault.interface.weight
         state.take(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
