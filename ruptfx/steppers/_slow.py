@@ -1,4 +1,4 @@
-"""What steps without inertia share: the energies of equilibrium, and what radiation takes."""
+"""Common parts of steps without inertia: energies of equilibrium and loss by radiation."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 class SlowMotion:
-    """From one equilibrium to the next; `State.velocity` is the mean one of the last step.
+    """Steps from one equilibrium to the next; `State.velocity` is the mean velocity of the last step.
 
     Attributes
     ----------
     radiation : dict of str to ndarray, shape (n,)
-        Traction per slip rate that waves would carry off, by fault [Pa s/m]; zero where it is not asked for.
+        Impedance of radiation damping, traction per slip rate, by fault [Pa s/m]; zero without it.
     """
 
     collective = True
@@ -37,27 +37,27 @@ class SlowMotion:
         self._driven = model.loads.prescribed.astype(float)
 
     def energies(self, state: State) -> dict[str, float]:
-        """At the end of the step."""
+        """Return the energies at the end of the step [J]."""
         return self.model.energies(state)
 
     def count_radiation(self, state: State, solution: Solution) -> None:
-        """As damping: it is part of the traction times the slip rate that counts as friction; before `take`."""
+        """Count radiation as damping, which is part of traction times slip rate and thus of friction; before `take`."""
         for fault in self.model.faults:
             radiated = self._radiated(fault, state, solution)
             state.energy["frictional_dissipation"] -= radiated
             state.energy["damping"] += radiated
 
     def take(self, state: State, solution: Solution) -> None:
-        """Make it the state, and count the work of the step."""
+        """Copy a solution to the state, and count the work of the step."""
         moved = self._account(state, solution)
         solution.commit(state)
         self._lose_kinetic(state, moved / solution.dt)
 
     def _account(self, state: State, solution: Solution) -> np.ndarray:
-        """Count the work done in the step; the displacement added in it [m].
+        """Count the work of the step and return its displacement increment [m].
 
-        Bodies and interfaces take what driven edges and loads give, and what forces out of balance at the start, such
-        as those of waves that are no longer computed, lose.
+        The work of driven edges and loads goes into bodies and interfaces. Work of unbalanced forces at the start, such
+        as those of waves that are no longer computed, is lost.
         """
         model, time = self.model, state.time
         loads = [self.equilibrium.forces.load(t) for t in (time, time + solution.dt)]
@@ -77,7 +77,7 @@ class SlowMotion:
         return float(np.sum(fault.interface.owned * fault.interface.weight * power)) * solution.dt
 
     def _lose_kinetic(self, state: State, velocity: np.ndarray) -> None:
-        """Take over the velocity; equilibrium knows no inertia, so the change of kinetic energy is lost or gained."""
+        """Set the velocity and count the change of kinetic energy as lost, since equilibrium has no inertia."""
         mass, dot = self.model.mass, self.model.layout.owned_dot
         state.energy["damping"] += 0.5 * (dot(state.velocity, mass * state.velocity) - dot(velocity, mass * velocity))
         state.velocity[:] = velocity

@@ -28,15 +28,15 @@ class GeneralizedAlpha(Stepper):
     """M a(n+1-alpha_m) + (1 - alpha_f) f(n+1) + alpha_f f(n) = 0 with Newmark's rules.
 
     f are the forces of bodies, damping and interfaces, less the loads. Second order, friction included (`TracedLaw`),
-    without limit to the step: but the step must resolve what is to be seen. Average acceleration conserves the energy;
-    the others damp what the step does not resolve, and the energy budget stays open by as much. A step that finds no
-    equilibrium is halved, and doubled again when it goes well.
+    unconditionally stable: but the step must resolve the motion of interest. Average acceleration conserves the energy;
+    the others damp unresolved motion, and the energy budget is in error by that amount. A step that finds no
+    equilibrium is halved, and doubled again after it converges well.
 
     PETSc's TSALPHA2 is the same scheme, but not the engine here. It evaluates forces at the displacement of the stage
-    n+1-alpha_f, where an interface with memory has no traction of its own: friction is advanced from step to step, and
-    what it answers in between is not what the next step continues from. TSALPHA2 also starts with two half steps, and
-    again after every rejected one, each of which the history of the friction law would have to be put back for. The
-    weighted sum of tractions at both ends needs neither. `petsc_ts` drives it nevertheless, with its stage tractions.
+    n+1-alpha_f, where an interface with memory has no defined traction: friction is advanced from step to step, and
+    a traction in between does not belong to the state of the next step. TSALPHA2 also starts with two half steps, and
+    again after every rejected one, and each would require a reset of the friction history. The
+    weighted sum of tractions at both ends needs neither. `petsc_ts` nevertheless uses it, with stage tractions.
     Source: Newmark (1959); Hilber, Hughes and Taylor (1977); Chung and Hulbert (1993).
     """
 
@@ -48,19 +48,19 @@ class GeneralizedAlpha(Stepper):
     staged: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
-    """Which member of the family."""
+    """Member of the family."""
     spectral_radius: Annotated[float, Field(ge=0, le=1)] = 0.8
-    """What is left of unresolved motion after a step: 1 keeps it, 0 removes it; `hht` takes 0.5 to 1."""
+    """Remaining part of unresolved motion after a step: 1 keeps it, 0 removes it; 0.5 to 1 for `hht`."""
     gamma: Annotated[float, Field(ge=0.5, le=1)] | None = None
-    """Of `newmark`; 0.5 is second order."""
+    """gamma of `newmark`; 0.5 is second order."""
     beta: Positive | None = None
-    """Of `newmark`; at least gamma / 2, for stability; (gamma + 0.5)^2 / 4 without it."""
+    """beta of `newmark`, at least gamma / 2 for stability; default: (gamma + 0.5)^2 / 4."""
     time_step: Duration | None = None
     """Length of a step; from `courant` without it."""
     courant: Positive = 10.0
-    """Time step over the stable explicit one, where it is not given."""
+    """Time step over the stable explicit one, without `time_step`."""
     halvings: Annotated[int, Field(ge=0, le=30)] = 10
-    """How often a step is halved before the run stops."""
+    """Number of halvings of a step before the run stops."""
     petsc_options: PetscOptions = {}
     """Options of PETSc's solvers that replace the defaults."""
 
@@ -77,7 +77,7 @@ class GeneralizedAlpha(Stepper):
         return self
 
     def weights(self) -> tuple[float, float, float, float]:
-        """alpha_m, alpha_f, gamma, beta."""
+        """Return alpha_m, alpha_f, gamma, beta."""
         rho = self.spectral_radius
         alpha_m, alpha_f = {
             "generalized_alpha": ((2 * rho - 1) / (rho + 1), rho / (rho + 1)), "hht": (0.0, (1 - rho) / (1 + rho)),
@@ -113,12 +113,12 @@ class GeneralizedAlphaMotion:
         self._driven = model.loads.prescribed
 
     def step(self, state: State) -> None:
-        """One step, as long as can be found an equilibrium for; collective.
+        """Make one step, the longest that finds an equilibrium; collective.
 
         Raises
         ------
         ConvergenceError
-            On all ranks: none even after the last halving; the state is that of the last good step.
+            On all ranks: no equilibrium after the last halving; the state is that of the last accepted step.
         """
         self._equilibrium.begin(state)
         carried = self._equilibrium.forces.carried(state)
@@ -142,11 +142,11 @@ class GeneralizedAlphaMotion:
                 return
 
     def leave(self, state: State) -> None:
-        """Keep, as an acceleration, by how much the loads of now and the acceleration of the scheme differ."""
+        """Store the difference between the acceleration of the present loads and that of the scheme."""
         self._exchange(state, 1.0)
 
     def enter(self, state: State) -> None:
-        """Other loads accelerate otherwise at once; where they are the same, so is the acceleration of the scheme."""
+        """Change the acceleration of the scheme by the jump of loads; equal loads leave it unchanged."""
         self._exchange(state, -1.0)
 
     def _exchange(self, state: State, sign: float) -> None:
@@ -156,22 +156,22 @@ class GeneralizedAlphaMotion:
         acceleration[:] = np.where(self._driven, 0.0, acceleration + sign * by_forces)
 
     def energies(self, state: State) -> dict[str, float]:
-        """At the end of the last step."""
+        """Return the energies at the end of the last step [J]."""
         return self.model.energies(state)
 
     def _advance(self, state: State, dt: float, carried: np.ndarray) -> None:
-        """One step of size `dt` from `carried`, the forces at its beginning."""
+        """Make one step of size `dt` with the forces `carried` at its beginning."""
         alpha_m, alpha_f, gamma, beta = self._weights
         acceleration = state.fields["acceleration"]
         # Newmark: u = u* + beta dt^2 a, v = v* + gamma dt a with a the new acceleration.
         predictor = state.displacement + dt * state.velocity + (0.5 - beta) * dt**2 * acceleration
         velocity = state.velocity + (1 - gamma) * dt * acceleration
         c_M, c_C = 1 / (beta * dt**2), gamma / (beta * dt)
-        # Velocities of driven edges are given: whatever u is there, v comes out as prescribed.
+        # Velocities of driven edges are prescribed: v has their value for any u.
         loads, end = self.model.loads, state.time + dt
         loads.drive(velocity, end)
         velocity -= np.where(self._driven, c_C * (loads.moved(state.displacement, state.time, end) - predictor), 0.0)
-        # Divided by 1 - alpha_f, so that the forces at the end of the step stand alone.
+        # Divided by 1 - alpha_f, so that the forces at the end of the step have the factor 1.
         rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
         added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
         solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)

@@ -1,4 +1,4 @@
-"""Slow loading in implicit steps, ruptures in explicit ones."""
+"""Implicit steps for slow loading, explicit steps for ruptures."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from ruptfx.state import State
 
 SLOW, FAST = 0.0, 1.0
-RIGID = 1e6  # stiffness of rigid contact over that of the bodies, where slip follows from a jump that is known
-LOOK_EVERY = 25  # explicit steps between looks at all ranks
+RIGID = 1e6  # stiffness of rigid contact over that of the bodies, for slip from a known jump
+LOOK_EVERY = 25  # explicit steps between checks of the slip rates on all ranks
 
 
 class Hybrid(Stepper):
-    """One run from slow loading through ruptures to reloading.
+    """Runs with slow loading, ruptures and reloading.
 
-    `slow` steps until the interface slides faster than `fast_above` anywhere, or until they find no equilibrium; then
-    `fast` ones, until it has not been faster than `slow_below` for `calm_for`.
+    `slow` steps run until a point slides faster than `fast_above`, or until they find no equilibrium; then
+    `fast` steps run until no point has been faster than `slow_below` for `calm_for`.
 
-    Displacement, velocity, slip and state go on unchanged. What the schemes cannot hand over is counted as damping:
-    the kinetic energy of waves that are left when equilibrium takes over, and the shift of half a step between the
+    A switch leaves displacement, velocity, slip and state unchanged. Two changes of energy count as damping:
+    the kinetic energy of remaining waves at the switch to equilibrium, and the shift of half a step between the
     times at which the two balance energy. Every switch is in the log.
     """
 
@@ -48,16 +48,16 @@ class Hybrid(Stepper):
     staged: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
-    """Stepper of the loading between ruptures. Rigid contact is enforced by multipliers in it, and at split nodes by
-    `fast`."""
+    """Stepper of the loading between ruptures. It enforces rigid contact by multipliers, `fast` at split
+    nodes."""
     fast: AnyStepper = Field(default={"kind": "leapfrog"}, validate_default=True)
     """Stepper of the ruptures."""
     fast_above: Speed = 1e-2
-    """Slip rate above which fast steps take over."""
+    """Slip rate above which fast steps begin."""
     slow_below: Speed = 1e-3
-    """Slip rate below which slow steps come back."""
+    """Slip rate below which slow steps resume."""
     calm_for: Duration | None = None
-    """Default: shear waves cross the bodies ten times."""
+    """Time below `slow_below` before slow steps resume; default: ten times that of shear waves across the bodies."""
 
     @model_validator(mode="after")
     def _two_speeds(self) -> Hybrid:
@@ -79,7 +79,7 @@ class Hybrid(Stepper):
 class HybridMotion:
     """Steps of two kinds bound to a model.
 
-    Which of them is under way is in `State.numbers`, as `fast`, with the time since which the interface has been calm.
+    `State.numbers` contains the present kind, as `fast`, and the time since which no point has slid fast.
     """
 
     def __init__(self, model: Model, stepper: Hybrid) -> None:
@@ -93,7 +93,7 @@ class HybridMotion:
         self._log = logging.getLogger("ruptfx.run")
 
     def _crossing_time(self) -> float:
-        """Time a shear wave takes across the bodies [s]; collective."""
+        """Return the travel time of a shear wave across the bodies [s]; collective."""
         model = self.model
         slowest = min(m.wave_speeds(model.case.plane).c_s for m in model.materials)
         high, low = (
@@ -103,7 +103,7 @@ class HybridMotion:
         return max(a + b for a, b in zip(high, low, strict=True)) / slowest
 
     def step(self, state: State) -> None:
-        """One step of the kind under way, then maybe a switch.
+        """Make one step of the present kind, then switch if needed.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class HybridMotion:
             self.collective = state.numbers["fast"] == SLOW
 
     def energies(self, state: State) -> dict[str, float]:
-        """As the scheme under way has it."""
+        """Return the energies of the present scheme [J]."""
         return self._under_way(state).energies(state)
 
     def leave(self, state: State) -> None:
@@ -154,12 +154,12 @@ class HybridMotion:
                 self._look(state)
 
     def _book(self, state: State, lost: float) -> None:
-        """Count energy of all ranks that the schemes do not hand over as damping [J]."""
+        """Count energy of all ranks that is lost in a switch as damping [J]."""
         if self.model.comm.rank == 0:
             state.energy["damping"] += lost / self.model.copies
 
     def _look(self, state: State) -> None:
-        """Back to slow steps when it has been calm for long enough; collective."""
+        """Switch back to slow steps if no point has slid fast for long enough; collective."""
         fastest = self._peak_slip_rate(state)
         if fastest > self._stepper.slow_below:
             state.numbers["calm_since"] = state.time
@@ -167,7 +167,7 @@ class HybridMotion:
             self._switch(state, SLOW, f"peak slip rate {fastest:.3g} m/s")
 
     def _peak_slip_rate(self, state: State) -> float:
-        """Of the points in contact [m/s]; collective."""
+        """Return the largest slip rate of points in contact [m/s]; collective."""
         largest = 0.0
         for fault in self.model.faults:
             fields = state.faults[fault.name]
@@ -176,7 +176,7 @@ class HybridMotion:
         return parallel.largest(self.model.comm, largest)
 
     def _switch(self, state: State, to: float, why: str) -> None:
-        """Hand the state over; collective."""
+        """Switch to steps of the other kind; collective."""
         if to == FAST:
             self._slow.leave(state)
         before = _missing(self.energies(state))
@@ -196,7 +196,7 @@ class HybridMotion:
         )  # fmt: skip
 
     def _start(self, state: State) -> None:
-        """Explicit steps start from one time for all; slip goes on at the rate it has."""
+        """Set mean slip rates to the present ones: explicit steps start from one time for all quantities."""
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             for mean, now in zip(
@@ -206,7 +206,7 @@ class HybridMotion:
                 fields[mean][:] = fields[now]
 
     def _bring_faults_up(self, state: State) -> None:
-        """Explicit fields of the faults are a step behind: one more fault step, with the displacement as it is."""
+        """Advance the faults, whose explicit fields are one step behind, at the present displacement."""
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None
         for fault, fast in zip(self._slow.model.faults, self._fast.model.faults, strict=True):
@@ -226,5 +226,5 @@ class HybridMotion:
 
 
 def _missing(energies: dict[str, float]) -> float:
-    """What went in and is not found again [J]."""
+    """Return the supplied energy that is not in the budget [J]."""
     return 2 * energies["boundary_work"] - sum(energies.values())

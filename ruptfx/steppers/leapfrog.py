@@ -28,7 +28,7 @@ class Leapfrog(Stepper):
     """Central differences in leapfrog form: v(n+1/2) = v(n-1/2) + dt a(n), u(n+1) = u(n) + dt v(n+1/2).
 
     Second order, conserves the discrete energy exactly, stable for dt <= 2 / omega_max. Dashpots and mass damping are
-    implicit, so they do not shorten the step.
+    implicit, so they do not reduce the stable step.
     """
 
     conserving: ClassVar[dict[str, object] | None] = {}
@@ -42,7 +42,7 @@ class Leapfrog(Stepper):
     safety: Fraction = 0.9
     """Time step over the stable one."""
     time_step: Duration | None = None
-    """Given instead of chosen; refused if it is not stable."""
+    """Length of a step in place of the chosen one; refused if it is not stable."""
 
     def bind(self, model: Model) -> LeapfrogMotion:
         return LeapfrogMotion(model.in_steps("explicit"), self._step_of(model))
@@ -83,9 +83,9 @@ def what_limits(model: Model, stable: float) -> str:
 class LeapfrogMotion:
     """Leapfrog bound to a model and a time step.
 
-    Plain nodes are updated inside the bulk kernel where the operator can do that (`FusedOperator`), those that
-    mechanisms act on by `SteppedNodes`. At the start, where displacement and velocity are known at one time, velocities
-    first take half a step: `State.lag` is zero then.
+    The bulk kernel updates plain nodes where the operator supports it (`FusedOperator`), and `SteppedNodes` those
+    that mechanisms act on. At the start, where displacement and velocity are known at one time, velocities
+    advance by half a step first: `State.lag` is zero then.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class LeapfrogMotion:
         Raises
         ------
         ProjectionError
-            On the rank that owns the failing interface point; the clock goes on, as on the other ranks.
+            On the rank that owns the failing interface point; the clock advances, as on the other ranks.
         """
         number = 0 if state.lag == 0 else 1 if state.numbers.pop("started", 0.0) else 2
         try:
@@ -178,14 +178,14 @@ class LeapfrogMotion:
         """Do nothing: forces are computed in each step."""
 
     def energies(self, state: State) -> dict[str, float]:
-        """Energy budget in the middle of the last step."""
+        """Return the energies in the middle of the last step [J]."""
         step, *bulk = self._sums
         return self.model.energies(state, (bulk[0], bulk[1]) if state.lag and step == state.step else None)
 
     def _add_elements(self, state: State, kick: Kick, energy: Floats | None) -> None:
         """Add internal forces at the stepped nodes, complete over ranks; advance plain nodes in the same sweep.
 
-        The elements at nodes of other ranks come first; their contributions travel while the others are computed.
+        The elements at nodes of other ranks come first; their contributions are sent while the others are computed.
         """
         how = state.displacement, state.velocity, state.force, kick.plain_push, self.dt, kick.plain_keep
         squares = 0.0
@@ -215,7 +215,7 @@ class LeapfrogMotion:
         outside : list of (ndarray of int or slice, ndarray)
             Degrees of freedom and values of the forces among them that do not derive from the strain energy [N].
         stored : float, optional
-            Strain energy at the displacement before, where it is no quadratic form [J]: half a step later it is
+            Strain energy at the previous displacement, where it is no quadratic form [J]: half a step later it is
             W(u_n) - f . v dt / 2, which is u_(n+1)' K u_n / 2 where it is one.
         """
         nodes = self.nodes

@@ -1,4 +1,4 @@
-"""Steps of PETSc's TS, so that schemes are chosen with PETSc options."""
+"""Steps of PETSc's TS, with schemes chosen by PETSc options."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 
 class PetscTs(Stepper):
-    """The equation of motion as PETSc's TS sees it: TSALPHA2 (implicit), TSBASICSYMPLECTIC or TSRK (explicit).
+    """Schemes of PETSc's TS: TSALPHA2 (implicit), TSBASICSYMPLECTIC or TSRK (explicit).
 
-    Faults enter with the traction they answer at the time of a stage, their state advanced there from the beginning of
-    the step as if the step ended at the stage, and are committed when a step is accepted; a rejected step leaves no
-    trace. Friction is of second order in time, whatever the scheme. `petsc_options` reach TS, its SNES and KSP:
-    ``{ ts_rk_type = "5dp", ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only where an
-    adaptor is asked for. TS makes one step at a time and monitors run after each, so that recorder, checkpoints and
-    signals are those of all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart
-    `alpha2` finds its acceleration anew, so that it goes on to the order of the scheme, not to the same bits.
+    Tractions of faults are computed at the time of a stage, with the state advanced from the beginning of
+    the step as if it ended at the stage, and are committed when a step is accepted; a rejected step changes
+    nothing. Friction is of second order in time for every scheme. `petsc_options` apply to TS, its SNES and KSP:
+    ``{ ts_rk_type = "5dp", ts_adapt_type = "basic" }``, ``ts_alpha_radius``, ``ts_monitor``; steps vary only with an
+    adaptor. TS makes one step at a time and monitors run after each, so that recorder, checkpoints and
+    signals work as for all steppers. Explicit native steps (`leapfrog`) are many times faster. After a restart
+    `alpha2` computes its acceleration again, so that results agree to the order of the scheme, not bitwise.
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
@@ -48,9 +48,9 @@ class PetscTs(Stepper):
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
     """Family of PETSc's schemes."""
     time_step: Duration | None = None
-    """Length of a step; from `courant` without it."""
+    """Length of a step; default: from `courant`."""
     courant: Positive | None = None
-    """Time step over the stable explicit one, where it is not given: 10 for `alpha2`, else 0.5."""
+    """Time step over the stable explicit one, without `time_step`; default: 10 for `alpha2`, else 0.5."""
     petsc_options: PetscOptions = {}
     """Options of PETSc's TS and solvers."""
 
@@ -101,7 +101,7 @@ class PetscTsMotion:
             self._set_up_first_order(PETSc)
 
     def _set_up_second_order(self) -> None:
-        """F(t, u, v, a) = 0 and its Jacobian."""
+        """Set the residual F(t, u, v, a) = 0 and its Jacobian."""
         matrix = self._equilibrium.tangent.matrix
         self._unit = self._mean_mass()  # times this mass, rows a = a_D of driven edges are as large as the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
@@ -118,7 +118,7 @@ class PetscTsMotion:
         return float(total) / (self.model.total_nodes * self.model.components)
 
     def _set_up_first_order(self, PETSc: Any) -> None:
-        """d(u, v)/dt = (v, a(t, u, v)), whole or in the two parts that symplectic schemes split."""
+        """Set d(u, v)/dt = (v, a(t, u, v)), whole or in the two parts of symplectic schemes."""
         n, comm = self._owned, self.model.comm
         self._both = PETSc.Vec().createMPI((2 * n, None), comm=comm)
         self._u, self._v = None, None
@@ -135,13 +135,16 @@ class PetscTsMotion:
     # -- what TS asks for --------------------------------------------------------------------------------------------
 
     def _spread(self, owned: np.ndarray) -> np.ndarray:
-        """Local values, ghosts included, a copy; collective."""
+        """Return local values with ghosts, a copy, from owned ones; collective."""
         self._ghosted.x.array[: self._owned] = owned
         self._ghosted.x.scatter_forward()
         return self._ghosted.x.array.copy()
 
     def _answer(self, time: float, u: np.ndarray) -> Solution | None:
-        """What faults and bodies answer at a stage; None where a law fails, which is kept; collective."""
+        """Return the solution of faults and bodies at a stage, None where a law fails; collective.
+
+        The error of the law is stored.
+        """
         try:
             return self._equilibrium.answer(self._state, time - self._state.time, u)
         except ProjectionError as error:
@@ -149,7 +152,7 @@ class PetscTsMotion:
             return None
 
     def _balance(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Internal and damping forces less the load [N]; not a number where a law fails."""
+        """Return internal and damping forces less the load [N]; not a number where a law fails."""
         if time - self._state.time < 1e-9 * self.dt:
             internal = self._equilibrium.forces.internal(self._state)
         else:
@@ -158,7 +161,7 @@ class PetscTsMotion:
         return internal + self._equilibrium.forces.damping_force(v) - self._equilibrium.forces.load(time)
 
     def _accelerated(self, time: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """a(t, u, v) [m/s2]."""
+        """Return a(t, u, v) [m/s2]."""
         a = -self._balance(time, u, v) / self.model.mass
         self.model.loads.accelerate(a, time)
         return a
@@ -183,7 +186,7 @@ class PetscTsMotion:
         out.array[:] = v.array_r
 
     def _acceleration(self, ts: fem.PETSc.TS, _: float, u: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
-        # TS hands out the time of the step, not that of the stage: positions are those of its beginning or of its end.
+        # TS passes the time of the step, not that of the stage: positions are those of its beginning or of its end.
         displacement = self._spread(u.array_r)
         ends = parallel.anywhere(self.model.comm, not np.array_equal(displacement, self._state.displacement))
         time = self._state.time + (self._ts.getTimeStep() if ends else 0.0)
@@ -197,12 +200,12 @@ class PetscTsMotion:
     # -- steps -------------------------------------------------------------------------------------------------------
 
     def step(self, state: State) -> None:
-        """One step of TS, as long as its adaptor and solver allow; collective.
+        """Make one step of TS, with the size that its adaptor and solver allow; collective.
 
         Raises
         ------
         ConvergenceError
-            On all ranks: TS gave up; the state is that of the last good step.
+            On all ranks: TS failed; the state is that of the last accepted step.
         """
         self._state, ts = state, self._ts
         equilibrium = self._equilibrium
@@ -248,11 +251,11 @@ class PetscTsMotion:
         ts.monitor(state.step, state.time, self._both if self._scheme != "alpha2" else self._u)
 
     def energies(self, state: State) -> dict[str, float]:
-        """At the end of the last step."""
+        """Return the energies at the end of the last step [J]."""
         return self.model.energies(state)
 
     def _put(self, state: State) -> None:
-        """The state into TS, with the velocity that driven edges have."""
+        """Copy the state to TS, with the velocity of driven edges."""
         velocity = state.velocity.copy()
         self.model.loads.drive(velocity, state.time)
         n = self._owned
@@ -262,7 +265,7 @@ class PetscTsMotion:
             self._both.array[:] = np.concatenate([state.displacement[:n], velocity[:n]])
 
     def _taken(self, state: State, dt: float) -> np.ndarray:
-        """The displacement TS came to, with driven edges where they are."""
+        """Return the displacement of TS after its step, with driven edges at their prescribed position [m]."""
         u = self._spread(self._u.array_r if self._scheme == "alpha2" else self._both.array_r[: self._owned])
         return np.where(self._driven, self.model.loads.moved(state.displacement, state.time, state.time + dt), u)
 

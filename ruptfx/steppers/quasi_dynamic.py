@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from ruptfx.state import FaultState, State
 
 MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
-OPENS = 0.01  # of its initial normal stress, below which a fault is taken to open
-LEAST = 1e-14  # step over time, next to rounding
+OPENS = 0.01  # part of its initial normal stress below which a fault counts as opening
+LEAST = 1e-14  # smallest step over time, close to rounding
 MAX_NEWTON = 50
-SLOWEST = -230.0  # of ln V
-FASTEST = 50.0  # of ln V, where nothing radiates
-NUDGE = 1e-6  # of ln V, for slopes
-BALANCED = 1e-9  # residual of a point over its shear traction
-HELD = 1e-9  # compliance of a point over that of the softest one, below which it moves as it is driven
+SLOWEST = -230.0  # lower bound of ln V
+FASTEST = 50.0  # upper bound of ln V without radiation
+NUDGE = 1e-6  # difference of ln V for numerical slopes
+BALANCED = 1e-9  # largest residual of a point over its shear traction
+HELD = 1e-9  # compliance of a point over the largest one, below which its motion is prescribed
 
 
 class QuasiDynamic(Stepper):
     """Equilibrium with radiation damping, slip and state of friction laws in adaptive Runge-Kutta steps.
 
-    Tractions follow from slip by a matrix that is made once, for bodies are linear:
+    Bodies are linear, so that a matrix computed once gives the tractions from slip:
 
         tau = tau_0 + tau_F(t) - K s,   ds/dt = V along tau,   dtheta/dt of the law,
         V >= 0,   strength(V, theta) + eta V >= |tau|,   V [strength(V, theta) + eta V - |tau|] = 0
@@ -67,9 +67,9 @@ class QuasiDynamic(Stepper):
     tolerance: Fraction = 1e-4
     """Error of a step: of slip over D_c, and of the logarithm of the age or, of other states, in the coefficient."""
     first_step: Duration | None = None
-    """Default: the step in which the fastest point slips a hundredth of its D_c."""
+    """First time step; default: the step in which the fastest point slips a hundredth of its D_c."""
     largest_step: Duration | None = None
-    """Default: a hundredth of the duration."""
+    """Largest time step; default: a hundredth of the duration."""
 
     def bind(self, model: Model) -> QuasiDynamicMotion:
         return QuasiDynamicMotion(model, self)
@@ -103,7 +103,7 @@ class QuasiDynamicMotion(SlowMotion):
         self.dt = min(stepper.first_step or self._first_step(), self._greatest)
 
     def _make_matrices(self) -> None:
-        """Tractions per jump of loaded bodies with stuck faults, and per slip.
+        """Compute tractions per jump of loaded bodies with stuck faults, and per slip.
 
         With k the stiffness of stuck faults in A and g_F = J A^-1 F the jump under the loads, bodies have the jump
         g = g_F - S (t - k g) under tractions t; contact of compliance c has g = s + c t. Hence
@@ -126,10 +126,10 @@ class QuasiDynamicMotion(SlowMotion):
         return parallel.three_digits(0.01 / rate) if rate > 0 else self._greatest
 
     def _initial_guess(self, fault: Fault, fields: FaultState) -> np.ndarray:
-        """Slip rates to begin Newton's method with [m/s], shape (n,).
+        """Return slip rates as first iterates of Newton's method [m/s], shape (n,).
 
-        A point at rest, as one that slides too fast for explicit steps to start with, begins at the slip rate that the
-        law carries, or at that which radiates all of its traction, whichever is less.
+        A point at rest, or one with an initial slip rate that was set to zero, begins at the slip rate that the
+        law carries, or at the rate that radiates all of its traction, whichever is less.
         """
         speed = speed_of(fault, fields)
         shear = np.linalg.norm(fault.components(fields, "shear_traction"), axis=1)
@@ -140,7 +140,7 @@ class QuasiDynamicMotion(SlowMotion):
         return np.where(speed > np.exp(SLOWEST), speed, np.nan_to_num(carried, nan=0.0))
 
     def _of_all(self, ask: Callable[[Fault], np.ndarray]) -> np.ndarray:
-        """What every fault has at its own points, at all points; collective."""
+        """Return values of all points from a function of each fault; collective."""
         return self._jumps.gather({fault.name: ask(fault) for fault in self.model.faults})
 
     def _variables(self, fault: Fault, fields: FaultState) -> np.ndarray:
@@ -149,18 +149,18 @@ class QuasiDynamicMotion(SlowMotion):
         return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
     def _agreed(self, values: np.ndarray) -> np.ndarray:
-        """Those of the first rank: products differ in their last digits."""
+        """Return the values of the first rank, as products differ in their last digits; collective."""
         comm = self.model.comm
         agreed: np.ndarray = values if comm.size == 1 else comm.bcast(values, root=0)
         return agreed
 
     def step(self, state: State) -> None:
-        """One step that is accurate enough; collective.
+        """Make one step within the tolerance; collective.
 
         Raises
         ------
         ConvergenceError
-            On all ranks, the state as before: a point without a slip rate that balances its traction, no step short
+            On all ranks, with an unchanged state: a point without a slip rate that balances its traction, no step short
             enough, or a fault that opens.
         """
         self._refuse_to_open(state)
@@ -229,7 +229,7 @@ class QuasiDynamicMotion(SlowMotion):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of slip and state; tractions beyond the initial ones, (points, local), and slip rates, (points, tangents).
 
-        Not a number where there is no slip rate, or the fault would open.
+        Shapes (points, tangents + 1), (points, local) and (points, tangents); NaN without a slip rate, or on opening.
         """
         shear = y.shape[1] - self._states
         slip = self._with_normal(y[:, :shear])
@@ -280,7 +280,7 @@ class QuasiDynamicMotion(SlowMotion):
 
     @staticmethod
     def _error(fault: Fault, time: float, point: int, values: dict[str, np.ndarray]) -> ConvergenceError:
-        """The error for a point without a slip rate."""
+        """Return the error for a point without a slip rate."""
         where = ", ".join(f"{x:.6g}" for x in fault.interface.points[point])
         listed = ", ".join(f"{name} {value[point]:.6g} Pa" for name, value in values.items())
         return ConvergenceError(
@@ -290,20 +290,20 @@ class QuasiDynamicMotion(SlowMotion):
         )
 
     def _stresses(self, fault: Fault, time: float, traction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from those beyond the initial ones."""
+        """Return normal stress and shear traction [Pa], shapes (n,) and (n, tangents), from changes of traction."""
         pressure = fault.normal_stress_0 - (traction[:, 0] if fault.interface.has_normal else 0.0)
         return pressure, fault.driving_shear(time) + traction[:, self._shear]
 
     def _with_normal(self, slip: np.ndarray) -> np.ndarray:
-        """With a normal component of zero where faults have one, shape (points, local)."""
+        """Return slip with a zero normal component where faults have one, shape (points, local)."""
         whole = np.zeros((self._jumps.points, self._jumps.local))
         whole[:, self._shear] = slip
         return whole
 
     def _loaded_jump(self, time: float) -> np.ndarray:
-        """Of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
+        """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
 
-        Loads that only grow, as those of plates that move on, are answered by a part of the jump at the end.
+        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at the end.
         """
         model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._at_end
         given = self._loads(time)
@@ -314,21 +314,21 @@ class QuasiDynamicMotion(SlowMotion):
         return self._jump_under(given, time) if parallel.anywhere(model.comm, not same) else np.asarray(part * jump)
 
     def _loads(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Nodal forces [N] and the displacement of driven edges [m]."""
+        """Return nodal forces [N] and the displacement of driven edges [m]."""
         model = self.model
         return self.equilibrium.forces.load(time), model.loads.moved(np.zeros(len(model.mass)), 0.0, time)
 
     def _jump_under(self, given: tuple[np.ndarray, np.ndarray], time: float) -> np.ndarray:
-        """As `_loaded_jump`, by a solution of its own."""
+        """Return the jump of `_loaded_jump` by a solution for the given loads."""
         moved = given[1]
         return self._jumps.of(self._balanced(moved, time, self._of_stuck(self._jumps.of(moved))))
 
     def _of_stuck(self, jump: np.ndarray) -> np.ndarray:
-        """k times a jump [Pa], both of shape (points, local)."""
+        """Return k times a jump [Pa], both of shape (points, local)."""
         return np.asarray(np.einsum("pij,pj->pi", self._bodies.stuck, jump))
 
     def _balanced(self, u: np.ndarray, time: float, push: np.ndarray) -> np.ndarray:
-        """Displacement in equilibrium with the loads of a time [m], from one with edges driven to where they are then.
+        """Return the displacement in equilibrium with the loads of a time [m], from one with driven edges in place.
 
         Parameters
         ----------
@@ -355,7 +355,7 @@ class QuasiDynamicMotion(SlowMotion):
         return Solution(u, internal, faults, dt, 0, 1, [], 0.0, self.equilibrium.answers)
 
     def _require_balance(self, u: np.ndarray, internal: np.ndarray, time: float) -> None:
-        """Check that free nodes are in equilibrium, where two linear solves have put them; collective.
+        """Check that free nodes are in equilibrium after two linear solves; collective.
 
         Raises
         ------
@@ -377,7 +377,7 @@ class QuasiDynamicMotion(SlowMotion):
     def _fields(
         self, fault: Fault, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
     ) -> FaultState:
-        """Of one fault at the end of a step."""
+        """Return the fields of one fault at the end of a step."""
         old, time = state.faults[fault.name], state.time + dt
         pressure, shear = self._stresses(fault, time, traction)
         shear_columns, evolution = end.shape[1] - self._states, self._evolutions[fault.name]
@@ -398,9 +398,9 @@ class QuasiDynamicMotion(SlowMotion):
 def zero_of(
     missing: Callable[[np.ndarray], np.ndarray], guess: np.ndarray, scale: np.ndarray, highest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where functions that fall with x are zero, by Newton's method, and their values next to it, shapes (n,).
+    """Return the zeros of functions that decrease with x, by Newton's method, and their residuals, shapes (n,).
 
-    `SLOWEST` where they are negative from there on; not a number where the value is not zero to `BALANCED`.
+    `SLOWEST` where functions are negative from there on; not a number where the residual exceeds `BALANCED`.
 
     Parameters
     ----------
@@ -419,7 +419,7 @@ def zero_of(
             value = missing(x)
             slope = (missing(x + NUDGE) - value) / NUDGE
             newton = np.clip(x - np.clip(value / slope, -3, 3), SLOWEST, highest)
-            # Far below the zero the slope is lost in rounding; where it is lost above, there is none.
+            # Far below the zero the slope vanishes in rounding; where it vanishes above, there is no zero.
             change = np.where(slope < 0, newton, np.where(value > 0, 0.5 * (x + highest), SLOWEST)) - x
             change = np.where(np.isfinite(value), change, np.nan)
             balanced = (np.abs(value) <= BALANCED * scale) | ((value < 0) & (x == SLOWEST))
@@ -431,11 +431,11 @@ def zero_of(
 
 
 def speed_of(fault: Fault, fields: FaultState) -> np.ndarray:
-    """Slip rate [m/s], shape (n,)."""
+    """Return the slip rate [m/s], shape (n,)."""
     return np.asarray(np.linalg.norm(fault.components(fields, "slip_rate"), axis=1))
 
 
 def compliance(fault: Fault) -> np.ndarray:
-    """Jump per traction of the contact [m/Pa], shape (n, local)."""
+    """Return the jump per traction of the contact [m/Pa], shape (n, local)."""
     normal, shear = (1 / each for each in fault.contact.stiffness())
     return np.tile([normal] * fault.interface.has_normal + [shear] * fault.tangents, (len(fault.interface.plus), 1))

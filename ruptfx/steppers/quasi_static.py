@@ -1,4 +1,4 @@
-"""Equilibrium without inertia, in steps that adapt."""
+"""Equilibrium without inertia, in adaptive steps."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which
 class QuasiStatic(Stepper):
     """Equilibrium at the end of every step: K u + J' W (T - T_0) = F, slip and state to second order (BDF2).
 
-    The step follows half the difference between the explicit and the implicit Euler step, dt |V - V_old| / 2 <
+    The step size follows half the difference between the explicit and the implicit Euler step, dt |V - V_old| / 2 <
     slip_tolerance + rate_tolerance dt V with V the mean slip rates of two steps, more than the error of slip, and the
-    number of Newton iterations; with `strength_tolerance` also what the same difference makes in the state of the law.
+    number of Newton iterations; with `strength_tolerance` also the effect of that difference on the state of the law.
     Where slip becomes unstable the next equilibrium is far away, or there is none: steps fall to `smallest_step`, jump
-    to it and the log says so, or the run stops. `radiation_damping` carries off what waves would (quasi-dynamic;
-    Source: Rice 1993); kind = "hybrid" computes them.
+    to it with a message in the log, or the run stops. `radiation_damping` replaces waves (quasi-dynamic;
+    Source: Rice 1993); `hybrid` computes them.
     """
 
     ways: ClassVar[tuple[Way, ...]] = ("implicit",)
@@ -49,20 +49,20 @@ class QuasiStatic(Stepper):
     staged: ClassVar[bool] = True
 
     first_step: Duration | None = None
-    """Default: the step in which the fastest motion of edges and interfaces covers the slip tolerance."""
+    """First time step; default: the fastest edge or interface moves by the slip tolerance."""
     largest_step: Duration | None = None
-    """Default: a hundredth of the duration."""
+    """Largest time step; default: a hundredth of the duration."""
     smallest_step: Duration | None = None
-    """No step is repeated for accuracy below it; default: a tenth of the stable explicit one."""
+    """Time step below which no step is repeated for accuracy; default: a tenth of the stable explicit one."""
     slip_tolerance: Length | None = None
-    """Default: a fiftieth of the shortest length in the friction laws; without one, of the slip that relaxes a
-    hundredth of the normal stress over the whole interface."""
+    """Error of slip; default: a fiftieth of the shortest length in the friction laws, or of the slip that relaxes a
+    hundredth of the normal stress over the whole interface if they have none."""
     rate_tolerance: Fraction = 0.1
-    """Part of the slip of a step that its error may be, besides the slip tolerance."""
+    """Error of slip over the slip in a step, in addition to the slip tolerance."""
     strength_tolerance: Fraction | None = None
-    """Error of the strength, which the state of the law brings, over the normal stress: steps then follow the state,
-    too, also where it changes and nothing slips. Where errors add up, as in seismic cycles, 0.001 or so, with a slip
-    tolerance of D_c / 400 and a rate tolerance of 0.02; `quasi_dynamic` takes far fewer steps there."""
+    """Error of the strength by the state of the law, over the normal stress: the step then follows the state,
+    too, also without slip. Where errors accumulate, as in seismic cycles, about 0.001, with a slip
+    tolerance of D_c / 400 and a rate tolerance of 0.02; `quasi_dynamic` needs far fewer steps there."""
     radiation_damping: bool = False
     """Subtract mu / (2 c_s) times the slip rate from the elastic traction."""
     petsc_options: PetscOptions = {}
@@ -96,12 +96,12 @@ class QuasiStaticMotion(SlowMotion):
         return self.slip_tolerance / fastest if fastest > 0 else self._greatest
 
     def step(self, state: State) -> None:
-        """One step that converged and is accurate enough, or as small as it may be; collective.
+        """Make one step that converged and is accurate enough, or is of the smallest size; collective.
 
         Raises
         ------
         ConvergenceError
-            On all ranks, the state as before: halving the step did not help.
+            On all ranks, with an unchanged state: no convergence after halving the step.
         """
         planned, halvings = state.numbers.get("dt", self.dt), 0
         dt = shortened = self.model.loads.shortened(state.time, planned)
@@ -122,21 +122,21 @@ class QuasiStaticMotion(SlowMotion):
         state.numbers["dt"] = max(following, planned) if dt == shortened < planned else following
 
     def energies(self, state: State) -> dict[str, float]:
-        """At the end of the step."""
+        """Return the energies at the end of the step [J]."""
         deferred = self.equilibrium.deferred
         return self.model.energies(state) if deferred is None else deferred.energies(state)
 
     def leave(self, state: State) -> None:
-        """Put off no more what these steps leave for later."""
+        """End the deferred updates of these steps."""
         if self.equilibrium.deferred is not None:
             self.equilibrium.deferred.end(state)
 
     def enter(self, state: State) -> None:
-        """Other loads may be faster: no step is longer than the first of a run would be."""
+        """Limit the next step to the first step of a run, as other loads may be faster."""
         state.numbers["dt"] = min(state.numbers["dt"], self.dt)
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
-        """The equilibrium, or None where there is none and a smaller step may help."""
+        """Return the equilibrium, or None where none is found and a smaller step may help."""
         deferred = self.equilibrium.deferred
         if deferred is not None and deferred.is_on(state):
             try:
@@ -147,7 +147,7 @@ class QuasiStaticMotion(SlowMotion):
                 ahead = None
             if ahead is not None:
                 return ahead
-            deferred.end(state)  # the whole system tells whether there is an equilibrium
+            deferred.end(state)  # the full system decides whether there is an equilibrium
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
@@ -157,7 +157,7 @@ class QuasiStaticMotion(SlowMotion):
             raise ConvergenceError(f"{error}; the step was halved {halvings} times, {advice}") from None
 
     def _commit(self, state: State, solution: Solution) -> None:
-        """Take over a step, and count energies."""
+        """Copy a step to the state, and count energies."""
         self.count_radiation(state, solution)
         deferred = self.equilibrium.deferred
         if deferred is not None and isinstance(solution, Ahead):
@@ -176,7 +176,7 @@ class QuasiStaticMotion(SlowMotion):
         self._warned = True
 
     def _error(self, state: State, solution: Solution) -> float:
-        """Error of slip and strength over what is tolerated, the largest of all points."""
+        """Return the error of slip and strength over the tolerance, the largest of all points."""
         worst, dt = solution.slid, solution.dt
         for fault in self.model.faults:
             old, new = (
@@ -191,9 +191,9 @@ class QuasiStaticMotion(SlowMotion):
         return parallel.largest(self.model.comm, worst)
 
     def _strength_error(self, fault: Fault, state: State, solution: Solution) -> float:
-        """Estimated error of the strength over the normal stress, largest of the points of this rank in contact.
+        """Return the estimated error of the strength over the normal stress, largest of this rank's points in contact.
 
-        Half of what it makes whether the state advances with the slip rate of this step or of the one before.
+        The error is half the difference between advancing the state with the slip rates of this and the previous step.
         """
         old, new, law = state.faults[fault.name], solution.faults[fault.name], fault.friction
         before, rate = (
@@ -208,7 +208,7 @@ class QuasiStaticMotion(SlowMotion):
         return float(np.max(error * (stress > 0), initial=0.0))
 
     def _next(self, dt: float, error: float, solution: Solution) -> float:
-        """Size of the next step [s]."""
+        """Return the size of the next step [s]."""
         growth = min(0.8 / np.sqrt(max(error, 1e-12)), MOST_GROWTH)
         newton = solution.iterations / solution.outer
         if newton > EASY:
@@ -217,17 +217,17 @@ class QuasiStaticMotion(SlowMotion):
 
 
 def stepped(factor: float) -> float:
-    """A factor rounded down to a quarter of an octave.
+    """Return a factor rounded down to a quarter of an octave.
 
-    Rounding of the error, which depends on the number of ranks, then hardly ever shows in the size of a step.
+    Rounding of the error, which depends on the number of ranks, then hardly ever changes the size of a step.
     """
     return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
 
 
 def slip_to_resolve(model: Model, fault: Fault) -> float:
-    """A fiftieth of the shortest length in the friction law [m]; collective.
+    """Return a fiftieth of the shortest length in the friction law [m]; collective.
 
-    Without one, of the slip that relaxes a hundredth of the normal stress over the whole interface.
+    Without such a length it is a fiftieth of the slip that relaxes a hundredth of the normal stress.
     """
     shortest = -parallel.largest(model.comm, -min(_lengths(fault.friction), default=np.inf))
     if not np.isfinite(shortest):
@@ -238,7 +238,7 @@ def slip_to_resolve(model: Model, fault: Fault) -> float:
 
 
 def _lengths(law: Part) -> Iterator[float]:
-    """Every positive length among the parameters of a law and of the law it holds."""
+    """Yield every positive length among the parameters of a law and of the law it contains."""
     for name in type(law).model_fields:
         value = getattr(law, name)
         if isinstance(value, Part):
