@@ -1,22 +1,22 @@
-"""Who faces whom, and how tractions go over: a dual mortar on the nodes of the plus side, frozen between updates.
+"""Mortar pairing: a dual mortar on the nodes of the plus side transfers tractions, frozen between updates.
 
-Traction lives at the nodes of the plus side, with the dual basis psi of their Lagrange basis l on every facet,
+Tractions are values at the nodes of the plus side, with the dual basis psi of their Lagrange basis l on every facet,
 
     psi_a = D_a sum_b (M^-1)_ab l_b,   M_ab = int l_a l_b ds,   D_a = int l_a ds,
 
-so that w_i = sum of D_a is the length of a point and what it faces is the mean
+so that w_i = sum of D_a is the length of a point and its partner is the weighted mean
 
     x-_i = sum_j B_ij x-_j,   w_i B_ij = int psi_i N_j ds,
 
-with the basis N of the facing facets where the facet's points project on them, along the normal of its chord. Facets
-are cut where facing vertices project on them, so that a uniform stress passes to round-off between any meshes. The
-tangent of a point is the mean of the *facing* one with the same psi: then J = frame (u+ - B u-) is the gradient of the
-gap where that is closed, sliding included, and a frozen operator does no work in sliding.
+with the basis N of the facets of the minus side at the projections of the points along the normal of the chord. Facets
+are cut at the projections of vertices of the minus side, so that a uniform stress transfers to round-off. The
+tangent of a point is the mean tangent of the *minus* side with the same psi: then J = frame (u+ - B u-) is the gradient
+of the gap at closed points, also after sliding, and a frozen operator does no work in sliding.
 
-Where a facet reaches over the end of the facing surface its nodes are taken one by one: those that face something with
-what is opposite to them; the others carry nothing.
+Where a facet overhangs the end of the minus side each node is treated by itself: nodes with a projection are paired
+with it; the others carry nothing.
 
-`facing.c` does the work; the tests have the same with arrays.
+`facing.c` contains the code; the tests have a NumPy version.
 
 Source: Wohlmuth (2000), Popp et al. (2009) for dual mortars; here on GLL nodes, with facing frames.
 """
@@ -34,29 +34,29 @@ from numpy.typing import NDArray
 from ruptfx import RuptfxError, native
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
-REACH = 10  # facets of either side: what is farther away is not faced
-OVERHANG = 0.02  # of a facet: the ends of two bodies one above the other are not beside each other because they tilt
-SLIVER = 1e-9  # of a facet: what is shorter is not integrated
-COLUMNS = 8  # rows of B are filled up to a multiple of this
+REACH = 10  # largest distance of paired surfaces, in facets of either side
+OVERHANG = 0.02  # part of a facet: tolerated overhang at the ends of two aligned bodies that tilt
+SLIVER = 1e-9  # part of a facet: shorter overlaps are not integrated
+COLUMNS = 8  # rows of B are padded to a multiple of this
 
 
 def whole(columns: int) -> int:
-    """The next multiple of `COLUMNS`."""
+    """Return the next multiple of `COLUMNS`."""
     return -(-columns // COLUMNS) * COLUMNS
 
 
 @dataclass(frozen=True)
 class Coupling:
-    """B: what a point faces is a mean of nodes that follow each other on the other side.
+    """Matrix B: the partner of a point is a weighted mean of consecutive nodes of the other side.
 
     Attributes
     ----------
     first : ndarray of int, shape (n,)
-        The first node of every row; 0 where nothing is faced.
+        First node of every row; 0 for points without a partner.
     values : ndarray, shape (n, columns)
-        Of the nodes from there on, zero beyond what is faced; the same number of columns in all rows.
+        Weights of the nodes from there on, zero beyond the partner; the same number of columns in all rows.
     nodes : int
-        Of the other side.
+        Number of nodes of the other side.
     """
 
     first: Integers
@@ -64,7 +64,7 @@ class Coupling:
     nodes: int
 
     def __matmul__(self, nodal: Floats) -> Floats:
-        """B times values at the nodes of the other side, shape (nodes, ...)."""
+        """Return B times values at the nodes of the other side, shape (nodes, ...)."""
         if not self.nodes:
             return np.zeros((len(self.first), *nodal.shape[1:]))
         columns = np.minimum(self.first[:, None] + np.arange(self.values.shape[1]), self.nodes - 1)
@@ -72,38 +72,38 @@ class Coupling:
         return found
 
     def squared(self) -> Coupling:
-        """With the squares of all entries."""
+        """Return the matrix with the squares of all entries."""
         return Coupling(self.first, self.values**2, self.nodes)
 
     def transposed(self) -> Coupling:
-        """B': the points that face every node of the other side, which follow each other, too."""
+        """Return B': consecutive points paired with every node of the other side."""
         point, column = np.nonzero(self.values)
         node = self.first[point] + column
         first, last = np.zeros((2, self.nodes), dtype=np.int64)
-        first[node[::-1]], last[node] = point[::-1], point  # in order: the one that is written last counts
+        first[node[::-1]], last[node] = point[::-1], point  # in order: the last assignment counts
         values = np.zeros((self.nodes, whole(int(np.max(last - first, initial=0)) + 1)))
         values[node, point - first[node]] = self.values[point, column]
         return Coupling(first, values, len(self.first))
 
     def nearest(self) -> Integers:
-        """The node that a point faces most."""
+        """Return the node with the largest weight of every point."""
         return self.first + np.argmax(self.values, axis=1)
 
 
 @dataclass(frozen=True)
 class Facing:
-    """Who faces whom at one time.
+    """Mortar pairing at one time.
 
     Attributes
     ----------
     coupling : Coupling
-        B; zero where nothing is faced.
+        B; zero rows for points without a partner.
     weight : ndarray, shape (n,)
-        Length of every point [m]; where nothing is faced that of its nodes.
+        Length of every point [m]; the tributary length for points without a partner.
     tangent : ndarray, shape (n, 2)
-        Of the facing surface, a unit vector.
+        Unit tangent of the minus side.
     covered : ndarray of bool, shape (n,)
-        Whether the point faces something.
+        Whether the point has a partner.
     """
 
     coupling: Coupling
@@ -113,7 +113,7 @@ class Facing:
 
 
 def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
-    """Coefficients D_a (M^-1)_ab of psi_a in the Lagrange basis, by quadrature; shape (facets, nodes, nodes)."""
+    """Return coefficients D_a (M^-1)_ab of psi_a in the Lagrange basis, by quadrature; shape (facets, nodes, nodes)."""
     table, corners = plus.basis.values(at), plus.points[plus.numbers]
     metric = np.linalg.norm(np.einsum("gb,fbc->fgc", plus.basis.slopes(at), corners), axis=2) * weights
     mass = np.einsum("fg,ga,gb->fab", metric, table, table)
@@ -122,7 +122,7 @@ def dual_basis(plus: Surface, at: Floats, weights: Floats) -> Floats:
 
 
 class Mortar:
-    """The coupling of two surfaces.
+    """The mortar coupling of two surfaces.
 
     Parameters
     ----------
@@ -132,9 +132,9 @@ class Mortar:
     def __init__(self, plus: Surface, minus: Surface) -> None:
         self.plus, self.minus = plus, minus
         basis, corners = plus.basis, plus.points[plus.numbers]
-        # The same points here and on what faces one facet alone: nodes that match then face each other exactly.
+        # The same points as for a facet that overlaps one facet only: matching nodes are then paired exactly.
         self._gauss = at, weights = legendre.leggauss(plus.order + -(-minus.order // 2) + 2)
-        # In Legendre polynomials: of the dual basis, and of the places of the nodes.
+        # Legendre coefficients of the dual basis, and of the coordinates of the nodes.
         self._dual = np.ascontiguousarray(dual_basis(plus, at, weights) @ basis.inverse.T)
         self._shape = np.ascontiguousarray(np.einsum("ka,fac->fck", basis.inverse, corners))
         self._nodal, self._length = plus.shares, plus.lengths
@@ -148,16 +148,16 @@ class Mortar:
         self._grow(4 * (plus.facets + minus.facets))
 
     def _grow(self, capacity: int) -> None:
-        """Room for pieces: facets and from where to where they overlap."""
+        """Allocate arrays for overlaps: pairs of facets, and their start and end."""
         self._pair, self._ends = np.zeros((2, capacity), dtype=np.int64), np.zeros((2, capacity))
 
     def find(self, plus: Floats, minus: Floats) -> Facing:
-        """Who faces whom where the nodes are at these places.
+        """Return the pairing for given coordinates of the nodes.
 
         Parameters
         ----------
-        plus, minus : ndarray, shapes (n, 2) and (facing nodes, 2)
-            Of both surfaces, in the order of their chains [m].
+        plus, minus : ndarray, shapes (n, 2) and (nodes of the minus side, 2)
+            Coordinates of both surfaces, in the order of their chains [m].
 
         Raises
         ------
@@ -197,7 +197,7 @@ class Mortar:
         return Facing(Coupling(first, values, len(minus)), weight, tangent, covered)
 
     def _overlaps(self, plus: Floats, minus: Floats) -> tuple[int, Floats]:
-        """How many pieces there are, and how much of every facet is faced."""
+        """Return the number of overlaps, and the covered part of every facet."""
         share = np.zeros(self.plus.facets)
         while True:
             capacity = self._pair.shape[1]
@@ -211,7 +211,7 @@ class Mortar:
             self._grow(pieces)
 
     def _rows(self, pieces: int) -> tuple[Integers, int]:
-        """The first column of every row, and the columns of the longest one."""
+        """Return the first column of every row, and the number of columns of the longest one."""
         facets, order = self.plus.facets, self.plus.order
         begin, end = np.full(facets, len(self.minus.nodes)), np.zeros(facets, dtype=np.int64)
         own, faced = self._pair[:, :pieces]
@@ -225,7 +225,7 @@ class Mortar:
         return np.where(last > 0, first, 0), whole(columns)
 
     def _own_tangent(self, plus: Floats) -> Floats:
-        """Mean tangent of the plus side at its nodes, not normalised."""
+        """Return the mean tangent of the plus side at its nodes, not normalised."""
         slopes = np.einsum("gb,fbc->fgc", self.plus.basis.slopes(self.plus.basis.points), plus[self.plus.numbers])
         tangent = np.zeros_like(plus)
         np.add.at(tangent, self.plus.numbers, slopes)

@@ -1,4 +1,4 @@
-"""When it is found again what the points of an interface face; what a run needs to go on from there."""
+"""Updates of the pairing of a sliding interface, and their data for restarts."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 LOG = logging.getLogger("ruptfx.run")
-LARGE = 0.05  # strain or rotation of a facet; beyond it the theory of small ones is off by as much
-FIELDS = "followed_"  # names of nodal fields of a state begin so
-BARELY = 1e-9  # of the distance of nodes: overlap that rounding may make
+LARGE = 0.05  # strain or rotation of a facet, an estimate of the error of the theory of small strains
+FIELDS = "followed_"  # prefix of the names of nodal fields in a state
+BARELY = 1e-9  # overlap by rounding over the distance of nodes
 
 
 class Follower:
-    """Lets the geometry of an interface follow the motion; called at the beginning of every explicit step.
+    """Updates the geometry of an interface after motion; called at the beginning of every explicit step.
 
-    What it was last made from is in the state, the displacement as a nodal field and the tangential jump as a field of
-    the fault: a run that goes on from a checkpoint makes the same geometry, to the last bit.
+    The state contains the data of the last update, the displacement as a nodal field and the tangential jump as a field
+    of the fault: a restart from a checkpoint has bitwise the same geometry.
 
     Parameters
     ----------
@@ -38,12 +38,12 @@ class Follower:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
         self._fault, self.face = fault, face
-        self._made: State | None = None  # the state that the geometry is of
-        self._room = 0.0  # that points have left at least, before one has slid far enough [m]
-        self._large = LARGE  # of what the log says something
+        self._made: State | None = None  # the state that the geometry belongs to
+        self._room = 0.0  # lower bound of the slip until the next update [m]
+        self._large = LARGE  # threshold of the next warning
 
     def __call__(self, state: State) -> None:
-        """Find again what points face if one has slid far enough, or if one that faced nothing may do so now."""
+        """Update the pairing if a point has slid far enough, or if one without a partner may find one."""
         face, geometry = self.face, self.face.geometry
         self._room -= geometry.slides
         geometry.slides = np.inf
@@ -65,7 +65,7 @@ class Follower:
             state.take(self._fault.name, "facing", held - self._held_in_springs(state))
 
     def _held_in_springs(self, state: State) -> float:
-        """Energy of compliant contact at the time of the velocity, points of this rank [J]."""
+        """Return the energy of compliant contact at the time of the velocity, points of this rank [J]."""
         if not any(self._fault.contact.stiffness()):
             return 0.0
         half = 0.5 * state.lag
@@ -73,7 +73,7 @@ class Follower:
         return sum(self._fault.elastic_energy(state.faults[self._fault.name], added, half, state.fault_time))
 
     def _stretch(self, state: State) -> None:
-        """Let springs carry, at the time of the tractions, what lies across what they face now."""
+        """Give springs the elastic jump between the new partners, at the time of the tractions."""
         if not any(self._fault.contact.stiffness()):
             return
         fault, fields, time = self._fault, state.faults[self._fault.name], state.fault_time
@@ -83,7 +83,7 @@ class Follower:
         fields["shear_traction"][:] = trial.shear_traction[0]
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:
-        """Displacement and slip that the geometry was last made from, which it is now."""
+        """Restore the geometry of the last update, and return displacement and slip of that update."""
         field = FIELDS + self._fault.name
         if field not in state.fields:
             state.fields[field] = np.zeros_like(state.displacement)
@@ -94,7 +94,7 @@ class Follower:
         return followed, slip_then
 
     def _remember(self, state: State, displacement: Floats, slip: Floats) -> None:
-        """Make the geometry of a displacement, with the tangential jump there, that of a state."""
+        """Set the geometry from a displacement and the tangential jump there, and store both in the state."""
         followed, slip_then = state.fields[FIELDS + self._fault.name], state.faults[self._fault.name]["slip_followed"]
         dofs = self.face.dofs
         followed[dofs], slip_then[:] = displacement[dofs], slip
@@ -104,7 +104,7 @@ class Follower:
             self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
 
     def _doubt(self, displacement: Floats, time: float) -> None:
-        """Say so where a surface strains or turns more than the theory of small strains allows; at each doubling."""
+        """Log surface strains or rotations that are too large for the theory of small strains, at each doubling."""
         plus, minus = self.face.geometry.plus, self.face.geometry.minus
         for side, moved in ((plus, displacement[: len(plus.nodes)]), (minus, displacement[len(plus.nodes) :])):
             if not len(side.nodes):  # rigid
@@ -130,10 +130,10 @@ class Follower:
 
 
 class StepFollower(Follower):
-    """Lets the geometry of an interface follow an implicit step, at whose end forces are in balance.
+    """Updates the geometry of an interface in an implicit step, at whose end forces are in balance.
 
-    A step is solved with the geometry of an estimate of its end, and again with that of its solution, until `change`
-    says that the two are the same. Slip goes on from the beginning of the step.
+    A step is solved with the geometry of an estimate of its end, and again with that of its solution, until both
+    agree (`change`). Slip continues from the beginning of the step.
 
     Parameters
     ----------
@@ -150,30 +150,30 @@ class StepFollower(Follower):
         self._estimate, self._taken, self._slip, self._pull = none, (none, none), none, none
 
     def begin(self, state: State) -> None:
-        """The geometry at the beginning of a step."""
+        """Set the geometry at the beginning of a step."""
         self._recall(state)
         fields = state.faults[self.name]
         self._begun, self._slip_begun = state.displacement.copy(), self.face.jump(state.displacement)[:, 1]
         self._pull_begun, self._held = self._pull_of(fields), self._energy(fields, state.time)
 
     def at(self, displacement: Floats) -> None:
-        """The geometry at an estimate of the displacement at the end."""
+        """Set the geometry at an estimate of the displacement at the end."""
         self._made, self._estimate = None, displacement.copy()
         self._follow(displacement, self._slip_begun, self._begun)
 
     def change(self, displacement: Floats, fields: FaultState, stiffness: Floats, largest: float) -> float:
-        """The geometry at a displacement that was solved for with the one before, and what is new in it.
+        """Set the geometry at a solution for the previous geometry, and return the relative change.
 
         Parameters
         ----------
         displacement : ndarray, shape (nodes * components,)
             [m]
         fields : FaultState
-            Of that solution.
+            Fault fields of that solution.
         stiffness : ndarray, shape (n,)
-            Of the bodies at every point [Pa/m].
+            Stiffness of the bodies at every point [Pa/m].
         largest : float
-            Normal stress of all points [Pa].
+            Largest normal stress of all points [Pa].
 
         Returns
         -------
@@ -196,20 +196,20 @@ class StepFollower(Follower):
         return max(float(moved.max()), float(turned.max()))
 
     def slid(self) -> float:
-        """Largest slip of the step as it was last solved, over the most that it may be."""
+        """Return the largest slip of the last solution of the step over its limit."""
         return float(np.max(np.abs(self._slip - self._slip_begun) / self.face.step_limit, initial=0.0))
 
     def commit(self, state: State, moved: Floats, friction: float) -> None:
-        """Take over the geometry that the step was solved with, and count what the interface took beyond friction.
+        """Store the geometry of the solution, and count energy taken by the interface beyond friction.
 
         Parameters
         ----------
         state : State
-            At the end.
+            State at the end of the step.
         moved : ndarray, shape (nodes * components,)
             Displacement added in the step [m].
         friction : float
-            What friction took at the points of this rank [J].
+            Frictional dissipation at the points of this rank [J].
         """
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
@@ -217,11 +217,11 @@ class StepFollower(Follower):
         state.take(self.name, "impact", taken - friction - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
-        """J' W T [N]."""
+        """Return J' W T [N]."""
         force = np.zeros(self._model.nodes * self._model.components)
         self.face.assemble(np.column_stack([-fields["normal_stress"], fields["shear_traction"]]), force)
         return force
 
     def _energy(self, fields: FaultState, time: float) -> float:
-        """Held in the interface, points of this rank [J]."""
+        """Return the elastic energy of the interface, points of this rank [J]."""
         return self._fault.elastic_energy(fields, np.zeros((len(self.face.plus), 2)), 0.0, time)[0]

@@ -1,12 +1,12 @@
-"""The jump of an interface that slides, and its exact transpose.
+"""The jump of an interface with finite sliding, and its exact transpose.
 
-Points are the nodes of the plus side; each faces a mean of nodes of the minus side (`ruptfx.sliding.facing`). The jump
-is affine in the displacement,
+Points are the nodes of the plus side; the mortar pairing (`ruptfx.sliding.facing`) gives each a weighted mean of nodes
+of the minus side. The jump is affine in the displacement,
 
     [u] = offset + frame (u+ - B u-),
 
-with an offset that makes the normal part the gap, now that the surfaces are where they are, and that keeps the
-tangential part what it was when B and the frames change: what sticks stays stuck, and the sum of all slip goes on.
+with an offset that makes the normal part the gap between the present surfaces, and that keeps the
+tangential part continuous when B and the frames change: sticking points remain stuck, and slip accumulates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 JUMP = files("ruptfx.sliding").joinpath("jump.c")
-OVERLAP = 0.01  # of the distance of nodes: what surfaces may overlap before anything moves
+OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of nodes
 
 
 class Table(ctypes.Structure):
@@ -48,7 +48,7 @@ def _library() -> ctypes.CDLL:
 
 
 class Geometry:
-    """What changes in an interface that slides: B, frames and weights, overwritten in place.
+    """Variable quantities of a sliding interface: B, frames and weights, overwritten in place.
 
     Parameters
     ----------
@@ -57,20 +57,20 @@ class Geometry:
     Attributes
     ----------
     coupling : Coupling
-        B of the nodes that move; of a rigid surface there are none.
+        B of the movable nodes, of which a rigid surface has none.
     opposite : Coupling
-        B of all points of the facing surface: the same but where that is rigid.
+        B of all nodes of the opposite surface; the same unless that is rigid.
     offset : ndarray, shape (n, 2)
         [m]
     covered : ndarray of bool, shape (n,)
-        Whether a point faces anything.
+        Whether a point has a partner on the opposite surface.
     all_covered : bool
     revision : int
-        Grows with every update.
+        Number of updates.
     slides : float
-        What no point slides more than in the step that follows; infinite where a step does not say so [m].
+        Upper bound of the slip of all points in the next step, infinite if unknown [m].
     table : Table
-        All of it as the C code takes it.
+        The same data for the C code.
     """
 
     coupling: Coupling
@@ -83,7 +83,7 @@ class Geometry:
         n = len(plus.nodes)
         self.frame, self.weight, self.offset = np.zeros((n, 2, 2)), np.zeros(n), np.zeros((n, 2))
         self.nearest = np.zeros(n, dtype=np.int64)
-        self._acting = np.zeros((n, 2, 2))  # frames, zero where nothing is faced
+        self._acting = np.zeros((n, 2, 2))  # frames, zero for points without a partner
         self._dofs = 2 * np.concatenate([plus.nodes, minus.nodes])
         self.coupling = self.opposite = Coupling(np.zeros(n, dtype=np.int64), np.zeros((n, 0)), len(minus.nodes))
         self.covered, self.all_covered = np.zeros(0, dtype=bool), True
@@ -91,16 +91,16 @@ class Geometry:
         self.follow(np.zeros((n + len(minus.nodes), 2)), np.zeros(n))
 
     def follow(self, displacement: Floats, slip: Floats, before: Floats | None = None) -> None:
-        """Find what every point faces.
+        """Update the pairing of all points.
 
         Parameters
         ----------
         displacement : ndarray, shape (nodes of both surfaces, 2)
-            Of the plus, then of the minus side [m].
+            Displacement of the plus, then of the minus side [m].
         slip : ndarray, shape (n,)
-            The tangential jump so far, which goes on [m].
+            Tangential jump so far, which remains continuous [m].
         before : ndarray, shape (nodes of both surfaces, 2), optional
-            The displacement with that jump [m]; without it `displacement`.
+            Displacement with that jump [m]; default: `displacement`.
 
         Raises
         ------
@@ -138,24 +138,24 @@ class Geometry:
         self.table = Table(n, m, columns, width, *(array.ctypes.data for array in self._arrays))
 
     def rate(self, field: Floats) -> Floats:
-        """J field; of all degrees of freedom of this rank, shape (n, 2)."""
+        """Return J field for all degrees of freedom of this rank, shape (n, 2)."""
         local = np.zeros((len(self.plus.nodes), 2))
         _library().jump(ctypes.byref(self.table), _pointer(field), _pointer(local))
         return local
 
     def assemble(self, traction: Floats, out: Floats) -> None:
-        """out += J' W traction."""
+        """Add J' W traction to `out`."""
         _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
 
     def faced(self, values: Floats) -> Floats:
-        """What is given at the points of the minus side, as the points face it; NaN where they face nothing."""
+        """Return values of the minus side interpolated to the points; NaN for points without a partner."""
         found = self.opposite @ values
         found[~self.covered] = np.nan
         return found
 
     @property
     def _far(self) -> float:
-        """How far apart points are that face nothing [m]."""
+        """Gap assigned to points without a partner [m]."""
         return 10 * self.plus.spacing
 
 
@@ -166,19 +166,19 @@ def _pointer(array: Floats) -> ctypes.c_void_p:
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingInterface(Interface):
-    """An interface that slides; `minus` is the node that a point faces most, for what depends on the body there.
+    """An interface with finite sliding; `minus` is the nearest node of the opposite side, for data of its body.
 
-    Of a rigid base, whose surface does not move, it is `plus`.
+    For a rigid base, whose surface does not move, it is `plus`.
 
     Attributes
     ----------
     geometry : Geometry
     limit : float
-        Slip after which explicit steps find again what points face [m].
+        Slip after which explicit steps update the pairing [m].
     step_limit : float
         Largest slip of an implicit step [m].
     near : float
-        Motion after which that is done where points face nothing: the length of a facet [m].
+        Motion after which they update it if points have no partner: the length of a facet [m].
     """
 
     geometry: Geometry
@@ -210,7 +210,7 @@ class SlidingInterface(Interface):
         return self.geometry.covered
 
     def without_partner(self) -> tuple[Integers, Floats]:
-        """As its base says; none where all points face something."""
+        """Return nodes without a partner on the opposite side, and the surface length of each [m]."""
         plus, minus, coupling = self.geometry.plus, self.geometry.minus, self.geometry.coupling
         if self.covered.all():
             return super().without_partner()
@@ -223,13 +223,13 @@ class SlidingInterface(Interface):
         return self.geometry.offset + self.rate(field)
 
     def places(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
-        """Where the points and what they face are [m].
+        """Return the positions of the points and of their partners [m].
 
         Returns
         -------
         tuple of ndarray, shapes (n,), (n, 2) and (n, 2)
-            Position of what they face along its surface where nothing has moved; places of the points and of what they
-            face, displaced.
+            Undeformed position of the partners along their surface; present coordinates of the points and of the
+            partners.
         """
         n, minus = len(self.plus), self.geometry.minus.points
         now = self.surface_points + displacement[self.dofs].reshape(-1, 2)
@@ -261,15 +261,15 @@ class SlidingInterface(Interface):
 
 
 def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
-    """The interface between two surfaces with meshes of their own.
+    """Return the interface between two surfaces with meshes of their own.
 
     Parameters
     ----------
     nodes : Nodes
-        Of the displacement.
+        Nodes of the displacement.
     name : str
     table : Sliding
-        What the case says of it.
+        Options of finite sliding in the case.
 
     Raises
     ------
@@ -289,7 +289,7 @@ def build_sliding(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
 
 
 def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
-    """As this rank knows it; the line and the number of points are found later, by all together."""
+    """Return the interface on this rank, without the line and the number of points, which need all ranks."""
     space, bodies = nodes.space, nodes.bodies
     if space.mesh.geometry.dim != 2 or space.dofmap.index_map_bs != 2:
         raise RuptfxError(
@@ -337,7 +337,7 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
 
 
 def _rigid(base: Base, plus: Surface) -> Surface:
-    """The surface of a base in facets about as long as those of the side that slides over it."""
+    """Return the surface of a rigid base in facets about as long as those of the other side."""
     nodes = np.zeros(0, dtype=np.int64)
     if not plus.facets:
         return Surface(nodes, np.zeros((0, 2)), plus.order)
@@ -347,7 +347,7 @@ def _rigid(base: Base, plus: Surface) -> Surface:
 
 
 def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integers:
-    """Local cell, ghosts included, and number in it of the facets this rank knows, shape (facets, 2)."""
+    """Return local cell, ghosts included, and number in the cell of the facets this rank knows, shape (facets, 2)."""
     mesh = space.mesh
     local = FACETS[mesh.basix_cell().name]
     corners = fem.geometry_dofmap(mesh)[:, : 1 + max(map(max, local))]
@@ -366,7 +366,7 @@ def _cells_of(space: fem.dolfinx.fem.FunctionSpace, facets: Integers) -> Integer
 def _chain(
     space: fem.dolfinx.fem.FunctionSpace, coordinates: Floats, facets: Integers, left: bool, name: str
 ) -> Surface:
-    """Facets one after the other; the body is on the left of the chain of the plus side, on the right of the other's.
+    """Return facets as one chain, with the body on the left for the plus side and on the right for the minus side.
 
     Raises
     ------
@@ -404,12 +404,12 @@ def _chain(
 
 
 def _in_order(comm: fem.MPI.Comm, face: SlidingInterface) -> SlidingInterface:
-    """With positions: x where the plus side runs along it, else the length along the surface."""
+    """Return the interface with positions: x if the plus side runs along it, else the length along the surface."""
     share = parallel.share_rows(comm, np.column_stack([face.number, face.points])[face.owned])
     points = share[np.argsort(share[:, 0]), 1:]
     steps = np.diff(points, axis=0)
     if np.all(steps[:, 0] > 0):
-        extent = np.abs(points[:, 0]).max()  # against rounding of what is zero
+        extent = np.abs(points[:, 0]).max()  # scale for rounding
         x = np.round(points[:, 0] / extent, 13) * extent + 0.0
         line = Line("x", np.array([0.0, points[0, 1]]), float(x[0]), float(x[-1]))
         position = x[face.number]

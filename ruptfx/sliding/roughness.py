@@ -1,4 +1,4 @@
-"""How rough the surfaces of an interface that slides are, and how strongly they are pressed, before anything moves."""
+"""Roughness of the surfaces of a sliding interface, and their pressure, in the initial state."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from ruptfx.loading import Loads
     from ruptfx.model import Model
 
-SMOOTH = 1e-9  # root mean square slope: that of rounding
+SMOOTH = 1e-9  # root mean square slope caused by rounding
 
 
 @dataclass(frozen=True)
 class Roughness:
-    """Two surfaces, one above the other.
+    """Roughness of two opposite surfaces.
 
     Attributes
     ----------
@@ -36,13 +36,13 @@ class Roughness:
     slope : float
         Root mean square slope of their distance.
     wave : (float, float), or None
-        Amplitude and wavelength of their distance [m], where that is a sinusoid.
+        Amplitude and wavelength of their distance [m], if it is a sinusoid.
     shortest : float or None
-        Shortest wavelength of a profile, where it has one [m].
+        Shortest wavelength of the profiles [m], if they have one.
     spacing : (float, float)
         Median distance of nodes of the plus and the minus side [m].
     pressure : float or None
-        Largest mean pressure [Pa]; None where the motion of edges gives it.
+        Largest mean pressure [Pa]; None if it depends on the motion of edges.
     """
 
     modulus: float
@@ -54,15 +54,15 @@ class Roughness:
 
 
 def roughness(model: Model, fault: Fault, loads: Sequence[tuple[float, Loads]]) -> Roughness | None:
-    """Of an interface, None where it is smooth or a body is not isotropic.
+    """Return the roughness of an interface, None if it is smooth or a body is not isotropic.
 
     Parameters
     ----------
     model : Model
-        On one rank.
+        Model on one rank.
     fault : Fault
     loads : sequence of (float, Loads)
-        What acts on the bodies, and the times when it is to be looked at [s].
+        Times [s], and the loads on the bodies for each.
     """
     face = fault.interface
     assert isinstance(face, SlidingInterface)
@@ -78,7 +78,7 @@ def roughness(model: Model, fault: Fault, loads: Sequence[tuple[float, Loads]]) 
 
 
 def _slope(plus: Surface, minus: Surface) -> float:
-    """Root mean square slope of the distance of two surfaces where both are, between nodes of either."""
+    """Return the root mean square slope of the distance of two surfaces where they overlap along the tangent."""
     along = plus.points[-1] - plus.points[0]
     along /= np.linalg.norm(along)
     (here, above), (there, below) = (
@@ -92,7 +92,7 @@ def _slope(plus: Surface, minus: Surface) -> float:
 
 
 def _modulus(model: Model, side: Surface) -> float | None:
-    """E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite where the side is rigid."""
+    """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side."""
     if not len(side.nodes):
         return float("inf")
     material = model.materials[model.layout.body[side.nodes[0]]]
@@ -124,7 +124,7 @@ def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
 def _pressure(
     model: Model, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
 ) -> float | None:
-    """Its initial stress and what edges add to a body that nothing else holds across the interface."""
+    """Return the largest mean pressure of initial stress and loads [Pa], None if motion of edges determines it."""
     area: Floats = (face.weight[:, None] * face.frame[:, 0]).sum(axis=0)
     length = float(np.linalg.norm(area))
     initial = float(face.weight @ fault.normal_stress_0) / length

@@ -1,11 +1,11 @@
-"""The explicit step of an interface that slides: the step of every point, repeated until neighbours agree.
+"""Explicit step of a sliding interface: the step of every point, in sweeps until the tractions converge.
 
-Neighbouring points share the nodes they face, so that the traction of one changes the jump of the other. Trial,
-projection and what is written back are those of the step of a fault (`ruptfx.fault_step`), from jumps instead of
-displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement alone,
+Neighbouring points share nodes of the minus side, so that the traction of one changes the jump of the other. Trial,
+projection and write-back are those of the step of a fault (`ruptfx.fault_step`), from jumps instead of
+displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement only,
 and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
-velocities that the tractions of the last sweep leave, from the state at the beginning of the step. It is a Jacobi
-iteration, the same for any partition; the first sweep begins with the tractions of the step before. All of it is C,
+velocities after the tractions of the last sweep, from the state at the beginning of the step. This is a Jacobi
+iteration, the same for any partition; the first sweep begins with the tractions of the previous step. The code is C,
 `step.c`; the tests have the same with arrays (`tests/reference_sliding.py`).
 """
 
@@ -28,9 +28,9 @@ from ruptfx.sliding.surface import Floats, Integers
 from ruptfx.state import FaultState
 
 LOG = logging.getLogger("ruptfx.run")
-SLACK = 1 + 1e-6  # of a bound, for rounding
-RUN = 8  # nodes of the other side that are looked at together, as in jump.c
-REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps that did not settle at which the log says so
+SLACK = 1 + 1e-6  # factor of a bound, for rounding
+RUN = 8  # nodes of the other side per block, as in jump.c
+REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps without convergence at which the log reports it
 
 
 class _Sweeps(ctypes.Structure):
@@ -46,12 +46,12 @@ class _Sweeps(ctypes.Structure):
 
 
 class _Points(FaultStep):
-    """The points by themselves, which are given rates and, in sweeps, tractions.
+    """The points without their neighbours; rates and, in sweeps, tractions are inputs.
 
     Attributes
     ----------
     loss, fastest : float
-        In sweeps: energy lost in impacts [J], and the largest slip rate [m/s].
+        Energy lost in impacts [J] and the largest slip rate [m/s], in sweeps.
     """
 
     sources: ClassVar[tuple[str, ...]] = ("sliding/jump.c", "sliding/step.c")
@@ -62,14 +62,14 @@ class _Points(FaultStep):
         self._result, self.loss, self.fastest = np.zeros(8), 0.0, 0.0
 
     def put_shear(self, traction: Floats) -> None:
-        """The traction that points start from, without sweeps [Pa]."""
+        """Set the initial shear traction of points without sweeps [Pa]."""
         self._code.put("shear_traction_0", traction)
 
     def slide(
         self, face: SlidingInterface, sweeps: _Sweeps, state: FaultState, displacement: Floats, velocity: Floats,
         force: Floats, time: float,
     ) -> tuple[int, float]:  # fmt: skip
-        """Advance the arrays in place; sweeps until tractions settled (0 if they did not) and dissipated energy [J].
+        """Advance the arrays in place; return the sweeps until convergence (0 without) and the dissipated energy [J].
 
         Raises
         ------
@@ -92,7 +92,7 @@ class _Points(FaultStep):
 
 
 class SlidingStep:
-    """What `FaultStep` is for interfaces whose points are pairs of nodes: the same parameters, `work` and call.
+    """Counterpart of `FaultStep` for sliding interfaces, with the same parameters, `work` and call.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class SlidingStep:
     Attributes
     ----------
     unsettled : int
-        Steps that ended with the last sweep that is allowed.
+        Steps that ended without convergence after the largest number of sweeps.
     """
 
     def __init__(
@@ -147,20 +147,20 @@ class SlidingStep:
         self._stress_before = np.zeros(n)
 
     def _nodal(self, values: Floats) -> Floats:
-        """Values at all degrees of freedom of the two sides as step.c wants them."""
+        """Return values at all degrees of freedom of the two sides in the order of step.c."""
         n = len(self._face.plus)
         x, y = values.reshape(-1, 2).T
         space = np.zeros(self._filled - n)
         return np.stack([np.concatenate([each[:n], space, each[n:]]) for each in (x, y)])
 
     def opening_rate(self, state: FaultState, velocity: Floats) -> None:
-        """Nothing: the step looks at the velocities before it by itself."""
+        """Return nothing: the step reads the previous velocities itself."""
 
     def impact_loss(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Work of the normal stress over a step that is not stored, points of this rank [J].
+        """Return the work of the normal stress over a step that is not stored, points of this rank [J].
 
-        Of rigid contact it is that of plastic impacts, and what follows from frozen operators; of springs what a step
-        makes of a contact that closes or opens within it.
+        For rigid contact it contains plastic impacts and the effect of frozen operators; for springs the error of steps
+        in which a contact closes or opens.
         """
         if self._rigid:
             return self._points.loss
@@ -168,16 +168,16 @@ class SlidingStep:
         none = [0.0 * now]
         held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
         work = -0.5 * (before + now) * self._before[0, : len(now)] * self.clock.since
-        if not self.clock.since:  # of what overlaps at the start, as the first half of a step counts it
+        if not self.clock.since:  # initial overlap, as counted by the first half of a step
             work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
         return self._sum(work - (holds - held))
 
     def fractured(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Energy that cohesion dissipates [J]: none, as surfaces that slide have no cohesion."""
+        """Return the energy that cohesion dissipates [J]: zero, as sliding surfaces have no cohesion."""
         return 0.0
 
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
-        """Advance `state`, `velocity` and `force` in place; returns the energy dissipated on this rank [J].
+        """Advance `state`, `velocity` and `force` in place; return the energy dissipated on this rank [J].
 
         Raises
         ------
@@ -206,11 +206,11 @@ class SlidingStep:
         return dissipated
 
     def _refresh(self) -> None:
-        """Take over who faces whom now: the diagonal of J M^-1 J'."""
+        """Update the diagonal of J M^-1 J' after a change of the pairing."""
         face, n = self._face, len(self._face.plus)
         own, other = self._inverse_mass[:n], self._inverse_mass[n:]
         mobility = np.einsum("ikc,ic->ik", face.frame**2, own + face.geometry.coupling.squared() @ other)
-        # What faces nothing carries nothing, whatever its impedance.
+        # Points without a partner carry nothing, whatever their impedance.
         mobility[~face.covered] = np.where(own > 0, own, 1.0)[~face.covered]
         self._mobility[:] = mobility.ravel()
         acting = face.frame.reshape(n, 4) * face.covered[:, None]
@@ -222,7 +222,7 @@ class SlidingStep:
         self._revision = face.geometry.revision
 
     def _find_reach(self) -> None:
-        """From the first to before the last part of the other side that blocks of points face."""
+        """Find the range of blocks of the other side that every block of points is paired with."""
         coupling, n = self._face.geometry.coupling, len(self._face.plus)
         faced = coupling.values != 0
         none, columns = ~faced.any(axis=1), faced.shape[1]
@@ -233,7 +233,7 @@ class SlidingStep:
         self._reach[:, 1] = np.maximum(-(-high.reshape(-1, LANES).max(axis=1) // RUN), self._reach[:, 0])
 
     def _report(self, time: float) -> None:
-        """A step whose tractions have not settled, now and then."""
+        """Log some of the steps whose tractions have not converged."""
         self.unsettled += 1
         if self.unsettled in REPORTED:
             LOG.warning(
@@ -243,7 +243,7 @@ class SlidingStep:
             )  # fmt: skip
 
     def _taken(self, traction_old: Floats, traction: Floats, state: FaultState) -> float:
-        """Work of a shear traction over the step, points of this rank [J]; in sweeps on the jump of the velocities."""
+        """Return the work of a shear traction over the step, points of this rank [J]."""
         if self._rigid:
             n = len(traction)
             before, rate, length = self._before[1, :n], self._rate[1, :n], self.clock.kick

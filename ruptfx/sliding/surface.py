@@ -1,4 +1,4 @@
-"""One side of an interface that slides: a curve of facets between the nodes of one body."""
+"""One side of a sliding interface: a curve of facets between the nodes of one body."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Surface:
-    """An open chain of facets; it runs along the tangent of the interface, the same way on both sides.
+    """An open chain of facets along the tangent of the interface, in the same direction on both sides.
 
     Facet e has the nodes e * order to (e + 1) * order.
 
     Attributes
     ----------
     nodes : ndarray of int, shape (facets * order + 1,)
-        Local nodes of the displacement space, in order along the chain; empty on ranks that know nothing of it, and
+        Local nodes of the displacement space, in order along the chain; empty on ranks without the chain, and
         where the surface is rigid.
     points : ndarray, shape (facets * order + 1, 2)
-        Where nothing has moved [m]; the same bits on all ranks.
+        Undeformed coordinates [m], bitwise the same on all ranks.
     order : int
     """
 
@@ -43,19 +43,19 @@ class Surface:
 
     @property
     def numbers(self) -> Integers:
-        """Nodes of every facet by their place in the chain, shape (facets, order + 1)."""
+        """Indices of the nodes of every facet in the chain, shape (facets, order + 1)."""
         return np.arange(self.facets)[:, None] * self.order + np.arange(self.order + 1)
 
     @property
     def shares(self) -> Floats:
-        """Length that belongs to the nodes of every facet, shape (facets, order + 1) [m]."""
+        """Length of the nodes of every facet, shape (facets, order + 1) [m]."""
         slopes = np.einsum("gb,fbc->fgc", self.basis.slopes(self.basis.points), self.points[self.numbers])
         found: Floats = self.basis.weights * np.linalg.norm(slopes, axis=2)
         return found
 
     @property
     def lengths(self) -> Floats:
-        """Length that belongs to every node [m]."""
+        """Length of every node [m]."""
         found = np.zeros(len(self.points))
         np.add.at(found, self.numbers, self.shares)
         return found
