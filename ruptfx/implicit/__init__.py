@@ -1,4 +1,4 @@
-"""Implicit steps: the equilibrium at the end of a step, with PETSc. What is here needs neither PETSc nor DOLFINx."""
+"""Implicit steps: the equilibrium at the end of a step, with PETSc. This file needs neither PETSc nor DOLFINx."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from ruptfx import RuptfxError
 
 
 class ConvergenceError(RuptfxError):
-    """An implicit step that found no equilibrium; raised on all ranks, the state is as before the step."""
+    """An implicit step without an equilibrium; raised on all ranks, with the state before the step."""

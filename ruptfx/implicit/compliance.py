@@ -1,4 +1,4 @@
-"""What linear bodies answer to loads on their interfaces: one factorisation, and its action there as a matrix."""
+"""Response of linear bodies to loads on their interfaces: one factorisation, and its inverse there as a matrix."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ruptfx.implicit.tangent import Tangent
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
-COLUMNS = 64  # right-hand sides at a time: most of the speed of one matrix product, little memory
+COLUMNS = 64  # right-hand sides in one solution: fast, with little memory
 Finish = Callable[[np.ndarray], np.ndarray]
-# A column is taken as zero where it falls below this part of its largest entry; the full residual decides in the end.
+# A column counts as zero below this part of its largest entry; the full residual decides in the end.
 SMALL = 1e-11
-LARGEST_STRIP = 0.6  # of all unknowns; more would save little
+LARGEST_STRIP = 0.6  # largest part of all unknowns in a strip; larger ones save little
 
 
 class Unknowns(Protocol):
-    """Where bodies are loaded, and what of their motion is looked at.
+    """Loaded points of the bodies, and the displacement components observed there.
 
     Attributes
     ----------
     points, local : int
-        Number of places, and of components at each.
+        Number of points, and of components at each.
     """
 
     points: int
@@ -38,27 +38,27 @@ class Unknowns(Protocol):
 
     @property
     def where(self) -> np.ndarray:
-        """Coordinates of the places, shape (points, dim) [m]; collective."""
+        """Return the coordinates of the points, shape (points, dim) [m]; collective."""
         ...
 
     def force(self, values: np.ndarray, size: int) -> np.ndarray:
-        """Local nodal forces [N], shape (size,), from loads, shape (points, local)."""
+        """Return local nodal forces [N], shape (size,), from loads, shape (points, local)."""
         ...
 
     def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
-        """From changes of displacement, shape (size,) each: (points, local, fields) [m]; collective."""
+        """Return changes at the points from displacements of shape (size,): (points, local, fields) [m]; collective."""
         ...
 
 
 class Jumps:
-    """Values at the points of all interfaces, in an order that does not depend on the ranks, known to all of them.
+    """Values at the points of all interfaces, in an order that does not depend on the ranks, known to all ranks.
 
     Attributes
     ----------
     points : int
-        Of all interfaces.
+        Number of points of all interfaces.
     local : int
-        Components of a jump.
+        Number of components of a jump.
     """
 
     def __init__(self, model: Model) -> None:
@@ -72,16 +72,16 @@ class Jumps:
 
     @property
     def where(self) -> np.ndarray:
-        """Coordinates of all points, shape (points, dim) [m]; collective."""
+        """Return the coordinates of all points, shape (points, dim) [m]; collective."""
         return self.gather({name: face.points for name, face in self._faces.items()})
 
     @property
     def weight(self) -> np.ndarray:
-        """Areas of all points, shape (points,) [m], [m2] in 3D; collective."""
+        """Return the areas of all points, shape (points,) [m], [m2] in 3D; collective."""
         return self.gather({name: face.weight for name, face in self._faces.items()})
 
     def gather(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Of all points, shape (points, ...), from those of this rank by fault, shape (n, ...); collective."""
+        """Return values of all points, shape (points, ...), from those of this rank by fault; collective."""
         tail = next(iter(values.values())).shape[1:]
         whole = np.zeros((self.points, *tail))
         for name, face in self._faces.items():
@@ -89,19 +89,19 @@ class Jumps:
         return whole if self._comm.size == 1 else parallel.total(self._comm, whole)
 
     def places(self, name: str) -> np.ndarray:
-        """Where the points of one fault on this rank are among all, shape (n,)."""
+        """Return the indices among all points of the points of one fault on this rank, shape (n,)."""
         return self._places[name]
 
     def pick(self, whole: np.ndarray, name: str) -> np.ndarray:
-        """Of the points of one fault on this rank, shape (n, ...)."""
+        """Return the values of the points of one fault on this rank, shape (n, ...)."""
         return np.asarray(whole[self._places[name]])
 
     def of(self, displacement: np.ndarray) -> np.ndarray:
-        """Jump of a displacement at all points, shape (points, local) [m]; collective."""
+        """Return the jump of a displacement at all points, shape (points, local) [m]; collective."""
         return self.gather({name: face.jump(displacement) for name, face in self._faces.items()})
 
     def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
-        """Jumps of changes of displacement, shape (size,) each, at all points: (points, local, fields) [m]."""
+        """Return jumps at all points of displacements, shape (size,) each: (points, local, fields) [m]."""
         found: dict[str, list[np.ndarray]] = {name: [] for name in self._faces}
         for field in fields:
             for name, face in self._faces.items():
@@ -109,16 +109,16 @@ class Jumps:
         return self.gather({name: np.stack(rates, axis=2) for name, rates in found.items()})
 
     def force(self, traction: np.ndarray, size: int) -> np.ndarray:
-        """J' W traction at the local degrees of freedom [N], from tractions at all points, shape (points, local)."""
+        """Return J' W traction at the local degrees of freedom [N], from tractions of shape (points, local)."""
         force = np.zeros(size)
         for name, face in self._faces.items():
             face.assemble(self.pick(traction, name), force)
         return force
 
     def taken_apart(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tractions at all points, shape (points, local) [Pa], and a nodal force without J' W of them [N]; collective.
+        """Split a nodal force into J' W of tractions, shape (points, local) [Pa], and the rest [N]; collective.
 
-        Nothing is left of the force if it is out of balance at the interfaces only.
+        The rest is zero if the force acts at the interfaces only. Returns tractions and rest.
         """
         found = {}
         for name, face in self._faces.items():
@@ -132,13 +132,13 @@ class Jumps:
 
 
 class Factors:
-    """A^-1 of a matrix of bodies, by its factors.
+    """Factorised matrix A of bodies.
 
     Parameters
     ----------
     model : Model
     tangent : Tangent
-        Its matrix as it is now, which is symmetric.
+        Its present matrix, which is symmetric.
     """
 
     def __init__(self, model: Model, tangent: Tangent) -> None:
@@ -152,7 +152,7 @@ class Factors:
         self._strip: tuple[_Decomposed, np.ndarray] | None = None
 
     def solve(self, force: np.ndarray) -> np.ndarray:
-        """A^-1 force at every local degree of freedom [m], zero where the motion is prescribed; collective.
+        """Return A^-1 force at every local degree of freedom [m], zero for prescribed motion; collective.
 
         Parameters
         ----------
@@ -174,9 +174,9 @@ class Factors:
         return displacement
 
     def near(self, force: np.ndarray) -> np.ndarray | None:
-        """A^-1 force where unknowns are, in less work; None where all of the bodies are felt there; collective.
+        """Return A^-1 force at the unknowns from a strip around them, None if the strip is too large; collective.
 
-        It is right at the unknowns of `answers`, zero far away from them, and of no use in between.
+        It is exact at the unknowns of `answers`, zero far away from them, and meaningless in between.
         """
         if self._strip is None:
             return None
@@ -186,7 +186,7 @@ class Factors:
         return self._displacement()
 
     def _find_strip(self, where: np.ndarray, reach: float) -> None:
-        """Decompose A within reach of some places, if that is much less than all; collective."""
+        """Factorise A within reach of some points, if that is much less than all; collective."""
         model, matrix = self.model, self._whole.given
         away, _ = cKDTree(where).query(model.coordinates[: model.owned_nodes], distance_upper_bound=reach)
         dofs = np.flatnonzero(np.repeat(np.isfinite(away), model.components))
@@ -197,7 +197,7 @@ class Factors:
             self._strip = _Decomposed(matrix.createSubMatrix(chosen, chosen)), dofs
 
     def solve_each(self, forces: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
-        """The same for so many forces at a time, in much less of it; collective, to be used up by all ranks."""
+        """Yield A^-1 of several forces at a time, which is faster; collective, all ranks must exhaust it."""
         matrices = []
         for _ in range(2):
             made: Any = fem.PETSc.Mat()  # its annotations refuse mpi4py's communicators
@@ -219,15 +219,15 @@ class Factors:
             yield self._displacement()
 
     def answers(self, unknowns: Unknowns, strip: bool = False) -> np.ndarray:
-        """What all unknowns become under unit loads on each of them, from as many right-hand sides as needed.
+        """Return all unknowns under unit loads on each of them, with as few right-hand sides as possible.
 
-        Where waves get only so far in a step, unknowns that are far apart share a right-hand side. Collective.
+        With the limited reach of waves in a step, distant unknowns share a right-hand side. Collective.
 
         Parameters
         ----------
         unknowns : Unknowns
         strip : bool
-            Decompose A once more within reach of them, for `near`.
+            Also factorise A within reach of them, for `near`.
 
         Returns
         -------
@@ -244,19 +244,19 @@ class Factors:
         for batch in batches(groups, max(1, COLUMNS // local)):
             answered = self._answer(unknowns, batch)
             for column, group in enumerate(batch):
-                # Members of a group are so far apart that an unknown is due to the nearest one alone.
+                # Members of a group are so far apart that each unknown depends on the nearest one only.
                 nearest = group[np.argmin(distance[:, group], axis=1)]
                 result[:, :, np.arange(points), nearest] = np.moveaxis(answered[:, :, column, :], 0, 2)
         return result
 
     def _reach(self, unknowns: Unknowns, distance: np.ndarray) -> float:
-        """How far a load is felt [m], by those of a few points; collective."""
+        """Return the distance of influence of a load [m], from those of a few points; collective."""
         sample = np.unique(np.linspace(0, len(distance) - 1, 5).astype(int))
         felt = np.abs(self._answer(unknowns, [np.array([point]) for point in sample])).max(axis=(1, 3))
         return float(np.max(distance[:, sample] * (felt > SMALL * felt.max(axis=0))))
 
     def _answer(self, unknowns: Unknowns, groups: list[np.ndarray]) -> np.ndarray:
-        """All unknowns for unit loads on those of each group, one component after another; collective.
+        """Return all unknowns for unit loads on those of each group, one component after another; collective.
 
         Shape (points, local, groups, local).
         """
@@ -273,14 +273,14 @@ class Factors:
         return found.reshape(unknowns.points, local, len(groups), local)
 
     def destroy(self) -> None:
-        """Free them; collective."""
+        """Free the factors; collective."""
         self._whole.destroy()
         if self._strip is not None:
             self._strip[0].destroy()
 
 
 class _Decomposed:
-    """A symmetric matrix with its factors: by MUMPS; where it is missing there is one rank, and PETSc's own LU."""
+    """A factorised symmetric matrix: by MUMPS, or on one rank by PETSc's own LU if MUMPS is missing."""
 
     def __init__(self, given: fem.PETSc.Mat) -> None:
         self.given = given
@@ -297,7 +297,7 @@ class _Decomposed:
         self._right, self._left = given.createVecLeft(), given.createVecRight()
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Of the entries of this rank; collective."""
+        """Return the solution for the entries of this rank; collective."""
         self._right.array[:] = right
         self.matrix.solve(self._right, self._left)
         return np.asarray(self._left.array_r)
@@ -308,12 +308,12 @@ class _Decomposed:
 
 
 class Influence:
-    """What the jumps of interfaces answer to tractions there.
+    """Jumps of interfaces under unit tractions there.
 
     Attributes
     ----------
     stuck : ndarray, shape (points, local, local)
-        k, the stiffness of the interfaces that is counted among that of the bodies [Pa/m].
+        k, the stiffness of the interfaces that is part of the matrix of the bodies [Pa/m].
     blocks : ndarray, shape (local, local, points, points)
         S: component of displacement jump per component of traction [m/Pa].
     own : ndarray, shape (points, local, local)
@@ -321,7 +321,7 @@ class Influence:
     weight : ndarray, shape (points,)
         Areas of the points [m], [m2] in 3D.
     farthest : float
-        As much may jumps change in one iteration [m].
+        Largest change of jumps in one iteration [m].
     """
 
     farthest = np.inf
@@ -331,7 +331,7 @@ class Influence:
         self.own = np.moveaxis(np.diagonal(blocks, axis1=2, axis2=3), 2, 0)
 
     def jumps_under(self, traction: np.ndarray, rows: slice = slice(None), roughly: bool = False) -> np.ndarray:
-        """S traction [m], both of shape (points, local); of some points, and to seven digits in a third of the time."""
+        """Return S traction [m], both of shape (points, local), optionally of some points or in single precision."""
         blocks = self._single if roughly else self.blocks
         jumps = np.zeros((traction.shape[1], len(traction[rows])))
         for k, component in enumerate(traction.T):
@@ -345,14 +345,14 @@ class Influence:
         return self.blocks.astype(np.float32)
 
     def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
-        """What a force does to bodies with closed interfaces that stick; collective.
+        """Return the jumps under a force with closed, sticking interfaces, and the back substitution; collective.
 
         Parameters
         ----------
         force : ndarray, shape (nodes * components,)
             [N]
         small : float
-            Norm of the force beside the interfaces up to which the jumps need no back substitution [N].
+            Norm of the force away from the interfaces up to which the jumps need no back substitution [N].
 
         Returns
         -------
@@ -365,9 +365,9 @@ class Influence:
 
 
 class Compliance(Influence):
-    """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed interfaces that stick; and S = J A^-1 J' W.
+    """A^-1 for A = K + c_M M + c_C C + J' W k J, bodies with closed, sticking interfaces; and S = J A^-1 J' W.
 
-    The stiffness k of the interfaces holds bodies that nothing else holds.
+    The stiffness k of the interfaces supports bodies without other supports.
 
     Parameters
     ----------
@@ -391,7 +391,7 @@ class Compliance(Influence):
         super().__init__(jumps.gather(stuck), self._factors.answers(jumps, strip=True), jumps.weight)
 
     def begin(self, force: np.ndarray, small: float) -> tuple[np.ndarray, Finish]:
-        # Bodies that go on as they did, as in quasi-static steps, are out of balance at the interfaces only.
+        # In quasi-static steps with steady loading the unbalanced forces are at the interfaces only.
         traction, rest = self._jumps.taken_apart(force)
         solve, pull = self.solve, self._jumps.force
         if norm(self._factors.model, rest) <= small:
@@ -408,18 +408,18 @@ class Compliance(Influence):
 
 
 def reach_of(flags: np.ndarray) -> slice:
-    """From the first to the last that is set: what slides is in one piece, mostly."""
+    """Return a slice from the first to the last true entry, as sliding points are mostly contiguous."""
     set_ = np.flatnonzero(flags)
     return slice(set_[0], set_[-1] + 1) if len(set_) else slice(0, 0)
 
 
 def norm(model: Model, force: np.ndarray) -> float:
-    """Of all nodes [N]; collective."""
+    """Return the norm over all nodes [N]; collective."""
     return float(np.sqrt(parallel.total(model.comm, model.layout.owned_dot(force, force))))
 
 
 def apart(distance: np.ndarray, least: float) -> list[np.ndarray]:
-    """Groups of points whose distances among each other are larger than `least`, each point in one of them.
+    """Return groups of points with distances among each other larger than `least`, each point in one of them.
 
     Parameters
     ----------
@@ -440,6 +440,6 @@ def apart(distance: np.ndarray, least: float) -> list[np.ndarray]:
 
 
 def batches(groups: list[np.ndarray], size: int) -> Iterator[list[np.ndarray]]:
-    """Groups, so many at a time."""
+    """Yield groups, a given number at a time."""
     for start in range(0, len(groups), size):
         yield groups[start : start + size]

@@ -1,19 +1,19 @@
-"""Implicit steps of linear bodies: only the interfaces are not, and Newton's iteration is done there alone.
+"""Implicit steps condensed to the interfaces: bodies are linear, so that Newton's iteration is done there only.
 
-At a displacement u with the jump g and out of balance by R, the correction d that balances all forces solves
+At a displacement u with the jump g and the residual R, the correction d that balances all forces solves
 
     A d = -R - J' W q,    q(e) = t(g + e) - t(g) - k e,    e = J d
 
-with A = K + c_M M + c_C C + J' W k J as if interfaces were closed and stuck, whose factors are kept (`compliance`), and
-tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e alone, solved with the exact tangents of t; then
-d takes one back substitution. Where R is at the interfaces only, as in quasi-static steps that go on as before,
-J A^-1 R is S times it; where waves get only so far in a step, it takes one of a strip along the interfaces; elsewhere
-one of all. Bodies being linear, u + d is the equilibrium but for rounding;
-the residual of the whole system decides, and is brought down once more if it must be. Multipliers are iterated at the
+with A = K + c_M M + c_C C + J' W k J for closed, stuck interfaces, whose factors are stored (`compliance`), and
+tractions t. Hence e + S W q(e) = -J A^-1 R, a system for the jumps e only, solved with the exact tangents of t; then
+d takes one back substitution. Where R is at the interfaces only, as in quasi-static steps with steady loading,
+J A^-1 R is S times it; if waves have a limited reach in a step, it takes one of a strip along the interfaces; else
+one of all. As bodies are linear, u + d is the equilibrium up to rounding;
+the residual of the full system decides, and is reduced once more if needed. Multipliers are iterated at the
 interfaces, too.
 
-Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised where they are small; larger ones are solved by
-GMRES, preconditioned by their diagonal or, where that is too slow, by the factors of an iteration before.
+Newton's linear systems (1 + S D) de = b, D = dq/de, are factorised if small; larger ones are solved by
+GMRES, preconditioned by their diagonal or, if that is too slow, by the factors of a previous iteration.
 """
 
 from __future__ import annotations
@@ -43,29 +43,29 @@ if TYPE_CHECKING:
 Value = TypeVar("Value")
 Kept = TypeVar("Kept")
 
-MOST_UNKNOWNS = 4000  # of all jumps, of all surfaces where some slide: their matrices are dense
-KEPT = 4  # factorisations
+MOST_UNKNOWNS = 4000  # largest number of jump components, or of surface nodes with finite sliding: matrices are dense
+KEPT = 4  # number of stored factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
-FAST = 0.1  # part of what is missing that is left after an iteration that is worth while below the tolerance
-STALLING, MAX_STALLED = 0.9, 2  # part of what is missing that is left after an iteration, so often in a row
-SMALL = 200  # unknowns up to which a factorisation takes next to no time
-MAX_KRYLOV = 30  # iterations from which on it takes less than they do
+FAST = 0.1  # ratio of successive residuals for which iterations continue below the tolerance
+STALLING, MAX_STALLED = 0.9, 2  # ratio of successive residuals that counts as stalling, and its largest repetition
+SMALL = 200  # number of unknowns up to which a factorisation takes almost no time
+MAX_KRYLOV = 30  # GMRES iterations beyond which a factorisation is cheaper
 ROUNDING = 8 * np.finfo(float).eps
-INEXACT = 1e-3  # of its right-hand side is left of a linear system: Newton's iteration is hardly slower for it
+INEXACT = 1e-3  # relative residual of linear systems: Newton's iteration hardly slows down
 
 
 def fits(model: Model) -> bool:
-    """Whether the steps of a model can be condensed; collective.
+    """Return whether the steps of a model can be condensed; collective.
 
-    Its bodies must be linear and factorised anyway, and the interface unknowns few.
+    Bodies must be linear and factorised by default, with few interface unknowns.
     """
     jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
     return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
 
 
 def require_fit(model: Model) -> None:
-    """Refuse interfaces that slide where steps cannot be condensed; collective.
+    """Refuse finite sliding where steps cannot be condensed; collective.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def require_fit(model: Model) -> None:
 
 @dataclass
 class Tractions:
-    """At the points of all interfaces: t, shape (points, local) [Pa], and dt/de, shape (points, local, local)."""
+    """Tractions t of all interface points, shape (points, local) [Pa], and dt/de, shape (points, local, local)."""
 
     value: np.ndarray
     tangent: np.ndarray
@@ -104,7 +104,7 @@ class Tractions:
 
 @dataclass
 class Guess:
-    """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and what is missing to balance [m]."""
+    """Jumps e [m], shape (points, local), with dt/de there, q [Pa] and the residual of e + S W q(e) [m]."""
 
     e: np.ndarray
     tangent: np.ndarray
@@ -113,18 +113,18 @@ class Guess:
 
 
 class Condensed:
-    """Solves steps of one model on its interfaces.
+    """Solver of the steps of one model on its interfaces.
 
     Attributes
     ----------
     jumps : Jumps
     history : list of float
-        Norm of the residual at every evaluation of the last solve [N]: of the whole system, and of what interfaces
-        leave in it.
+        Norm of the residual at every evaluation of the last solve [N]: of the full system, and of the interface
+        system.
     iterations, outer : int
-        Of the last solve: Newton's, and those of the multipliers.
+        Newton iterations and multiplier iterations of the last solve.
     reason : str
-        Why it ended.
+        Reason why it ended.
     """
 
     def __init__(self, model: Model, tangent: Tangent) -> None:
@@ -138,7 +138,7 @@ class Condensed:
         self.reason = ""
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
-        """Leave `step` evaluated at its equilibrium, from `u`; whether there is one; collective."""
+        """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective."""
         self.forget()
         u, before = u.copy(), np.inf
         for _ in range(MAX_CORRECTIONS):
@@ -167,11 +167,11 @@ class Condensed:
         return False
 
     def forget(self) -> None:
-        """Begin to count anew."""
+        """Reset the counters."""
         self.history, self.iterations, self.outer, self.reason = [], 0, 1, ""
 
     def influence(self, step: Step) -> Influence:
-        """What jumps answer to tractions, by the length of the step and by what points face; collective."""
+        """Return the jumps under unit tractions, for the length of the step and the present pairing; collective."""
         if self._surfaces is None:
             return self.compliance(step)
         surfaces = self._surfaces
@@ -181,18 +181,18 @@ class Condensed:
         faces = [fault.interface for fault in self._model.faults]
         key = (step.key, *(face.geometry.revision for face in faces if isinstance(face, SlidingInterface)))
         if self._facing is None or self._facing[0] != key:
-            self._facing = None  # room for the next one
+            self._facing = None  # frees memory for the next one
             self._facing = key, FacingCompliance(of_bodies, self.jumps, step.stuck())
         return self._facing[1]
 
     def compliance(self, step: Step) -> Compliance:
-        """That of the length of the step, of interfaces that do not slide; collective."""
+        """Return the compliance for the length of the step, for interfaces without finite sliding; collective."""
         return self._of_length(
             step.key, lambda: Compliance(self._model, self.jumps, self._tangent, step.key[:2], step.stuck())
         )
 
     def _of_length(self, key: tuple[float, ...], make: Callable[[], Kept]) -> Kept:
-        """What was made for a length of steps; the last few are kept; collective."""
+        """Return a stored object for the length of steps, or create it; the last few are stored; collective."""
         found = self._kept.pop(key, None)
         if found is None:
             while len(self._kept) >= KEPT:
@@ -205,21 +205,21 @@ class Condensed:
         self, step: Step, compliance: Influence, start: np.ndarray, driven: np.ndarray, enough: float,
         together: bool = False,
     ) -> Guess | None:  # fmt: skip
-        """The jumps e that balance; None where there are none; collective.
+        """Return the jumps e that balance forces, None if none are found; collective.
 
-        The step must have responded to the jumps at the start; after it, it has to those at the end.
+        The step must have been evaluated at the jumps at the start; afterwards it has been at those of the end.
 
         Parameters
         ----------
         start : ndarray, shape (points, local)
-            Jumps where e is zero [m].
+            Jumps for e = 0 [m].
         driven : ndarray, shape (points, local)
             -J A^-1 R [m].
         enough : float
-            Force [N] that may be left in the whole system; a hundredth of it is left here.
+            Tolerated residual of the full system [N]; a hundredth of it is the tolerance here.
         together : bool
-            Begin with what open points would do if they pulled as closed ones press: bodies that only contact will
-            hold are then in one another, and iteration lets points go instead of looking for the first that touches.
+            Begin with tension in open points, as if they were closed: bodies that only contact supports then
+            overlap, and the iteration opens points instead of searching for the first one that touches.
         """
         stuck, begin = compliance.stuck, self.gather(step)
         changes = _Changes(compliance)
@@ -242,9 +242,9 @@ class Condensed:
             for _ in range(MAX_NEWTON):
                 forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
                 self.history.append(forces)
-                # Or the jumps are as good as rounding allows.
+                # Or the jumps are exact up to rounding.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
-                # Below what may be left, Newton's iteration converges fast or has reached rounding.
+                # Below the tolerance, Newton's iteration converges fast or has reached rounding.
                 ends = forces <= enough and size > FAST * before
                 if self._agreed(bool(forces <= 0.01 * enough or small or ends)):
                     break
@@ -281,20 +281,20 @@ class Condensed:
         return None
 
     def left(self, compliance: Influence, found: Guess) -> float:
-        """Upper bound of the forces out of balance [N], were jumps changed by what is missing; collective.
+        """Return an upper bound of the unbalanced forces for a residual of the jumps [N]; collective.
 
-        None is stiffer than a stuck one.
+        No interface is stiffer than a stuck one.
         """
         return self._agreed(float(np.linalg.norm(compliance.weight[:, None] * times(compliance.stuck, found.missing))))
 
     def _agreed(self, value: Value) -> Value:
-        """What the first rank has: all compute the same, but not to the last bit; collective."""
+        """Return the value of the first rank, as all compute the same up to rounding; collective."""
         comm = self._model.comm
         agreed: Value = value if comm.size == 1 else comm.bcast(value, root=0)
         return agreed
 
     def tractions(self, step: Step, jump: np.ndarray) -> Tractions | None:
-        """At jumps of all points; None where a law fails; collective."""
+        """Return the tractions at jumps of all points, None where a law fails; collective."""
         error = None
         try:
             step.respond({fault.name: self.jumps.pick(jump, fault.name) for fault in self._model.faults})
@@ -305,7 +305,7 @@ class Condensed:
         return self.gather(step)
 
     def gather(self, step: Step) -> Tractions:
-        """Of the last responses; collective."""
+        """Return the tractions of the last responses; collective."""
         value, tangent = (
             self.jumps.gather({name: getattr(response, part) for name, response in step.responses.items()})
             for part in ("traction", "tangent")
@@ -314,9 +314,9 @@ class Condensed:
 
 
 class _Changes:
-    """Solves (1 + S D) de = -f for changes of the jumps, D in blocks.
+    """Solver of (1 + S D) de = -f for changes of the jumps, with D in blocks.
 
-    Made anew for every step, so that a step does not depend on those before it.
+    A new one is created for every step, so that a step does not depend on previous ones.
     """
 
     def __init__(self, compliance: Influence) -> None:
@@ -325,7 +325,7 @@ class _Changes:
         self._factors: tuple[np.ndarray, np.ndarray] | None = None
 
     def solve(self, slope: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """de, shape (points, local).
+        """Return de, shape (points, local).
 
         Parameters
         ----------
@@ -334,7 +334,7 @@ class _Changes:
         f : ndarray, shape (points, local)
             [m]
         """
-        # y = D de: rows of D that are zero, as where points stick, drop out of (1 + D S) y = -D f.
+        # y = D de: zero rows of D, as of sticking points, drop out of (1 + D S) y = -D f.
         active = np.any(slope != 0, axis=2)
         if not np.array_equal(active, self._active):
             self._active, self._factors = active, None
@@ -349,15 +349,15 @@ class _Changes:
         return -f - self._compliance.jumps_under(self._spread(lu_solve(self._factors, right, check_finite=False)))
 
     def _spread(self, y: np.ndarray) -> np.ndarray:
-        """Tractions of all points, shape (points, local), from those that are unknown."""
+        """Return tractions of all points, shape (points, local), from the unknown ones."""
         traction = np.zeros(self._active.shape)
         traction[self._active] = y
         return traction
 
     def _iterate(self, slope: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-        """S y, shape (points, local), or None where it takes too long.
+        """Return S y, shape (points, local), or None after too many iterations.
 
-        By GMRES, preconditioned with the diagonal or with earlier factors; S y is the sum of its products with S.
+        GMRES, preconditioned with the diagonal or with earlier factors; S y is the sum of its products with S.
         Source: Saad and Schultz (1986).
         """
         last, compliance = self._factors, self._compliance
@@ -382,7 +382,7 @@ class _Changes:
         return None
 
     def _matrix(self, slope: np.ndarray) -> np.ndarray:
-        """1 + D S in the active rows and columns."""
+        """Return 1 + D S in the active rows and columns."""
         point, component = np.nonzero(self._active)
         whole = np.eye(len(point))
         for k, i in np.ndindex(slope.shape[1:]):
@@ -393,9 +393,9 @@ class _Changes:
 
 
 def released(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.ndarray:
-    """Tractions less those before and those that would be held if all stuck; zero where only rounding is left [Pa].
+    """Return tractions less those before and those of sticking points; zero up to rounding is exactly zero [Pa].
 
-    Zeros cost no product.
+    Products skip zeros.
     """
     q = traction - before - held
     q[np.abs(q) <= ROUNDING * (np.abs(traction) + np.abs(before) + np.abs(held))] = 0.0
@@ -403,5 +403,5 @@ def released(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.n
 
 
 def times(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Of every point, shapes (points, local, local) and (points, local)."""
+    """Return the products at every point, of shapes (points, local, local) and (points, local)."""
     return np.asarray(np.einsum("pij,pj->pi", blocks, vectors))

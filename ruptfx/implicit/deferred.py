@@ -1,20 +1,20 @@
-"""Quasi-static steps of linear bodies while nobody looks at them: only the interfaces go on.
+"""Deferred quasi-static steps of linear bodies: only the interfaces advance while no output needs the bodies.
 
-Of the boundaries only amounts a_m change: how far an edge has moved, how large a load is. From a state in equilibrium,
+The boundaries change by amounts a_m only: displacements of edges and factors of loads. From a state in equilibrium,
 the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of `condensed`,
 
     u = u_b + sum_m (a_m - a_m,b) w_m - A^-1 J' W p,    p = (t - t_b) - k (g - g_b),
     g = J u_b + sum_m (a_m - a_m,b) J w_m - S p,
 
-w_m being the answer of the bodies, with interfaces that stick, to a unit of the amount m. A step solves the second
+w_m being the response of the bodies, with sticking interfaces, to a unit of the amount m. A step solves the second
 line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
-velocity, together, when somebody looks (`State.catch_up`). Nothing in it depends on when that is: looking changes no
-bit of what follows, and a run that is stopped goes on to the same bits.
+velocity, together, when output needs them (`State.catch_up`). Results do not depend on when that is: it changes no
+bit of later steps, and a restarted run has bitwise the same results.
 
-Bodies in equilibrium at both ends of a step take the change of their strain energy from the boundaries, and interfaces
-the mean traction times the change of the jump. Only the latter is counted step by step: from `begin` to `end` the
-strain energy is left out of `State.energy["boundary_work"]`, and the kinetic one, which equilibrium loses, of
-`State.energy["damping"]`; `energies` puts them where they belong.
+The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
+take the mean traction times the change of the jump. Only the latter is counted step by step: from `begin` to `end` the
+strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium loses, of
+`State.energy["damping"]`; `energies` adds them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
 
 
 def fits(model: Model) -> bool:
-    """Whether nothing slides away, and all that moves the bodies changes by its amount only, not also by its shape."""
+    """Return whether no interface has finite sliding and all loads and motions of edges only change by a factor."""
     if any(fault.slides for fault in model.faults):
         return False
     loads = model.loads
@@ -55,7 +55,7 @@ def fits(model: Model) -> bool:
 
 @dataclass
 class Ahead(Solution):
-    """An equilibrium of which the displacement is known at driven edges only; the rest of it is an older one.
+    """An equilibrium with its displacement known at driven edges only; elsewhere it is that of an earlier state.
 
     Attributes
     ----------
@@ -68,14 +68,14 @@ class Ahead(Solution):
 
 
 class Course:
-    """What moves the bodies by an amount that changes.
+    """A load or edge motion with an amount that changes in time.
 
     Parameters
     ----------
     amount : callable, time -> float
         Displacement of an edge [m], or factor of a load.
     make : callable, compliance -> ndarray of shape (nodes * components,)
-        Answer of the bodies to a unit of it.
+        Returns the response of the bodies to a unit of it.
     jumps : Jumps
     """
 
@@ -86,11 +86,11 @@ class Course:
         self._answers: dict[Compliance, tuple[np.ndarray, np.ndarray]] = {}
 
     def grown(self, start: float, end: float) -> float:
-        """Change of the amount between two times [s]."""
+        """Return the change of the amount between two times [s]."""
         return float(self._amount(end)) - float(self._amount(start))
 
     def answer(self, compliance: Compliance) -> tuple[np.ndarray, np.ndarray]:
-        """To a unit, and its jump at all points, shape (points, local); made when first needed, collective."""
+        """Return the response to a unit and its jump at all points, shape (points, local); collective."""
         if compliance not in self._answers:
             made = self._make(compliance)
             self._answers[compliance] = made, self._jumps.of(made)
@@ -98,7 +98,7 @@ class Course:
 
 
 class Deferred:
-    """Steps on the interfaces of one model, between a base and the look at its end.
+    """Steps on the interfaces of one model, from a base state until output needs the bodies.
 
     Parameters
     ----------
@@ -125,19 +125,19 @@ class Deferred:
             yield Course(force.factor, partial(self._loaded, nodal), jumps)
 
     def _moved(self, unit: np.ndarray, compliance: Compliance) -> np.ndarray:
-        """Displacement of all where edges are moved by it and interfaces stick; collective."""
+        """Return the displacement under moved edges with sticking interfaces; collective."""
         jumps = self._solver.jumps
         held = times(compliance.stuck, jumps.of(unit))
         return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(held, len(unit)))
 
     @staticmethod
     def _loaded(nodal: np.ndarray, compliance: Compliance) -> np.ndarray:
-        """Displacement of all under nodal forces [N]; collective."""
+        """Return the displacement under nodal forces [N]; collective."""
         return compliance.solve(nodal)
 
     @staticmethod
     def is_on(state: State) -> bool:
-        """Whether a state has a base."""
+        """Return whether a state has a base."""
         return SINCE in state.numbers
 
     def begin(self, state: State) -> None:
@@ -156,11 +156,11 @@ class Deferred:
             )  # fmt: skip
 
     def end(self, state: State) -> None:
-        """Give up the base, if there is one, and leave everything as if there had not been; collective."""
+        """Remove the base, if there is one, and complete the state as if there had been none; collective."""
         if not self.is_on(state):
             return
         state.catch_up()
-        if not self.is_on(state):  # the look found them out of balance
+        if not self.is_on(state):  # the bodies were out of balance
             return
         kinetic, strain = self._model.bulk_energies(state)
         state.energy["boundary_work"] += strain
@@ -171,7 +171,7 @@ class Deferred:
         state.points.clear()
 
     def energies(self, state: State) -> dict[str, float]:
-        """Energy budget over all ranks [J]; collective."""
+        """Return the energies over all ranks [J]; collective."""
         state.catch_up()
         found = self._model.energies(state)
         if self.is_on(state):
@@ -180,17 +180,17 @@ class Deferred:
         return found
 
     def solve(self, state: State, dt: float) -> Ahead | None:
-        """The equilibrium at state.time + dt; collective, `state` is left alone.
+        """Return the equilibrium at state.time + dt, with `state` unchanged; collective.
 
         Returns
         -------
         Ahead or None
-            None where rounding makes it uncertain: the whole system then tells.
+            None where rounding makes it uncertain: the full system then decides.
 
         Raises
         ------
         ConvergenceError
-            On all ranks: none at the interfaces, and so none of the whole system, which is the same.
+            On all ranks: no equilibrium at the interfaces, and so none of the full system, which is equivalent.
         """
         solver, jumps = self._solver, self._solver.jumps
         now, rate, _, base_traction = self._carried(state)
@@ -216,7 +216,7 @@ class Deferred:
                 continue
             uncertain, ends = True, start + found.e
             carried, rounding = self._sizes(step, ends)
-            # A body that nothing holds flies far: rounding counts as far as there are forces.
+            # Unsupported bodies fly far: rounding counts in proportion to the forces.
             allowed = max(FAR * carried, 2 * least)
             if rounding <= allowed and solver.left(compliance, found) <= max(enough, min(5 * rounding, allowed)):
                 return Ahead(
@@ -232,7 +232,7 @@ class Deferred:
         return None
 
     def _gained(self, state: State, dt: float) -> np.ndarray:
-        """What slip that gains speed as in the step before adds to a jump that goes on evenly [m]; collective."""
+        """Return the jump gained by slip that accelerates as in the previous step [m]; collective."""
         gained, longer = {}, 1 + dt / state.numbers["dt_before"]
         for fault in self._model.faults:
             rate, mean = (fault.components(state.faults[fault.name], name) for name in ("slip_rate", "mean_slip_rate"))
@@ -242,7 +242,7 @@ class Deferred:
         return self._solver.jumps.gather(gained)
 
     def commit(self, state: State, solution: Ahead) -> None:
-        """Make it the state at the end of the step, but for the bodies, and count the work of the boundaries."""
+        """Set the state at the end of the step, except for the bodies, and count the work of the boundaries."""
         before = self._equilibrium.forces.tractions(state)
         for fault in self._model.faults:
             name, face = fault.name, fault.interface
@@ -257,7 +257,7 @@ class Deferred:
         state.behind = self._catch_up
 
     def _catch_up(self, state: State) -> None:
-        """Displacement and velocity of the bodies; collective."""
+        """Update displacement and velocity of the bodies; collective."""
         model, jumps = self._model, self._solver.jumps
         compliance = self._solver.compliance(self._step(state, 1.0, 1.0))
         base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
@@ -273,34 +273,34 @@ class Deferred:
         for course, part in self._grown(before, state.time):
             velocity += part / (state.time - before) * course.answer(compliance)[0]
         free = ~model.loads.prescribed
-        state.displacement[free] = displacement[free]  # driven edges are where they have to be, to the last bit
+        state.displacement[free] = displacement[free]  # driven edges have their prescribed position bitwise
         state.velocity[:] = velocity
         self._check(state)
 
     def _step(self, state: State, dt: float, easing: float) -> Step:
-        """A step for its interfaces only."""
+        """Return a step for its interfaces only."""
         return Step(self._equilibrium, state, dt, None, np.zeros(0), easing)
 
     def _grown(self, start: float, end: float) -> Iterator[tuple[Course, float]]:
-        """What has changed between two times [s], and by how much."""
+        """Yield the loads and motions that have changed between two times [s], and the changes of their amounts."""
         for course in self._courses:
             part = course.grown(start, end)
             if part:
                 yield course, part
 
     def _carried(self, state: State) -> list[np.ndarray]:
-        """`CARRIED` at all points, shape (points, local); collective."""
+        """Return `CARRIED` at all points, shape (points, local); collective."""
         found = {name: np.stack(_unpacked(fields), axis=2) for name, fields in state.points.items()}
         return list(np.moveaxis(self._solver.jumps.gather(found), 2, 0))
 
     def _sizes(self, step: Step, jump: np.ndarray) -> tuple[float, float]:
-        """Norms of the forces of interfaces and of their rounding [N]; collective."""
+        """Return norms of the forces of interfaces and of their rounding [N]; collective."""
         ours = step.at_interfaces({f.name: self._solver.jumps.pick(jump, f.name) for f in self._model.faults})
         carried, stiff = np.sqrt(parallel.total(self._model.comm, list(ours)))
         return float(carried), float(2 * np.finfo(float).eps * stiff)
 
     def _check(self, state: State) -> None:
-        """Give the base up where the bodies, as a whole, are not in balance; collective."""
+        """Remove the base if the bodies are out of balance in the full system; collective."""
         model, forces = self._model, self._equilibrium.forces
         elastic, load = -model.internal_force(state.displacement), forces.load(state.time)
         pull = np.zeros_like(load)
@@ -321,7 +321,7 @@ class Deferred:
 
 
 def _packed(*given: np.ndarray) -> FaultState:
-    """Arrays of shape (n, local), one for each of `CARRIED`, component by component."""
+    """Return one array of shape (n, local) for each of `CARRIED`, component by component."""
     pairs = zip(CARRIED, given, strict=True)
     # No field of a law has a dot in its name.
     return {f"deferred.{name}.{k}": column for name, values in pairs for k, column in enumerate(values.T.copy())}

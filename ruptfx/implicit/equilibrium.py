@@ -1,29 +1,29 @@
-"""The equilibrium an implicit step ends in: one nonlinear solve for the displacement, shared by implicit steppers.
+"""Equilibrium at the end of an implicit step: one nonlinear solve for the displacement, shared by implicit steppers.
 
     R(u) = M a(u) + C v(u) + eta K_v v(u) + K u + J' W (T(u) - T_0) - F = 0
 
-with a = c_M (u - u*) and v = v* + c_C (u - u*), which is what Newmark's rules are (`Rates`), or without them in
-quasi-static steps. T(u) is the traction at the end of the step that the contact method and the shared projection
-answer to the jump of u, with the state of the friction law advanced inside, and its exact tangent (`response`).
+with a = c_M (u - u*) and v = v* + c_C (u - u*), Newmark's rules (`Rates`), or without them in
+quasi-static steps. T(u) is the traction at the end of the step from contact method and shared projection
+for the jump of u, with the state of the friction law advanced inside, and its exact tangent (`response`).
 Driven edges are Dirichlet conditions.
 
     equilibrium = Equilibrium(model, petsc_options)
     solution = equilibrium.solve(state, dt)              # quasi-static: to state.time + dt
     solution = equilibrium.solve(state, dt, Rates(...))  # dynamic
-    solution.commit(state)                               # or not: `state` was left alone until here
+    solution.commit(state)                               # optional: `state` is unchanged before
 
-`solve` raises `ConvergenceError` on all ranks, and leaves everything as it was, so that a step can be halved and tried
-again. `commit` takes over displacement and fault fields, counts the energy that the faults dissipated and nucleation
-put in, and advances `state.time` and `state.step`; velocity and what else belongs to a scheme is the stepper's.
+`solve` raises `ConvergenceError` on all ranks without a change of the state, so that a step can be halved and tried
+again. `commit` sets displacement and fault fields, counts the dissipation of faults and the work of nucleation,
+and advances `state.time` and `state.step`; the stepper updates velocity and other quantities of its scheme.
 
 Contact methods with multipliers (`augmented_lagrangian`) are solved in outer iterations: the tractions of the last
-solution are the multipliers of the next, until they change no more. At the end of a step multipliers and tractions are
-the same, so that they are in the state, and in checkpoints, by themselves.
+solution are the multipliers of the next, until they converge. At the end of a step multipliers and tractions are
+the same, so that the state and checkpoints contain them.
 
-Bodies are linear, so that steps are solved on the interfaces alone (`condensed`); the whole system is solved by PETSc's
-SNES (Newton with line search) and KSP (`solvers`) where they are not, where it is large, and where the case has PETSc
-options. Its matrix is factorised again only when the step or the tangent of an interface has changed. The options
-override the defaults: ``petsc_options = { snes_monitor = true, ksp_type = "fgmres" }``; an option nobody reads is an
+Linear bodies allow steps to be solved on the interfaces only (`condensed`); the full system is solved by PETSc's
+SNES (Newton with line search) and KSP (`solvers`) if bodies are not linear, if it is large, or if the case has PETSc
+options. Its matrix is factorised again only after a change of the step or of the tangent of an interface. The options
+override the defaults: ``petsc_options = { snes_monitor = true, ksp_type = "fgmres" }``; an unused option is an
 error. `snes_rtol` bounds the norm of R over that of the forces in it (`Solution.scale`), `snes_atol` is in newton.
 """
 
@@ -54,15 +54,15 @@ from ruptfx.state import State
 if TYPE_CHECKING:
     from ruptfx.model import Model
 
-# Factors of the penalty of multipliers, tried in turn until Newton's iteration finds which points slide: the larger the
-# penalty, the fewer outer iterations, but the harder is each of them.
+# Factors of the penalty of multipliers, tried in turn until Newton's iteration converges: the larger the
+# penalty, the fewer outer iterations, but the harder each of them.
 EASINGS = (1.0, 0.1, 0.01)
-# What points face is found again until the pressure changes no more than that part of the largest, so often at most.
+# The pairing is updated until the pressure changes by at most this part of the largest, at most this many times.
 SETTLED, MOST_FACINGS = 1e-4, 10
 
 
 class Equilibrium:
-    """Solves for the displacement at the end of a step.
+    """Solver for the displacement at the end of a step.
 
     Parameters
     ----------
@@ -72,12 +72,12 @@ class Equilibrium:
     radiation : dict of str to float or ndarray, optional
         Impedance [Pa s/m] of waves that are not computed, by fault; see `FaultResponse`.
     condensed : bool
-        Solve on the interfaces alone where that can be done, without options of the case.
+        Solve on the interfaces only, where possible and without options of the case.
 
     Attributes
     ----------
     deferred : Deferred, optional
-        Solves quasi-static steps without the bodies, which are brought up to date when somebody looks.
+        Solves quasi-static steps without the bodies, which are updated when output needs them.
 
     Raises
     ------
@@ -115,7 +115,7 @@ class Equilibrium:
             self.deferred = deferred.Deferred(self, self._solver)
 
     def begin(self, state: State) -> None:
-        """Let interfaces that slide face each other as they do in a state: before its forces are asked for."""
+        """Set the pairing of sliding interfaces to that of a state, before its forces are computed."""
         for follower in self._followers:
             follower.begin(state)
 
@@ -127,27 +127,27 @@ class Equilibrium:
         added: np.ndarray | float = 0.0,
         guess: np.ndarray | None = None,
     ) -> Solution:
-        """The equilibrium at state.time + dt; collective, `state` is left alone.
+        """Return the equilibrium at state.time + dt, with `state` unchanged; collective.
 
         Parameters
         ----------
         state : State
-            At the beginning of the step.
+            State at the beginning of the step.
         dt : float
             Length of the step [s].
         rates : Rates, optional
-            Without it nothing depends on velocity but friction: quasi-static.
+            Without it only friction depends on velocity: quasi-static.
         added : ndarray, shape (nodes * components,)
-            Force added to F [N], e.g. what a scheme carries over from the last step.
+            Force added to F [N], e.g. from the last step of the scheme.
         guess : ndarray, shape (nodes * components,), optional
-            Displacement to begin with where nothing is driven; otherwise the present one.
+            Initial displacement of the iteration at free nodes; default: the present one.
 
         Raises
         ------
         ConvergenceError
             On all ranks: no convergence, with the history of the residual and the worst point.
         CaseError
-            On all ranks: PETSc options that nobody reads.
+            On all ranks: unused PETSc options.
         """
         load = self.forces.load(state.time + dt) + added
         u = (state.displacement if guess is None else guess).copy()
@@ -164,7 +164,7 @@ class Equilibrium:
             raise
 
     def _follow(self, state: State, dt: float, rates: Rates | None, load: np.ndarray, u: np.ndarray) -> Solution:
-        """Solve until what points face is what they face where the solution is; collective."""
+        """Solve with updates of the pairing until it is that of the solution; collective."""
         changes: list[float] = []
         solution, followers = None, self._followers
         self._everywhere(lambda follower: follower.at(u))
@@ -202,7 +202,7 @@ class Equilibrium:
         self, state: State, dt: float, rates: Rates | None, load: np.ndarray, guess: np.ndarray,
         last: Solution | None = None,
     ) -> Solution:  # fmt: skip
-        """The equilibrium with what points face as it is; from a displacement, and the tractions of the last one."""
+        """Solve with the present pairing, from a displacement and the tractions of the last solution."""
         residuals: list[float] = []
         iterations = 0
         for easing in self.easings:
@@ -229,7 +229,7 @@ class Equilibrium:
         raise self._failure(step, outer, residuals)
 
     def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
-        """What bodies and faults answer after `dt` to any displacement, balanced or not; collective.
+        """Return the response of bodies and faults after `dt` to any displacement, balanced or not; collective.
 
         Raises
         ------
@@ -243,12 +243,12 @@ class Equilibrium:
         return Solution(u.copy(), step.internal, faults, dt, 0, 0, [], step.scale, self.answers, step.tangents)
 
     def _everywhere(self, action: Callable[[StepFollower], float | None]) -> float:
-        """Do something with all interfaces that slide; the largest result; collective.
+        """Call a function for all sliding interfaces and return its largest result; collective.
 
         Raises
         ------
         ConvergenceError
-            On all ranks: surfaces that fold back where the bodies would be.
+            On all ranks: surfaces that fold back at the trial displacement.
         """
         results, error = [0.0], None
         for follower in self._followers:
@@ -260,7 +260,7 @@ class Equilibrium:
         return parallel.largest(self.model.comm, max(results))
 
     def body_stiffness(self, interface: Interface, rates: Rates | None) -> np.ndarray:
-        """Diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
+        """Return the diagonal of K and inertia over the area of every point, of its softer side [Pa/m]."""
         inertia = self.model.layout.reduce_tied(self.model.mass)
         diagonal, mass = (each.reshape(self.model.nodes, -1) for each in (self.tangent.diagonal, inertia))
         c_M = rates.mass if rates else 0.0
@@ -268,11 +268,11 @@ class Equilibrium:
         return np.asarray(np.minimum(*sides) / interface.weight)
 
     def rounding(self, displacement: np.ndarray) -> float:
-        """Norm of the forces that rounding of a displacement may leave out of balance [N]; collective."""
+        """Return the norm of unbalanced forces by rounding of a displacement [N]; collective."""
         return 100 * float(np.finfo(float).eps) * norm(self.model, self.tangent.diagonal * displacement)
 
     def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
-        """What to say; collective."""
+        """Return the message of a failed solution; collective."""
         model = self.model
         size = np.abs(step.residual[: self._owned])
         size = np.where(np.isfinite(size), size, np.inf)

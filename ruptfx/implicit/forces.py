@@ -1,4 +1,4 @@
-"""Forces of bodies, interfaces and boundaries in implicit steps, and the work they do."""
+"""Forces of bodies, interfaces and boundaries in implicit steps, and their work."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class Forces:
-    """Forces at a time or in a state of a model.
+    """Forces of a model at a time or in a state.
 
     Attributes
     ----------
     dashpot : ndarray, shape (nodes * components,)
-        Of boundaries and mass damping: force per velocity [N s/m].
+        Force per velocity of boundaries and mass damping [N s/m].
     """
 
     def __init__(self, model: Model) -> None:
@@ -28,11 +28,11 @@ class Forces:
         self._driven = model.loads.prescribed
 
     def load(self, time: float) -> np.ndarray:
-        """F: nodal force of the boundaries [N]."""
+        """Return F, the nodal force of the boundaries [N]."""
         return self.model.loads.force(time)
 
     def damping_force(self, velocity: np.ndarray) -> np.ndarray:
-        """C v + eta K_v v [N]: dashpots, mass damping and the Kelvin-Voigt layer."""
+        """Return C v + eta K_v v [N]: dashpots, mass damping and the Kelvin-Voigt layer."""
         force: np.ndarray = self.dashpot * velocity
         viscosity = self.model.viscosity
         if viscosity is not None:
@@ -43,7 +43,7 @@ class Forces:
         return force
 
     def internal(self, state: State) -> np.ndarray:
-        """K u + J' W (T - T_0) [N] of a state, from the tractions it holds."""
+        """Return K u + J' W (T - T_0) [N] of a state, with its tractions."""
         force: np.ndarray = -self.model.internal_force(state.displacement)
         tractions = self.tractions(state)
         for fault in self.model.faults:
@@ -51,7 +51,7 @@ class Forces:
         return force
 
     def tractions(self, state: State) -> dict[str, np.ndarray]:
-        """T - T_0 [Pa] by fault that a state holds, tension positive, shape (n, local)."""
+        """Return T - T_0 [Pa] of a state by fault, tension positive, shape (n, local)."""
         found = {}
         for fault in self.model.faults:
             fields = state.faults[fault.name]
@@ -62,28 +62,28 @@ class Forces:
         return found
 
     def carried(self, state: State) -> np.ndarray:
-        """Internal and damping forces less the load of a state [N]."""
+        """Return internal and damping forces less the load of a state [N]."""
         carried: np.ndarray = self.internal(state) + self.damping_force(state.velocity) - self.load(state.time)
         return carried
 
     def acceleration(self, force: np.ndarray) -> np.ndarray:
-        """Acceleration by a nodal force [m/s2]; tied nodes accelerate as one, zero where the motion is prescribed."""
+        """Return the acceleration by a nodal force [m/s2], the same for tied nodes; zero for prescribed motion."""
         force, mass = force.copy(), self.model.mass.copy()
         for each in (force, mass):
             self.model.layout.sum_tied(each)
         return np.where(self._driven, 0.0, force / mass)
 
     def count_work(self, state: State, solution: Solution, velocity: np.ndarray, carried: np.ndarray) -> None:
-        """Add the work of loads and driven edges, and what damping takes, to the energies of a state; before `commit`.
+        """Add work of loads and driven edges and loss in damping to the energies of a state; before `commit`.
 
-        By the mean forces over the step: exact for average acceleration.
+        Mean forces over the step are used, exact for average acceleration.
 
         Parameters
         ----------
         velocity : ndarray, shape (nodes * components,)
-            At the end of the step [m/s].
+            Velocity at the end of the step [m/s].
         carried : ndarray, shape (nodes * components,)
-            `carried` at its beginning [N].
+            `carried` at the beginning of the step [N].
         """
         mass, dot = self.model.mass, self.model.layout.owned_dot
         moved = solution.displacement - state.displacement
@@ -91,7 +91,7 @@ class Forces:
         damped, damped_before = self.damping_force(velocity), self.damping_force(state.velocity)
         state.energy["damping"] += 0.5 * dot(damped_before + damped, moved)
         state.energy["boundary_work"] += 0.5 * dot(before + load, moved)
-        # Driven edges do what their reactions do, and what sets their own mass in motion.
+        # Driven edges do the work of their reactions, and that of accelerating their own mass.
         reaction = 0.5 * (carried + solution.internal + damped - load)
         inertia = 0.5 * mass * (velocity**2 - state.velocity**2)
         state.energy["boundary_work"] += dot(self._driven.astype(float), reaction * moved + inertia)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-# Viewers may print (`true`, `::ascii_info_detail`), not write: a case stays in its run directory.
+# Viewers may print (`true`, `::ascii_info_detail`), not write files outside of the run directory.
 _Word = Annotated[str, Field(pattern=r"^[A-Za-z0-9_,.+\-]*(::[a-z_]*)?$")]
 _Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 

@@ -1,7 +1,7 @@
-"""What a fault answers to a displacement at the end of an implicit step: traction, exact tangent, new state.
+"""Response of a fault to a displacement at the end of an implicit step: traction, exact tangent, new state.
 
-`FaultResponse` is C: `points.c`, which explicit steps have, too, and `response.c`. The tests have the same written with
-arrays (`tests/reference_step.py`).
+The code of `FaultResponse` is C: `points.c`, as for explicit steps, and `response.c`. The tests have a NumPy version
+(`tests/reference_step.py`).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass
 class Response:
-    """The fault at the end of a step, were the displacement the given one; nothing is committed.
+    """Tractions and fields of a fault at the end of a step for a given displacement; nothing is committed.
 
     Attributes
     ----------
     traction : ndarray, shape (n, local)
-        T - T_0 in the local frame [Pa], tension positive: what `Interface.assemble` takes.
+        T - T_0 in the local frame [Pa], tension positive, as for `Interface.assemble`.
     tangent : ndarray, shape (n, local, local)
-        dT / d[u] [Pa/m], with the state advanced inside the solve; unsymmetric where friction follows pressure.
+        dT / d[u] [Pa/m], with the state advanced inside the solve; unsymmetric where friction depends on pressure.
     state : dict of ndarray
         All fields at the end of the step.
     """
@@ -42,13 +42,13 @@ class Response:
 
 
 class FaultResponse:
-    """Answers for one fault: `FaultResponse(fault, threshold)(state, jump, dt, time, ...)`.
+    """Response of one fault: `FaultResponse(fault, threshold)(state, jump, dt, time, ...)`.
 
     Parameters
     ----------
     fault : Fault
     threshold : float
-        Slip rate [m/s] whose first passing is a rupture.
+        Slip rate [m/s] whose first crossing is a rupture.
     radiation : float or ndarray, shape (n,)
         Impedance [Pa s/m] of waves that are not computed, mu / (2 c_s) for quasi-dynamic steps: the traction is the
         strength plus this times the slip rate.
@@ -86,22 +86,22 @@ class FaultResponse:
         body_stiffness: np.ndarray,
         guess: FaultState | None = None,
     ) -> Response:
-        """The response at the end of a step.
+        """Return the response at the end of a step.
 
         Parameters
         ----------
         state : FaultState
-            At the beginning of the step; left alone.
+            State at the beginning of the step; unchanged.
         jump : ndarray, shape (n, local)
             Displacement jump at the end of the step [m].
         dt, dt_before, time : float
-            Lengths of the step and of the one before, zero at the start, and the time of its end [s].
+            Lengths of the step and of the previous one, zero at the start, and the time of its end [s].
         multiplier : (ndarray, ndarray), shapes (n,) and (n, tangents)
             Normal stress and shear traction of the last outer iteration [Pa].
         body_stiffness : ndarray, shape (n,)
             As in `contact.Point`.
         guess : FaultState, optional
-            Near which the answer is looked for first; the beginning of the step where it is left out.
+            Initial fields of the iteration; default: the beginning of the step.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class FaultResponse:
             self.radiation, np.linalg.norm(fault.components(guess or state, "mean_slip_rate"), axis=1), code.fixed,
             code.numbers,
         )  # fmt: skip
-        if self._state is not state:  # the arrays of a run keep their place
+        if self._state is not state:  # the arrays of a run keep their memory
             self._state, self._table = state, code.table(state)
         tables = self._table, code.table(new)
         pointers = [ctypes.c_void_p(array.ctypes.data) for array in (self._times, *given)]
@@ -132,11 +132,11 @@ class FaultResponse:
         return Response(change, tangent, new)
 
     def stuck(self, body_stiffness: np.ndarray) -> np.ndarray:
-        """dT / d[u] [Pa/m] where it is closed and does not slide, shape (n, local, local)."""
+        """Return dT / d[u] [Pa/m] for closed points that do not slide, shape (n, local, local)."""
         fault = self.fault
         none = np.zeros((len(body_stiffness), fault.tangents))
         jump = np.zeros((len(none), fault.interface.frame.shape[1]))
-        trial = closed_and_stuck(  # in a step of one second, so that it is the same to the last bit in any other
+        trial = closed_and_stuck(  # in a step of one second, so that the result is bitwise the same for any step
             fault, jump, none, Clock.implicit(1.0, 1.0), 0.0, normal_multiplier=none[:, 0],
             shear_multiplier=list(none.T), body_stiffness=body_stiffness,
         )  # fmt: skip
@@ -146,15 +146,15 @@ class FaultResponse:
         return np.stack(stiffness, axis=1)[:, :, None] * np.eye(len(stiffness))
 
     def commit(self, state: State, new: FaultState, dt: float) -> float:
-        """Take over the fields at the end of a step, `state.time`, and count energies.
+        """Set the fields at the end of a step and `state.time`, and count energies.
 
-        Those are what friction and closing gaps took and nucleation gave at the points of this rank. What interfaces
-        that slide take beyond friction is counted by their follower.
+        The energies are losses in friction and closing gaps and work of nucleation at the points of this rank. The
+        follower of a sliding interface counts further losses.
 
         Returns
         -------
         float
-            What friction took [J].
+            Frictional dissipation [J].
         """
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time

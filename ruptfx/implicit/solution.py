@@ -1,4 +1,4 @@
-"""What an implicit step is solved for: rates as functions of the displacement, and the equilibrium that was found."""
+"""Rates as functions of the displacement, and the equilibrium found by an implicit step."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class Solution:
     Attributes
     ----------
     displacement : ndarray, shape (nodes * components,)
-        At the end of the step [m], complete at ghosts.
+        Displacement at the end of the step [m], complete at ghosts.
     internal : ndarray, shape (nodes * components,)
-        K u + J' W (T - T_0) [N] at every local node: what bodies and interfaces resist.
+        K u + J' W (T - T_0) [N] at every local node: internal force of bodies and interfaces.
     faults : dict of str to FaultState
         New fault fields.
     dt : float
@@ -62,14 +62,14 @@ class Solution:
     tangents : dict of str to ndarray, shape (n, local, local)
         dT / d[u] by fault [Pa/m], of `Equilibrium.answer`.
     begun : ndarray, shape (nodes * components,), optional
-        Of interfaces that slide: K u + J' W (T - T_0) at the beginning [N], with what they faced then.
+        K u + J' W (T - T_0) at the beginning [N] with the pairing of that time, for finite sliding.
     facings : list of float
-        Part of the pressure that changed with what points face, every time it was found again (`StepFollower.change`);
-        empty where nothing slides.
+        Relative change of the pressure by each update of the pairing (`StepFollower.change`);
+        empty without finite sliding.
     slid : float
-        Largest slip of the step over the most that it may be on interfaces that slide.
+        Largest slip of the step over its limit, on sliding interfaces.
     followers : list of StepFollower
-        Of these.
+        Followers of the sliding interfaces.
     """
 
     displacement: np.ndarray
@@ -88,7 +88,7 @@ class Solution:
     followers: list[StepFollower] = field(repr=False, default_factory=list)
 
     def commit(self, state: State) -> None:
-        """Make it the state at the end of the step; arrays of the state keep their place."""
+        """Copy the solution to the state; arrays of the state keep their memory."""
         moved = self.displacement - state.displacement
         state.displacement[:] = self.displacement
         state.time += self.dt

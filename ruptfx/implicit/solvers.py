@@ -1,7 +1,8 @@
-"""PETSc's nonlinear and linear solvers with defaults that need no options, and options of the case that replace them.
+"""PETSc's nonlinear and linear solvers with defaults that need no options, and options of the case.
 
 Small systems are factorised: by MUMPS, or by PETSc's own LU on one rank where MUMPS is missing. Large ones are solved
-by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GAMG) that knows the rigid motions.
+by CG, or by GMRES while the matrix is unsymmetric, with algebraic multigrid (GAMG) and rigid motions as near null
+space.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ruptfx.implicit.tangent import Tangent
     from ruptfx.model import Model
 
-# Unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
+# Number of unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
 DIRECT = {2: 400_000, 3: 60_000}
 TOLERANCE = 1e-10
 MAX_NEWTON = 30
@@ -30,16 +31,16 @@ _numbers = count()
 
 
 class CaseOptions:
-    """PETSc options of a case under a prefix of their own: nobody else sees them, and none goes unread unnoticed.
+    """PETSc options of a case under a private prefix; unused options are reported.
 
-    A context: within it the options are in PETSc's database; solvers read some of them at their first use.
+    As a context it adds the options to PETSc's database; solvers read some of them at their first use.
 
     Parameters
     ----------
     given : dict
         Names without leading dash; ``true`` is an option without value.
     defaults : dict, optional
-        Options that `given` overrides and that may go unread.
+        Options that `given` overrides and that may remain unused.
     """
 
     def __init__(self, given: PetscOptions, defaults: PetscOptions | None = None) -> None:
@@ -62,7 +63,7 @@ class CaseOptions:
 
 
 class NewtonSolver:
-    """Solves steps as a whole: SNES, KSP and PC for the matrix of bodies and interfaces.
+    """Solver of the full system: SNES, KSP and PC for the matrix of bodies and interfaces.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class NewtonSolver:
     history : list of float
         Norm of the residual after every iteration of the last solve [N].
     iterations : int
-        Of the last solve.
+        Iterations of the last solve.
     """
 
     outer = 1
@@ -105,12 +106,12 @@ class NewtonSolver:
         self._ready = False
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
-        """Leave `step` evaluated at its equilibrium, from `u`; whether there is one; collective.
+        """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective.
 
         Raises
         ------
         CaseError
-            Options of the case that nobody read.
+            Unused options of the case.
         """
         self._step, self.history = step, []
         self._unknown.array[:] = u[: self._owned]
@@ -134,7 +135,7 @@ class NewtonSolver:
         return bool(left <= max(step.enough(rtol), atol))
 
     def _visit(self, step: Step, unknown: np.ndarray) -> None:
-        """Evaluate at the owned unknowns unless that was done last; collective."""
+        """Evaluate the step at the owned unknowns unless that was done last; collective."""
         at = step.displacement[: self._owned]
         new = len(at) == 0 or not np.array_equal(at[self._once], unknown[self._once])
         if parallel.anywhere(self._model.comm, new):
@@ -144,12 +145,12 @@ class NewtonSolver:
             step.evaluate(self._ghosted.x.array)
 
     def _function(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
-        """SNES asks for R(u)."""
+        """Evaluate R(u) for SNES."""
         self._visit(self._step, x.array_r)
         out.array[:] = self._step.residual[: self._owned]
 
     def _differentiate(self, _: fem.PETSc.SNES, x: fem.PETSc.Vec, *matrices: fem.PETSc.Mat) -> None:
-        """SNES asks for dR/du."""
+        """Evaluate dR/du for SNES."""
         step = self._step
         self._visit(step, x.array_r)
         symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit)
@@ -158,7 +159,7 @@ class NewtonSolver:
             self._ksp.setType("cg" if symmetric else "gmres")
 
     def _converged(self, snes: fem.PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int | None:
-        """The norm of the residual against that of the forces: what balances may be zero at the start."""
+        """Test the norm of the residual against that of the forces, as balancing forces may be zero at the start."""
         norm = norms[2]
         self.history.append(norm)
         rtol, atol, _, _ = snes.getTolerances()
@@ -169,7 +170,7 @@ class NewtonSolver:
 
     @property
     def reason(self) -> str:
-        """Why the last solve ended, in PETSc's words."""
+        """Return PETSc's name of the reason why the last solve ended."""
         code = self.snes.getConvergedReason()
         text = _name(fem.PETSc.SNES.ConvergedReason, code)
         return f"{text} ({_name(fem.PETSc.KSP.ConvergedReason, self._ksp.getConvergedReason())})"
@@ -180,13 +181,13 @@ def has_mumps() -> bool:
 
 
 def is_factorised(model: Model) -> bool:
-    """Whether the default for the matrices of a model is a factorisation."""
+    """Return whether the default for the matrices of a model is a factorisation."""
     unknowns = model.total_nodes * model.components
     return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
 
 
 def choose(ksp: fem.PETSc.KSP, model: Model, matrix: fem.PETSc.Mat) -> bool:
-    """Set the defaults for a matrix; whether they are a factorisation."""
+    """Set the defaults for a matrix; return whether they are a factorisation."""
     pc = ksp.getPC()
     if is_factorised(model):
         ksp.setType("preonly")
@@ -206,7 +207,7 @@ def _name(reasons: object, code: int) -> str:
 
 
 def rigid_motions(model: Model, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
-    """Translations and rotations of the owned unknowns, as the near null space of a stiffness."""
+    """Return translations and rotations of the owned unknowns, as the near null space of a stiffness."""
     x, c = model.coordinates[: model.owned_nodes], model.components
     modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]
     for i, j in {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)]}.get(c, []):

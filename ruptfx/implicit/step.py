@@ -1,4 +1,4 @@
-"""One implicit step to be solved: what is out of balance at a displacement."""
+"""One implicit step to be solved: the residual of the forces at a displacement."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 
 MAX_OUTER = 100
-FAR = 1e-7  # of the forces: as much may rounding of displacements leave of them, not more
+FAR = 1e-7  # largest residual by rounding of displacements, over the forces
 
 
 class Step:
-    """One step to be solved: R(u) and what goes with it.
+    """One step to be solved: R(u) and its data.
 
     Attributes
     ----------
     driven : ndarray, shape (nodes * components,)
-        The displacement with driven edges where they end [m].
+        Displacement with driven edges at the end of their motion [m].
     key : (float, float, float)
-        c_M, c_C and how much multipliers are eased: what the matrix of closed and stuck interfaces depends on.
+        c_M, c_C and the factor of the penalty, on which the matrix of closed, stuck interfaces depends.
     multipliers : dict of str to FaultState
         Fields with the tractions of the last outer iteration.
     displacement, residual, internal, responses, scale, round_off, error
-        Of the last evaluation; `residual` is that of the unknowns, zero at copies of tied nodes, and not a number where
+        Results of the last evaluation; `residual` is that of the unknowns, zero at copies of tied nodes, and NaN where
         a law failed on this rank, which is `error`.
-        `round_off` [N] is what rounding leaves of large displacements in a small residual.
+        `round_off` [N] is the part of the residual caused by rounding of large displacements.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Step:
         self.error: ProjectionError | None = None
 
     def enough(self, tolerance: float) -> float:
-        """The norm of the residual [N] that is small enough, for one relative to the forces."""
+        """Return the tolerance of the norm of the residual [N] for a tolerance relative to the forces."""
         return max(tolerance * self.scale, self.round_off)
 
     @property
@@ -71,16 +71,16 @@ class Step:
         return {name: response.tangent for name, response in self.responses.items()}
 
     def stuck(self) -> dict[str, np.ndarray]:
-        """dT / d[u] by fault [Pa/m], where interfaces are closed and do not slide; it follows from `key` alone."""
+        """Return dT / d[u] by fault [Pa/m] for closed interfaces that do not slide; it depends on `key` only."""
         return {name: answer.stuck(self._body[name]) for name, answer in self._equilibrium.answers.items()}
 
     def update_multipliers(self) -> None:
-        """Take the last tractions; what was evaluated with others is void."""
+        """Set the multipliers to the last tractions; earlier evaluations become invalid."""
         self.multipliers = {name: response.state for name, response in self.responses.items()}
         self.displacement = np.zeros(0)
 
     def settled(self) -> bool:
-        """Whether the multipliers are the tractions; collective, for it follows from the case."""
+        """Return whether the multipliers have converged to the tractions; collective."""
         model, settled = self._equilibrium.model, True
         for fault in model.faults:
             tolerance = fault.contact.multiplier_tolerance()
@@ -95,7 +95,7 @@ class Step:
         return settled
 
     def respond(self, jumps: Mapping[str, np.ndarray]) -> None:
-        """Ask all faults with given jumps [m], shape (n, local) each.
+        """Evaluate all faults at given jumps [m], shape (n, local) each.
 
         Raises
         ------
@@ -112,9 +112,9 @@ class Step:
             )  # fmt: skip
 
     def at_interfaces(self, jumps: Mapping[str, np.ndarray]) -> tuple[float, float]:
-        """Squares of norms over the points of this rank [N2]: of tractions, and of the stiffness times the jumps.
+        """Return squares of norms over the points of this rank [N2]: of tractions, and of stiffness times jumps.
 
-        Tractions are the stiffness times the difference of jump and slip: the latter tells their rounding.
+        Tractions are the stiffness times the difference of jump and slip: the latter determines their rounding.
         """
         carried = jumped = 0.0
         for fault in self._equilibrium.model.faults:
@@ -124,7 +124,7 @@ class Step:
         return carried, jumped
 
     def evaluate(self, u: np.ndarray) -> None:
-        """Collective."""
+        """Evaluate residual, internal force and responses at a displacement; collective."""
         equilibrium, model = self._equilibrium, self._equilibrium.model
         self.displacement, self.error = u.copy(), None
         elastic, reduce = -model.internal_force(u), model.layout.reduce_tied
@@ -154,12 +154,12 @@ class Step:
         )
         self.scale = float(np.sqrt(max(summed)))
         rounding = float(np.finfo(float).eps * (20 * np.sqrt(stiffest) + 2 * np.sqrt(jumped)))
-        # That of the start is there in any case, also where no force is left, as in a body that follows its driven
-        # edge. That of what was added since counts as far as there are forces: a body that nothing holds flies far.
+        # Rounding of the start always counts, also without forces, as in a body that follows its driven
+        # edge. That of later increments counts in proportion to the forces: unsupported bodies fly far.
         self._least = rounding if self._least is None else self._least
         self.round_off = max(self._least, min(rounding, FAR * self.scale))
 
 
 def tractions(fault: Fault, fields: FaultState) -> np.ndarray:
-    """Normal stress and shear tractions, shape (n, 1 + tangents) [Pa]."""
+    """Return normal stress and shear tractions, shape (n, 1 + tangents) [Pa]."""
     return np.column_stack([fields["normal_stress"], fault.components(fields, "shear_traction")])

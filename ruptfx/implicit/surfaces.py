@@ -1,15 +1,15 @@
-"""What linear bodies answer at the nodes of their interfaces, so that these may face each other as they like.
+"""Stiffness of linear bodies at the nodes of their interfaces, for any mortar pairing between them.
 
-Where interfaces slide, jumps and tractions change with what the points face: [u] = J_s v, forces J_s' W t, with v the
-displacement of the nodes of all interfaces, which stay where they are on their bodies. All that the bodies are there is
-their stiffness D with everything inside condensed,
+With finite sliding, jumps and tractions change with the pairing: [u] = J_s v, forces J_s' W t, with v the
+displacement of the nodes of all interfaces, which are fixed to their bodies. The bodies enter by
+their stiffness D with all inner nodes condensed,
 
     D = (G A^-1 G')^-1 - h,    A = K + c_M M + c_C C + G' h G,
 
-with G what takes the nodes of the interfaces. The springs h to the ground, as stiff as the nodes themselves, make A
-regular where bodies are not held, and the small matrix well conditioned, so that to take them off again costs hardly
-more than the last digit. D depends on the length of the step only. For every facing, J_s' W k J_s of interfaces that
-are closed and stuck is added, and the inverse of that is what jumps answer to tractions.
+with G the restriction to the nodes of the interfaces. Springs h to the ground, as stiff as the nodes themselves, make A
+regular for unsupported bodies, and the small matrix well conditioned, so that subtracting them costs hardly
+more than the last digit. D depends on the length of the step only. For every pairing, J_s' W k J_s of interfaces that
+are closed and stuck is added, and the inverse of the sum gives jumps from tractions.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 
 
 def count_nodes(model: Model) -> int:
-    """Nodes of all interfaces; collective."""
+    """Return the number of nodes of all interfaces; collective."""
     return int(parallel.total(model.comm, len(_owned_nodes(model))))
 
 
 def _owned_nodes(model: Model) -> np.ndarray:
-    """Local nodes of interfaces that this rank owns."""
+    """Return the local nodes of interfaces that this rank owns."""
     nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
     return nodes[nodes < model.owned_nodes]
 
@@ -48,11 +48,11 @@ class Surfaces:
     Attributes
     ----------
     points, local : int
-        Nodes, and components of a displacement.
+        Number of nodes, and of components of a displacement.
     where : ndarray, shape (points, dim)
         Coordinates [m].
     farthest : float
-        Length of the facets of interfaces that slide [m].
+        Length of the facets of sliding interfaces [m].
     """
 
     def __init__(self, model: Model, jumps: Jumps) -> None:
@@ -63,7 +63,7 @@ class Surfaces:
         self._nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
         self._places = self._place(self._nodes)
         self.where = self.gather(model.coordinates)
-        # What moves a facet at once does so for want of a hold.
+        # Bodies that move by more than a facet at once have no support.
         faces = [fault.interface for fault in model.faults]
         facets = [face.near for face in faces if isinstance(face, SlidingInterface)]
         self.farthest = parallel.largest(model.comm, max(facets, default=0.0))
@@ -73,11 +73,11 @@ class Surfaces:
         return np.asarray(index_map.local_to_global(nodes.astype(np.int32)), dtype=np.int64)
 
     def _place(self, nodes: np.ndarray) -> np.ndarray:
-        """Where local nodes of interfaces are among those of all ranks."""
+        """Return the indices of local nodes of interfaces among those of all ranks."""
         return np.searchsorted(self._numbers, self._global(nodes.ravel())).reshape(nodes.shape)
 
     def gather(self, nodal: np.ndarray) -> np.ndarray:
-        """Of all nodes of interfaces, shape (points, ...), from values at all local nodes; collective."""
+        """Return values of all nodes of interfaces, shape (points, ...), from values at all local nodes; collective."""
         return self._gathered(nodal[self._nodes])
 
     def _gathered(self, values: np.ndarray) -> np.ndarray:
@@ -86,17 +86,17 @@ class Surfaces:
         return whole if self._model.comm.size == 1 else parallel.total(self._model.comm, whole)
 
     def force(self, values: np.ndarray, size: int) -> np.ndarray:
-        """Local nodal forces, shape (size,) [N], from those of all nodes of interfaces, shape (points, local)."""
+        """Return local nodal forces [N], shape (size,), from those of interface nodes, shape (points, local)."""
         force = np.zeros((size // self.local, self.local))
         force[self._nodes] = values[self._places]
         return force.ravel()
 
     def changes(self, fields: Iterable[np.ndarray]) -> np.ndarray:
-        """From displacements, shape (size,) each: (points, local, fields) [m]; collective."""
+        """Return values at the nodes from displacements of shape (size,): (points, local, fields) [m]; collective."""
         return self._gathered(np.stack([field.reshape(-1, self.local)[self._nodes] for field in fields], axis=2))
 
     def operator(self) -> csr_array:
-        """J_s as interfaces are now, shape (all points * local, points * local); collective."""
+        """Return J_s for the present pairing, shape (all points * local, points * local); collective."""
         rows = []
         for fault in self._model.faults:
             face = fault.interface
@@ -113,7 +113,7 @@ class Surfaces:
 
 
 class SurfaceStiffness:
-    """D: what the bodies resist at the nodes of all interfaces, with everything else in balance.
+    """Stiffness D of the bodies at the nodes of all interfaces, with all other nodes in equilibrium.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class SurfaceStiffness:
     Attributes
     ----------
     free : ndarray of bool, shape (points * local,)
-        Whose motion is not prescribed.
+        True for degrees of freedom without prescribed motion.
     stiffness : ndarray, shape (free, free)
         D [N/m].
     held : ndarray, shape (free,)
@@ -154,9 +154,9 @@ class SurfaceStiffness:
 
 
 class FacingCompliance(Influence):
-    """What jumps answer to tractions while the interfaces face each other as they do now.
+    """Jumps under unit tractions with the present pairing of the interfaces.
 
-    That is `Compliance` with S = J_s (D + J_s' W k J_s)^-1 J_s' W.
+    It is `Compliance` with S = J_s (D + J_s' W k J_s)^-1 J_s' W.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class FacingCompliance(Influence):
     Raises
     ------
     RuptfxError
-        On all ranks: bodies that nothing holds, closed interfaces included.
+        On all ranks: bodies without any support, closed interfaces included.
     """
 
     def __init__(self, bodies: SurfaceStiffness, jumps: Jumps, stuck: dict[str, np.ndarray]) -> None:
@@ -191,7 +191,7 @@ class FacingCompliance(Influence):
         if norm(bodies.factors.model, beside) > small:
             begun, moved = np.zeros_like(force), bodies.factors.solve(force)
             v = surfaces.gather(moved.reshape(-1, surfaces.local)).ravel()[bodies.free]
-            acting = bodies.stiffness @ v + bodies.held * v  # what moves the nodes of interfaces as much
+            acting = bodies.stiffness @ v + bodies.held * v  # the force with that displacement of the nodes
 
         def finish(q: np.ndarray) -> np.ndarray:
             pull = self._jump.T @ (self.weight[:, None] * q).ravel()
@@ -205,7 +205,7 @@ class FacingCompliance(Influence):
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Of a symmetric and positive definite matrix, which is overwritten."""
+    """Return the inverse of a symmetric, positive definite matrix, which is overwritten."""
     factor, failed = dpotrf(matrix.T, lower=0, overwrite_a=1)
     if not failed:
         factor, failed = dpotri(factor, lower=0, overwrite_c=1)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Tangent:
-    """K + J' W (dT / d[u]) J + c_M M + c_C (C + eta K_v), filled again only when something in it has changed.
+    """K + J' W (dT / d[u]) J + c_M M + c_C (C + eta K_v), filled again only after a change.
 
     Tied nodes have one unknown, that of the kept node (`fem.matrix`); the unknown of a copy stays zero.
 
@@ -29,9 +29,9 @@ class Tangent:
     ----------
     matrix : PETSc.Mat
     diagonal : ndarray, shape (nodes * components,)
-        Of K with the elastic supports [N/m], at ghosts, too; tied nodes have that of their sum.
+        Diagonal of K with the elastic supports [N/m], also at ghosts; tied nodes have the sum.
     unit : float
-        Its mean [N/m].
+        Mean of the diagonal [N/m].
     """
 
     def __init__(self, model: Model, dashpot: np.ndarray) -> None:
@@ -58,7 +58,7 @@ class Tangent:
         self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
-        """K of some elements as a matrix with room for the tangents of the interfaces."""
+        """Return K of some elements as a matrix with room for the tangents of the interfaces."""
         faces = [fault.interface for fault in self._model.faults if not (fault.interface.one_sided or fault.slides)]
         pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
         layout = self._model.layout
@@ -69,16 +69,16 @@ class Tangent:
     def update(
         self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None
     ) -> bool | None:
-        """Fill the matrix; whether it is symmetric, or None where it stays as it was; collective.
+        """Fill the matrix; return whether it is symmetric, or None if it has not changed; collective.
 
         Parameters
         ----------
         blocks : dict of str to ndarray, shape (n, local, local)
-            dT / d[u] by fault [Pa/m]; nothing of faults that are left out.
+            dT / d[u] by fault [Pa/m]; missing faults contribute nothing.
         driven : float
-            Diagonal entry of rows of driven nodes and of copies of tied nodes; nothing else is in them.
+            Diagonal entry of rows of driven nodes and of copies of tied nodes, whose other entries are zero.
         held : ndarray, shape (nodes * components,), optional
-            Springs to the ground [N/m]; they have to follow from the other parameters.
+            Springs to the ground [N/m]; they must be a function of the other parameters.
         """
         model, matrix = self._model, self.matrix
         same = (
@@ -107,7 +107,7 @@ class Tangent:
 
 
 def _add_supports(matrix: Any, model: Model) -> None:
-    """matrix += stiffness of the elastic supports, every node once; collective."""
+    """Add the stiffness of the elastic supports, every node once; collective."""
     for support in model.loads.supports:
         for node, block in zip(support.nodes.astype(fem.PETSc.IntType), support.stiffness, strict=True):
             if node < model.owned_nodes:
@@ -116,9 +116,9 @@ def _add_supports(matrix: Any, model: Model) -> None:
 
 
 def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:
-    """matrix += J' W tangent J, every point once."""
+    """Add J' W tangent J, every point once."""
     rows = face.rows if face.one_sided else np.concatenate([face.rows, -face.rows], axis=2)
-    # PETSc takes what is contiguous as it lies.
+    # PETSc uses contiguous arrays without a copy.
     blocks = np.ascontiguousarray(np.einsum("i,ika,ikl,ilb->iab", face.weight, rows, tangent, rows, optimize=True))
     nodes = face.plus[:, None] if face.one_sided else np.stack([face.plus, face.minus], axis=1)
     nodes = nodes.astype(fem.PETSc.IntType)
