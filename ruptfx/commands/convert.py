@@ -14,10 +14,13 @@ from ruptfx.commands._shared import reported, screen
 def convert(
     file: Annotated[Path, typer.Argument(help="Input of SEM2DPACK, mostly Par.inp.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="Case file to write; default NAME.toml beside it.")] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="Leave out a feature that is refused, by its name.", show_default=False)
+    ] = None,
 ) -> None:
-    """Write the case of a simple SEM2DPACK input: a Cartesian box with a slip-weakening fault.
+    """Write the case of a SEM2DPACK input, and its mesh where ruptfx has no kind for it.
 
-    Example: ruptfx convert Par.inp --out fault.toml
+    Example: ruptfx convert Par.inp --out fault.toml --without GENERAL.W
     """
     with reported():
         import tomllib
@@ -25,13 +28,16 @@ def convert(
         from ruptfx.case import parse_case
         from ruptfx.sem2dpack import convert_file
 
-        text = convert_file(file)
         case = out or file.with_suffix(".toml")
-        if case.exists():
-            raise RuptfxError(f"{case}: exists already; choose another --out, or remove it")
-        parse_case(tomllib.loads(text))
-        case.write_text(text, encoding="utf-8")
-        for line in text.splitlines():
-            if line.startswith("# - "):
-                screen.print(line[4:], markup=False, highlight=False, soft_wrap=True)
+        mesh = case.with_suffix(".msh")
+        found = convert_file(file, mesh.name, without or ())
+        for path in (case, mesh) if found.mesh else (case,):
+            if path.exists():
+                raise RuptfxError(f"{path}: exists already; choose another --out, or remove it")
+        parse_case(tomllib.loads(found.text))
+        case.write_text(found.text, encoding="utf-8")
+        if found.mesh:
+            mesh.write_text(found.mesh, encoding="utf-8")
+        for note in found.notes:
+            screen.print(note, markup=False, highlight=False, soft_wrap=True)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
