@@ -122,3 +122,10 @@ def test_fields_of_a_record_satisfy_the_laws(kind: str, laws: list[str]) -> None
             np.testing.assert_allclose(now["shear_traction"], expected, rtol=1e-9)
         else:
             np.testing.assert_allclose(jump, now["slip"], rtol=0, atol=1e-9 * np.abs(jump).max())
+
+
+@METHODS
+def test_weakening_with_a_state_that_grows_with_slip_is_of_second_order(contact: dict[str, Any]) -> None:
+    law = {"kind": "rate_and_state_velocity_weakening", "mu_s": 0.35, "a": 0.01, "b": 0.1, "D_c": 40e-6, "V_w": 1.0}
+    found = orders(law, contact)
+    assert min(found.values()) > 1.9, found
