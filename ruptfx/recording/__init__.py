@@ -1,1 +1,1 @@
-"""What a run leaves behind: records, checkpoints, and the directory they are in."""
+"""Output of a run: records, checkpoints, and their directory."""

@@ -1,9 +1,9 @@
 """Snapshots of the bodies for ParaView and for `Record`: `bulk.h5` with its descriptor `bulk.xdmf`.
 
-Every element is written as linear cells between its own nodes, so that any viewer shows all the nodes there are.
-Stresses are total: those of the displacement plus the initial stress of the bodies. That is the tensor of the case, or,
-where the case knows only the tractions of interfaces, the one that `carried` assumes, with the pressure of a flat
-interface as it varies; the attribute `initial_stress` of the file says which.
+Every element is written as linear cells between its own nodes, so that any viewer shows all nodes.
+Stresses are total: those of the displacement plus the initial stress of the bodies. This is the tensor of the case, or,
+where the case gives only the tractions of interfaces, the one that `carried` assumes, with the pressure of a flat
+interface as it varies; the attribute `initial_stress` of the file names the choice.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ _ATTRIBUTE = Template("""\
 
 
 class Topology(NamedTuple):
-    """The mesh as files have it, this rank's slabs: points [m], cells by number of their points, body of each point."""
+    """Mesh as in files, the slabs of this rank: points [m], cells by number of their points, body of each point."""
 
     points: np.ndarray
     cells: np.ndarray
@@ -76,14 +76,14 @@ class Topology(NamedTuple):
 
 
 class BulkFields:
-    """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies; made on all ranks.
+    """Velocity, displacement, total stress and sigma_1 - sigma_2 at the nodes of the bodies; created on all ranks.
 
     Attributes
     ----------
     initial_stress : ndarray, shape (stress components,)
         Initial stress of the bodies [Pa], in the order of the file; the mean where it varies.
     initial_stress_from : str
-        ``given``, ``none``, or what is assumed.
+        ``given``, ``none``, or the assumption.
     """
 
     def __init__(self, model: Model) -> None:
@@ -102,7 +102,7 @@ class BulkFields:
         self._volume: np.ndarray | None = None
 
     def topology(self) -> Topology:
-        """Points, cells and body of every point, in an order that does not depend on the partition; collective."""
+        """Return points, cells and body of every point, in an order independent of the partition; collective."""
         model, layout = self.model, self.model.layout
         cells = layout.numbering[self._linear_cells()].astype(float)
         total = int(parallel.total(model.comm, len(cells)))
@@ -114,7 +114,7 @@ class BulkFields:
         )  # fmt: skip
 
     def _linear_cells(self) -> np.ndarray:
-        """Owned elements cut into linear cells at their nodes, shape (linear cells, corners)."""
+        """Return owned elements cut into linear cells at their nodes, shape (linear cells, corners)."""
         model = self.model
         count = model.mesh.topology.index_map(model.mesh.topology.dim).size_local
         dofs = model.space.dofmap.list[:count]
@@ -165,13 +165,13 @@ class BulkFields:
                 self.append(float(time), {name: file[name][row, here] for name in self._fields})
 
     def settle(self) -> list[Path]:
-        """What this rank has written, which may then be copied."""
+        """Return the files that this rank has written, which may then be copied."""
         self._file.settle()
         descriptor = self._out / "bulk.xdmf"
         return [*self._file.paths, *[descriptor] * (self._file.whole is not None and descriptor.exists())]
 
     def gather(self, state: State) -> dict[str, np.ndarray]:
-        """The fields that are wanted, at the points of this rank's slab; collective."""
+        """Return the requested fields at the points of this rank's slab; collective."""
         model, c = self.model, self.model.components
         _, displacement = state.at_velocity()
         found = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}
@@ -205,14 +205,14 @@ class BulkFields:
         self._file.close()
 
     def _stress(self, displacement: np.ndarray) -> np.ndarray:
-        """Total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
+        """Return the total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
         model, c = self.model, self.model.components
         if self._volume is None:
             test, dx = fem.ufl.TestFunction(model.space), model.measure()
             self._volume = fem.assemble_summed(
                 model.space, sum(model.sum_of(test) * dx(i) for i in range(len(model.materials)))
             )[::c, None]
-        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, len(self._entries))  # ranks exchange all at once
+        vector = fem.dolfinx.la.vector(model.space.dofmap.index_map, len(self._entries))  # one exchange of all entries
         sums = vector.array.reshape(model.nodes, -1)
         sums[:] = 0
         if not (isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, sums)):
@@ -225,7 +225,7 @@ class BulkFields:
         return stress
 
     def _add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> None:
-        """The definition of `MatrixFree.add_stress`: of any material, in any element."""
+        """Add the stress as `MatrixFree.add_stress` defines it, for any material and element."""
         model, ufl = self.model, fem.ufl
         space, c = model.space, model.components
         if self._stress_forms is None:
@@ -255,9 +255,9 @@ class BulkFields:
             first += used
 
     def initial_stress_at(self, points: np.ndarray) -> np.ndarray:
-        """Initial stress of the bodies at points, shape (points, stress components) [Pa].
+        """Return the initial stress of the bodies at points, shape (points, stress components) [Pa].
 
-        What presses a flat interface in 2D unevenly does so everywhere across it: the normal stress of a point is that
+        A varying pressure on a flat interface in 2D is constant across it: the normal stress of a point is that
         of the interface at the foot of its perpendicular. That is in equilibrium, and where the pressure is linear
         along the interface it is an elastic state as well.
         """
@@ -268,9 +268,9 @@ class BulkFields:
         return stress
 
     def _uneven_pressure(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-        """Tangent of the first interface, places along it, pressure beyond the mean [Pa], and n n' as in the file.
+        """Return tangent of the first interface, positions, pressure beyond the mean [Pa], and n n' as in the file.
 
-        None where the pressure is even, the interface not flat, or the stress given; collective.
+        None if the pressure is uniform, the interface not flat, or the stress given; collective.
         """
         model = self.model
         flat = model.case.plane in ("stress", "strain")
@@ -292,7 +292,7 @@ class BulkFields:
         return tangent, place[order], pressure[order] - mean, across
 
     def _initial_stress(self) -> tuple[np.ndarray, str]:
-        """The uniform initial stress and where it comes from; collective."""
+        """Return the uniform initial stress and its origin; collective."""
         model, entries = self.model, self._entries
         given = model.case.initial_tensor
         if given is not None:
@@ -312,7 +312,7 @@ class BulkFields:
         return np.array([stress[entry] for entry in entries]), text
 
     def _carried_by(self, fault: Fault) -> np.ndarray:
-        """As `carried`, from the mean normal and tractions of an interface; collective."""
+        """Return the stress of `carried` from the mean normal and tractions of an interface; collective."""
         model, face = self.model, fault.interface
         # The normal that leaves the plus body points into the minus one.
         outward = fem.ufl.FacetNormal(model.mesh)
@@ -331,7 +331,7 @@ class BulkFields:
         return list(self._stresses if field == "stress" else axes)
 
     def _write_descriptor(self, times: np.ndarray, columns: dict[str, tuple[int, ...]]) -> None:
-        """The XDMF text, whole at any time: written aside and renamed."""
+        """Write the XDMF text to a temporary file and rename it, so that it is always complete."""
         points, dim, (cells, corners) = self.model.total_nodes, self._dim, self._cells
         shape = {(2, 3): "Triangle", (2, 4): "Quadrilateral", (3, 4): "Tetrahedron", (3, 8): "Hexahedron"}[dim, corners]
         grids = []
@@ -358,10 +358,10 @@ class BulkFields:
 
 
 def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: int) -> np.ndarray:
-    """The stress that has given tractions on planes of a normal and no other component in their frame.
+    """Return the stress with given tractions on planes of a normal and no other component in their frame.
 
-    With the tangents t_k it is -pressure n n' + sum_k shear_k (n t_k' + t_k n'); stresses along the plane, which no
-    traction tells, are zero.
+    With the tangents t_k it is -pressure n n' + sum_k shear_k (n t_k' + t_k n'); stresses along the plane, which
+    tractions do not determine, are zero.
 
     Parameters
     ----------
@@ -370,9 +370,9 @@ def carried(normal: np.ndarray, pressure: float, shear: np.ndarray, components: 
     pressure : float
         Positive in compression [Pa].
     shear : ndarray, shape (tangents,)
-        Along the tangents of `local_frame`, in antiplane along z [Pa].
+        Shear tractions along the tangents of `local_frame`, in antiplane along z [Pa].
     components : int
-        Of the displacement.
+        Number of components of the displacement.
 
     Returns
     -------

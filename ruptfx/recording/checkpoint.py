@@ -1,11 +1,11 @@
-"""Checkpoints: everything a run needs to go on after it was killed, on any number of ranks.
+"""Checkpoints: data to restart a run, on any number of ranks.
 
-A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a copy of every history file as it was
-then: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
+A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a copy of every history file of that
+time: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
 temporary name, synced, renamed; the last two are kept. Node and point arrays are in an order that does not depend on
 the partition; every rank writes and reads its slab of the former.
 
-A complete run has `checkpoints/final`, from which a longer one goes on. It has no copies: the files of the run do not
+A complete run has `checkpoints/final`, from which a longer run continues. It has no copies: the files of the run do not
 change any more, and `files.json` has their checksums.
 """
 
@@ -36,23 +36,23 @@ if TYPE_CHECKING:
 
 FOLDER = directories.CHECKPOINTS
 KEPT = 2
-LAYOUT = 2  # of the manifest; one more with every change that older code cannot read
+LAYOUT = 2  # version of the manifest, increased with every change that older code cannot read
 READ_ONLY = ("state", "bulk")
 """Stems of the files of a checkpoint that are read; the others are copied to the run directory and grow there."""
 
 
 class CheckpointError(RuptfxError):
-    """A checkpoint that must not be used: the reason and the remedy."""
+    """A checkpoint that cannot be used, with the reason and the remedy."""
 
 
 class Keeper(Protocol):
-    """An object besides the state that remembers something from step to step."""
+    """An object besides the state with data that change from step to step."""
 
     def table(self) -> Table | None:
-        """Return all that changes, as JSON has it, on rank 0 at least; collective."""
+        """Return all data that change, as JSON values, on rank 0 at least; collective."""
 
     def restore(self, table: Table) -> None:
-        """Go on from such a table, which every rank is given."""
+        """Restore the data from such a table, which every rank receives."""
 
 
 class Checkpoints:
@@ -63,7 +63,7 @@ class Checkpoints:
     model : Model
     recorder : Recorder
     keepers : dict of str to Keeper
-        All objects with a memory, by the names under which a checkpoint has it.
+        All objects with such data, by their names in a checkpoint.
     """
 
     def __init__(self, model: Model, recorder: Recorder, keepers: Mapping[str, Keeper]) -> None:
@@ -72,11 +72,11 @@ class Checkpoints:
         self._last = time.monotonic()
 
     def scheduled(self, state: State) -> bool:
-        """Whether the case asks for a checkpoint at this step."""
+        """Return whether the case requests a checkpoint at this step."""
         return self._steps is not None and state.step % self._steps == 0
 
     def due(self, state: State) -> bool:
-        """Scheduled, or late by rank 0's clock: the same answer on all ranks; collective."""
+        """Return whether a checkpoint is scheduled or overdue by rank 0's clock, the same on all ranks; collective."""
         if self._steps is not None:
             return self.scheduled(state)
         return bool(self._model.comm.bcast(time.monotonic() - self._last > 60 * self._minutes, root=0))
@@ -113,7 +113,7 @@ class Checkpoints:
     def _write_files(
         self, folder: Path, slabs: dict[str, np.ndarray], groups: Mapping[str, Rows], copies: bool
     ) -> run_files.Sums:
-        """Write this rank's part of the state, and copies of its history files; checksums, None without copy."""
+        """Write this rank's part of the state and copies of its history files; return checksums of the files."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
             for name, slab in slabs.items():
                 file.write(f"nodes/{name}", slab, self._model.total_nodes)
@@ -143,7 +143,7 @@ class Checkpoints:
 
 
 class Checkpoint:
-    """The checkpoint a run goes on from.
+    """The checkpoint from which a run continues.
 
     Attributes
     ----------
@@ -157,23 +157,23 @@ class Checkpoint:
 
     @classmethod
     def latest(cls, comm: fem.MPI.Comm, out: Path, case_hash: str) -> Checkpoint | None:
-        """The newest checkpoint of a run directory, or the one before if that is damaged; collective.
+        """Return the newest checkpoint of a run directory, or the previous one if that is damaged; collective.
 
-        None where the run was stopped before its first.
+        None if the run was stopped before its first checkpoint.
 
         Raises
         ------
         CheckpointError
-            None undamaged, or of another case or version.
+            No undamaged checkpoint, or one of another case or version.
         """
 
         found = parallel.on_root(comm, lambda: newest(all_of(out), case_hash))
         return None if found is None else cls(*found)
 
     def restore_files(self, out: Path) -> None:
-        """Put the history files of interfaces and energies back as they were; rank 0 only.
+        """Restore the history files of interfaces and energies; rank 0 only.
 
-        Those of the bodies are read by every rank, which may be others than wrote them.
+        Every rank reads the files of the bodies, also if other ranks wrote them.
         """
         for name in self.manifest["files"]:
             if name.partition(".")[0] not in READ_ONLY:
@@ -215,7 +215,7 @@ class Checkpoint:
         state.numbers = dict(self.manifest["numbers"])
 
     def recall(self, keepers: Mapping[str, Keeper]) -> None:
-        """Give all objects with a memory what they remembered."""
+        """Restore the data of all objects besides the state."""
         for name, keeper in keepers.items():
             keeper.restore(self.manifest["memory"][name])
 
@@ -226,7 +226,7 @@ def _make_anew(folder: Path) -> None:
 
 
 def _complete(temporary: Path, final: Path, manifest: Table) -> None:
-    """Seal a checkpoint and give it its name; older ones but the last go."""
+    """Add the checksum of a checkpoint, rename it to its final name, and remove all older ones but the last."""
     write_manifest(temporary, manifest)
     _sync(temporary / "manifest.json")
     shutil.rmtree(final, ignore_errors=True)
@@ -237,13 +237,13 @@ def _complete(temporary: Path, final: Path, manifest: Table) -> None:
 
 
 def all_of(out: Path) -> list[Path]:
-    """Checkpoints of a run directory, the newest last."""
+    """Return the checkpoints of a run directory, the newest last."""
     found = (out / FOLDER).glob("step_*")
     return sorted(path for path in found if path.is_dir() and path.name.removeprefix("step_").isdecimal())
 
 
 def newest(paths: list[Path], case_hash: str) -> tuple[Path, Table] | None:
-    """Return the last of these checkpoints that is undamaged, and its manifest; None where there are none.
+    """Return the last of these checkpoints that is undamaged, and its manifest; None if there are none.
 
     Raises
     ------
@@ -262,12 +262,12 @@ def newest(paths: list[Path], case_hash: str) -> tuple[Path, Table] | None:
 
 
 def write_manifest(path: Path, manifest: Table) -> None:
-    """Write what a checkpoint is, sealed."""
+    """Write the manifest of a checkpoint with its checksum."""
     (path / "manifest.json").write_text(json.dumps({**manifest, "seal": _seal(manifest)}, indent=2) + "\n")
 
 
 def read_manifest(path: Path) -> Table:
-    """What a checkpoint says it is.
+    """Return the manifest of a checkpoint.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def read_manifest(path: Path) -> Table:
 
 
 def _verified(path: Path, case_hash: str) -> Table:
-    """The manifest, after every check."""
+    """Return the manifest after every check."""
     manifest = read_manifest(path)
     if manifest["case_hash"] != case_hash:
         raise CheckpointError(
@@ -315,7 +315,7 @@ def _verified(path: Path, case_hash: str) -> Table:
 
 
 def _require_own_data(path: Path) -> None:
-    """Refuse an HDF5 file that keeps data in another file, which a resumed run would write to.
+    """Refuse an HDF5 file that stores data in another file, to which a resumed run would write.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Facets that may break, over time (`cracks.h5`, `cracks.xdmf`), and those that failed, as events (`events.h5`)."""
+"""Facets that may break, over time (`cracks.h5`, `cracks.xdmf`), and failed facets as events (`events.h5`)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ WORDS = {
     "joint": "joint of the mesh that the facet belongs to, empty for none",
 }
 MODES = ("tensile", "shear", "mixed")
-TENSILE, SHEAR = 0.75, 0.25  # of the tensile share: from, and up to
+TENSILE, SHEAR = 0.75, 0.25  # bounds of the tensile share: tensile from 0.75, shear up to 0.25
 
 _XDMF = Template("""\
 <?xml version="1.0"?>
@@ -73,21 +73,21 @@ _ATTRIBUTE = Template("""\
 
 
 class CrackFiles:
-    """Snapshots of all facets, and the table of events; rank 0 only.
+    """Files with snapshots of all facets and the table of events; rank 0 only.
 
     Parameters
     ----------
     out : Path
-        The run directory; what `cracks.h5` there has already is kept.
+        The run directory; an existing `cracks.h5` is continued.
     facets : dict of ndarray
-        Of all facets in the order of the files: `ends`, `normal`, `length`, `bodies`, `joint`, and of their laws
+        Data of all facets in the order of the files: `ends`, `normal`, `length`, `bodies`, `joint`, and of their laws
         `delta_n` and `delta_s`, opening and slip at failure.
     bodies, joints : list of str
         Names of the bodies, and of the joints of the mesh.
     thickness : float
-        Of the bodies [m].
+        Thickness of the bodies [m].
     kept : int, optional
-        Snapshots of a `cracks.h5` that is there already; later ones go.
+        Number of snapshots to keep in an existing `cracks.h5`; later ones are removed.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class CrackFiles:
             data.attrs.update({"units": unit, "long_name": text})
 
     def append(self, time: float, state: FaultState) -> None:
-        """One more moment [s] of all facets, and the events so far."""
+        """Append the state of all facets at a time [s], and the events so far."""
         damage = state["damage"]
         fields = {
             "status": np.where((damage >= 1).all(axis=1), 2, np.where((damage > 0).any(axis=1), 1, 0)),
@@ -141,7 +141,7 @@ class CrackFiles:
         self.write_events(state)
 
     def _describe(self) -> None:
-        """The text for ParaView, whole at any time."""
+        """Write the descriptor for ParaView, complete at any time."""
         times, count = self._file["time"][:], len(self._facets["length"])
         grids = []
         for row, time in enumerate(times):
@@ -154,7 +154,7 @@ class CrackFiles:
         _whole(self._out / "cracks.xdmf", lambda path: path.write_text(_XDMF.substitute(grids="".join(grids))))
 
     def write_events(self, state: FaultState) -> None:
-        """All facets that have failed so far, in the order of their failure."""
+        """Write all facets that have failed so far, in the order of their failure."""
         table, words = events(state, self._facets, self._bodies, self._joints, self._thickness)
 
         def write(path: Path) -> None:
@@ -175,7 +175,7 @@ class CrackFiles:
         _whole(self._out / "events.h5", write)
 
     def settle(self) -> list[Path]:
-        """Files that may now be copied."""
+        """Return files that may now be copied."""
         self._file.close()
         self._file = h5py.File(self.path, "a")
         return [path for name in ("cracks.h5", "events.h5", "cracks.xdmf") if (path := self._out / name).exists()]
@@ -185,14 +185,14 @@ class CrackFiles:
 
 
 def _whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Write aside and rename."""
+    """Write a text to a temporary file and rename it."""
     temporary = path.with_name(f".{path.name}")
     write(temporary)
     temporary.replace(path)
 
 
 def facets_of(cracks: CrackStep) -> FaultState:
-    """What does not change at the facets of this rank, by the names that `CrackFiles` wants."""
+    """Return constant data of the facets of this rank, by the names for `CrackFiles`."""
     net, order = cracks.network, cracks.order
     opening, slip = np.full(len(order), np.nan), np.full(len(order), np.nan)
     for group in cracks.groups:
@@ -209,16 +209,16 @@ def facets_of(cracks: CrackStep) -> FaultState:
 def events(
     state: FaultState, facets: dict[str, np.ndarray], bodies: list[str], joints: list[str], thickness: float
 ) -> tuple[dict[str, np.ndarray], dict[str, list[str]]]:
-    """Facets that have failed, ordered by time of failure, then by their number: numbers and words by column.
+    """Return facets that have failed, ordered by time of failure, then by number: numbers and texts by column.
 
     Parameters
     ----------
     state : dict of ndarray
-        Of all facets.
+        State of all facets.
     facets, bodies, joints, thickness
         As for `CrackFiles`.
     """
-    from ruptfx.analysis.emission import magnitude  # with what it imports of SciPy, only where there are events
+    from ruptfx.analysis.emission import magnitude  # imports SciPy, only if there are events
 
     failed = np.flatnonzero(np.isfinite(state["time_of_failure"]))
     failed = failed[np.argsort(state["time_of_failure"][failed], kind="stable")]

@@ -1,4 +1,4 @@
-"""Motion and force of every edge on which a boundary acts: `edges.csv`, from which stress-strain curves come."""
+"""Motion and force of every edge with a boundary: `edges.csv`, the data of stress-strain curves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ REMARK = (
 
 
 class EdgeSums:
-    """What the table has of every such edge of a model; made on all ranks.
+    """Columns of the table of edges of a model; created on all ranks.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class EdgeSums:
             self.columns += [f"{name}.{what}_{axis}" for what in ("displacement", "force") for axis in "xy"]
 
     def row(self, state: State) -> list[float]:
-        """Mean displacement of every edge [m] and the force it is resisted with [N per metre of thickness]; collective.
+        """Return the mean displacement of every edge [m] and its reaction [N per metre of thickness]; collective.
 
-        The force is that of the bodies, without the inertia of the nodes of the edge.
+        The force does not contain the inertia of the nodes of the edge.
         """
         model = self._model
         _, displacement = state.at_faults()

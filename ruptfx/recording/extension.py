@@ -1,4 +1,4 @@
-"""A run made longer: a run of the same case with a longer duration, stopped where the former one has a checkpoint."""
+"""Runs made longer: the same case with a longer duration, continued from a checkpoint of the former run."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from ruptfx.recording import checkpoint
 def extend(out: Path, before: Case, longer: Case) -> Case:
     """Prepare a longer run in the `.new` of a run directory, to be resumed from the newest checkpoint there.
 
-    The run that the directory holds, finished or not, stays as it is until the longer one is complete. Records go on in
-    the intervals they had. A longer run that was stopped is made longer in turn.
+    The run in the directory, finished or not, is unchanged until the longer one is complete. Records continue in
+    their previous intervals. A longer run that was stopped can be made longer in turn.
 
     Parameters
     ----------
     out : Path
         Run directory.
     before, longer : Case
-        The case that `resume` would go on with, and the same with another duration.
+        The case that `resume` would continue, and the same with another duration.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
     Raises
     ------
     RuptfxError
-        The duration is not longer, there is no checkpoint, the run was changed, or another one writes there.
+        The duration is not longer, there is no checkpoint, the run was changed, or another run writes there.
     """
     source = directories.unfinished(out)
     if source != out and longer.duration == before.duration:
@@ -79,7 +79,7 @@ def extend(out: Path, before: Case, longer: Case) -> Case:
 
 
 def _link(source: Path, target: Path) -> None:
-    """Let both be the same file, as neither is written to any more; a copy where the file system has no links."""
+    """Create a hard link, as both files are final; a copy if the file system has no links."""
     try:
         os.link(source, target)
     except OSError:

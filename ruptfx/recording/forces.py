@@ -1,4 +1,4 @@
-"""Forces between two bodies that slide, what of the interface sticks, slides, is open, and where it is."""
+"""Forces between two sliding bodies, and the stick, slip and open parts of the interface."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ruptfx.state import FaultState, State
 
 OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
 PARTS = ("sticking", "sliding", "open", "uncovered")
-WORKS = {"friction_work": ("frictional_dissipation",), "impact_work": ("impact", "facing")}  # by energies of a state
+WORKS = {"friction_work": ("frictional_dissipation",), "impact_work": ("impact", "facing")}  # sums of energies
 COLUMNS = ("normal_force", "shear_force", *PARTS, *WORKS)
 OF_RECORDS = "that of the record of the interface"
 OF_MEANS = "the middle of the time over which all numbers of a row are means"
 
 
 def remark(means: bool) -> str:
-    """What the file says of its columns."""
+    """Return the first line of the file, which describes its columns."""
     return (
         f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
         "positive in compression; then parts of the length of the plus side; then, in J per metre, what friction took "
@@ -29,16 +29,16 @@ def remark(means: bool) -> str:
 
 
 def row(comm: fem.MPI.Comm, fault: Fault, state: State, threshold: float) -> list[float]:
-    """Normal (positive in compression) and shear force along the mean normal and tangent [N/m]; collective.
+    """Return normal (compression positive) and shear force in the mean frame [N/m], lengths and works; collective.
 
-    Then the parts of the length of the plus side that stick, slide, are open, and face nothing, and the works. What
-    slides is faster than `threshold` [m/s].
+    After the forces are the parts of the length of the plus side that stick, slide, are open or have no partner, and
+    the works. Sliding points are faster than `threshold` [m/s].
     """
     return _row(comm, _sums(fault, state, threshold))
 
 
 def _sums(fault: Fault, whole: State, threshold: float) -> Floats:
-    """Force, length times tangent, works, and lengths by what they do; of this rank, shape (10,)."""
+    """Return force, length times tangent, works, and lengths by state of contact; of this rank, shape (10,)."""
     face, state = fault.interface, whole.faults[fault.name]
     assert isinstance(face, SlidingInterface)
     area = face.owned * face.weight
@@ -50,7 +50,7 @@ def _sums(fault: Fault, whole: State, threshold: float) -> Floats:
 
 
 def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
-    """What `row` returns, from the sums of every rank; collective."""
+    """Return the row from the sums of every rank; collective."""
     force, tangent, works, parts = np.split(parallel.total(comm, sums.tolist()), [2, 4, 6])
     tangent /= np.linalg.norm(tangent)
     normal = np.array([-tangent[1], tangent[0]])
@@ -58,13 +58,13 @@ def _row(comm: fem.MPI.Comm, sums: Floats) -> list[float]:
 
 
 class ForceMeans:
-    """Forces and parts of interfaces that slide as means over time: nothing that happens between two rows is lost.
+    """Mean forces and parts of sliding interfaces over time, which contain all events between two rows.
 
     Parameters
     ----------
     comm : MPI.Comm
     faults : list of Fault
-        That slide.
+        Faults with finite sliding.
     threshold : float
         Slip rate above which a point slides [m/s].
     """
@@ -75,14 +75,14 @@ class ForceMeans:
         self._began = self._time = 0.0
 
     def observe(self, state: State) -> None:
-        """Add the state after a step; its forces stand for the time since the step before."""
+        """Add the state after a step; its forces represent the time since the previous step."""
         now = state.fault_time
         for fault in self._faults if now > self._time else []:
             self._sums[fault.name] += (now - self._time) * _sums(fault, state, self._threshold)
         self._time = max(now, self._time)
 
     def take(self) -> tuple[float, dict[str, list[float]]]:
-        """The middle of the time since the last call [s], and what `row` returns of its means; collective."""
+        """Return the middle of the time since the last call [s], and the row of the means; collective."""
         length, middle = self._time - self._began, 0.5 * (self._began + self._time)
         rows = {name: _row(self._comm, sums / length) for name, sums in self._sums.items()}
         for sums in self._sums.values():
@@ -91,12 +91,12 @@ class ForceMeans:
         return middle, rows
 
     def table(self) -> Table | None:
-        """All that changes, of every rank on rank 0, for a checkpoint; collective."""
+        """Return all data that change, of every rank on rank 0, for a checkpoint; collective."""
         ranks = self._comm.gather({name: sums.tolist() for name, sums in self._sums.items()}, root=0)
         return None if ranks is None else {"began": self._began, "time": self._time, "ranks": ranks}
 
     def restore(self, table: Table) -> None:
-        """Go on from a checkpoint; on another number of ranks rank 0 takes the sum."""
+        """Continue from a checkpoint; on another number of ranks rank 0 takes the sum."""
         self._began, self._time, ranks = table["began"], table["time"], table["ranks"]
         mine = ranks if self._comm.rank == 0 else []
         if len(ranks) == self._comm.size:
@@ -106,7 +106,7 @@ class ForceMeans:
 
 
 def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndarray:
-    """What every point does, by its place among the meanings of `contact`; what slides is faster than a threshold."""
+    """Return the contact state of every point, as its index among the meanings of `contact`."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
     closed, moves = state["normal_stress"] > 0, np.abs(state["mean_slip_rate"]) > threshold
@@ -116,7 +116,7 @@ def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndar
 def sliding_fields(
     fault: Fault, state: FaultState, displacement: np.ndarray, threshold: float
 ) -> dict[str, np.ndarray]:
-    """What the file has of an interface that slides besides the state of its points, at their time."""
+    """Return fields of a sliding interface for the file in addition to the state of its points, at the same time."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
     faced, here, there = face.places(displacement)

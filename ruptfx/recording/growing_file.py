@@ -1,4 +1,4 @@
-"""NetCDF4 files that grow while a run goes on; whatever ends it, they can be opened."""
+"""NetCDF4 files that grow during a run and remain readable however it ends."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ FLUSH_EVERY = 5.0  # seconds of wall-clock time that numbers may wait in memory
 
 
 class GrowingFile:
-    """What such files share; a file says with `write` how it adds what waits. Rank 0 only.
+    """Base of such files, which define with `write` how to append the numbers in memory; rank 0 only.
 
     Parameters
     ----------
     path : Path
-        What is there is added to.
+        Path of the file; an existing file is continued.
 
     Attributes
     ----------
     path : Path
     resumed : bool
-        Whether there was a file.
+        Whether the file existed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,29 +36,29 @@ class GrowingFile:
         self._file = h5netcdf.File(self._disk, mode)
 
     def write(self) -> None:
-        """Add what waits in memory to the file."""
+        """Append the numbers in memory to the file."""
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Write what waits in memory, to the disk."""
+        """Write the numbers in memory to the disk."""
         self.write()
-        # h5netcdf's own flush stops short of the disk: a killed run would leave a file that cannot be opened.
+        # h5netcdf's own flush does not reach the disk: a killed run would leave a file that cannot be opened.
         self._file.flush()
         self._disk.flush()
         self._flushed = time.monotonic()
 
     def flush_if(self, many: bool) -> None:
-        """The same when many numbers wait, or when they have waited for long."""
+        """Flush if many numbers are in memory, or for a long time."""
         if many or time.monotonic() - self._flushed > FLUSH_EVERY:
             self.flush()
 
     def settle(self) -> None:
-        """Close and open again: only a closed HDF5 file may be copied."""
+        """Close and reopen the file: only a closed HDF5 file may be copied."""
         self.close()
         self._open("a")
 
     def close(self) -> None:
-        """Write the rest."""
+        """Write remaining numbers and close the file."""
         try:
             self.flush()
             self._file.close()

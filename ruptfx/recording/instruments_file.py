@@ -1,4 +1,4 @@
-"""What instruments measured: `instruments.h5`, NetCDF4 with a group for every instrument."""
+"""Measurements of instruments: `instruments.h5`, NetCDF4 with a group for every instrument."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ BLOCK = 1000  # samples of an instrument written at once
 
 
 class InstrumentsFile(GrowingFile):
-    """Samples of every instrument against its own time; rank 0 only.
+    """File with the samples of every instrument against its own time; rank 0 only.
 
     Parameters
     ----------
     path : Path
-        Samples are added to what is there.
+        Path of the file; an existing file is continued.
     instruments : list of (Instrument, list of Channel)
     attributes : dict
         Global attributes of the file.

@@ -1,4 +1,4 @@
-"""The history of one interface: `interface.h5`, NetCDF4 that xarray opens with names, coordinates and units."""
+"""The history of one interface: `interface.h5`, NetCDF4 with names, coordinates and units for xarray."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class InterfaceFile(GrowingFile):
     attributes : dict
         Global attributes of the file.
     kept : int, optional
-        Records of a file that is there already; later ones go.
+        Number of records to keep in an existing file; later ones are removed.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class InterfaceFile(GrowingFile):
         self.flush()
 
     def append(self, now: float, fields: dict[str, np.ndarray]) -> None:
-        """Add one record: the time [s] and every field, shape (points,)."""
+        """Append one record: the time [s] and every field, shape (points,)."""
         self._waiting.append((now, fields))
         self.flush_if(len(self._waiting) >= BLOCK)
 
@@ -76,7 +76,7 @@ class InterfaceFile(GrowingFile):
             self._waiting = []
 
     def complete(self) -> None:
-        """Say that the run came to its end."""
+        """Mark the run as complete."""
         self._file.attrs["complete"] = 1
 
 
@@ -84,7 +84,7 @@ def _variable(
     file: h5netcdf.File, name: str, dimensions: tuple[str, ...], unit: str, text: str,
     values: np.ndarray | None = None, meanings: tuple[str, ...] = (),
 ) -> None:
-    """A quantity, or a state of a few meanings as the CF conventions have them."""
+    """Return the variable of a quantity, or of a state with a few meanings as in the CF conventions."""
     missing = np.nan if values is None and not meanings else None
     variable = file.create_variable(name, dimensions, np.int8 if meanings else np.float64, fillvalue=missing)
     if meanings:

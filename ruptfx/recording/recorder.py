@@ -1,6 +1,6 @@
-"""What a run leaves behind: interface histories, bulk snapshots, the energy table, the log, the final marker.
+"""Recording of a run: interface histories, bulk snapshots, the energy table, the log, the final marker.
 
-Rows of all files are in an order that does not depend on the partition. Rank 0 writes what is along interfaces, every
+Rows of all files are in an order that does not depend on the partition. Rank 0 writes interface data, every
 rank its part of the bodies, on threads of their own. A run directory is complete when `summary.json` is there: it is
 written last, to a temporary name, and renamed. Only figures follow.
 """
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class DiskError(RuptfxError):
-    """The disk is full or gone; HDF5 cannot write what it still holds and would fall over it at exit."""
+    """The disk is full or missing; HDF5 cannot write its remaining data and would fail at exit."""
 
     at_once = True
 
@@ -52,29 +52,29 @@ class DiskError(RuptfxError):
 class Recorder:
     """Writes the files of one run; a context manager that leaves readable files however the run ends.
 
-    Records are made at the multiples of an interval, each after the first step that reaches its time. The first state
-    is recorded, too, and that at the duration. All fields of a record have one time, which is the one it is labelled
-    with: for interfaces that of the traction, in explicit runs a step before the displacement that is known by then;
+    Records are made at multiples of an interval, each after the first step that reaches its time. The first state
+    and that at the end of the duration are recorded, too. All fields of a record belong to its time:
+    for interfaces that of the traction, in explicit runs one step before the present displacement;
     for bodies and energies that of the velocity, half a step before it.
 
     Parameters
     ----------
     model : Model
     motion : Motion
-        The stepper, which knows where energies balance.
+        The stepper, which computes the energies.
     out : Path
         An existing empty directory.
     resume : Checkpoint, optional
-        Go on with the files as they were then.
+        Continue the files of this checkpoint.
     """
 
     def __init__(self, model: Model, motion: Motion, out: Path, resume: Checkpoint | None = None) -> None:
         self.model, self.out, self._motion, self._resume = model, out, motion, resume
         case = model.case
         self._schedules = {what: Schedule(interval) for what, interval in case.intervals.items()}
-        # The next of these times, by number: a bulk snapshot of the start would show nothing, and means have none.
+        # Index of the next time: bulk snapshots and means start after time zero.
         self.next = {"interface": 0, "bulk": 1, "forces": 1}
-        self.counts = {"interface": 0, "bulk": 0, "forces": 0}  # of the records in the files
+        self.counts = {"interface": 0, "bulk": 0, "forces": 0}  # numbers of records in the files
         self.means: forces.ForceMeans | None = None
         if case.output.forces_interval is not None:
             sliding = [fault for fault in model.faults if fault.slides]
@@ -82,7 +82,7 @@ class Recorder:
         self.last = {"interface": -1.0, "bulk": 0.0, "forces": 0.0}  # times of the last records [s]
         self._ending = False
         self.largest_work = 0.0
-        self.peak_slip_rate = 0.0  # of the last record, known to rank 0
+        self.peak_slip_rate = 0.0  # largest slip rate of the last record, on rank 0
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self.samples = Samples(model, motion.dt, self._bulk.initial_stress_at)
@@ -97,18 +97,18 @@ class Recorder:
 
     @property
     def keepers(self) -> dict[str, Keeper]:
-        """Objects of the recorder with a memory, itself among them."""
+        """Return the objects of the recorder with data for checkpoints, itself among them."""
         return {"recorder": self, "samples": self.samples, **({} if self.means is None else {"means": self.means})}
 
     def table(self) -> Table:
-        """All that changes, for a checkpoint."""
+        """Return all data that change, for a checkpoint."""
         return {
             "next": self.next, "counts": self.counts, "last": self.last, "largest_work": self.largest_work,
             "peak_slip_rate": self.peak_slip_rate,
         }  # fmt: skip
 
     def restore(self, table: Table) -> None:
-        """Go on from a checkpoint."""
+        """Continue from a checkpoint."""
         self.next, self.counts, self.last = dict(table["next"]), dict(table["counts"]), dict(table["last"])
         self.largest_work, self.peak_slip_rate = table["largest_work"], table["peak_slip_rate"]
 
@@ -118,7 +118,7 @@ class Recorder:
         return self.counts["interface"]
 
     def finished(self, state: State) -> bool:
-        """Whether the state has reached the duration of the case."""
+        """Return whether the state has reached the duration of the case."""
         return state.fault_time >= end_of(self.model.case.duration)
 
     def __enter__(self) -> Recorder:
@@ -141,16 +141,19 @@ class Recorder:
             self._bulk.restore(self._resume.path / "bulk.h5", self._kept("bulk"))
 
     def _kept(self, what: str) -> int | None:
-        """Number of records that the files of the checkpoint keep, None without one; later ones are those of an end."""
+        """Return the number of records to keep in the files of the checkpoint, None without one.
+
+        Later records are those of an end.
+        """
         return None if self._resume is None else int(self._resume.manifest["memory"]["recorder"]["counts"][what])
 
     def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None, nodes: list[Rows]) -> None:
         if self._resume:
-            for part in self.out.glob("bulk.*.h5"):  # of ranks that there may not be any more
+            for part in self.out.glob("bulk.*.h5"):  # parts of ranks that may no longer exist
                 part.unlink()
             self._resume.restore_files(self.out)
         else:
-            for name in self._names():  # of the same case, which was stopped before its first checkpoint
+            for name in self._names():  # files of the same case, stopped before its first checkpoint
                 (self.out / name).unlink(missing_ok=True)
             self.model.case.save(self.out)
         run_files.begin(self.out, self._names())
@@ -191,7 +194,7 @@ class Recorder:
             self._edges = TableFile(self.out / "edges.csv", columns, edge_sums.REMARK, kept)
 
     def _names(self) -> list[str]:
-        """Names of the files that this run writes, except for the case."""
+        """Return the names of the files that this run writes, except for the case."""
         model, several = self.model, len(self.model.faults) > 1
         suffixes = [f"_{fault.name}" if several else "" for fault in model.faults]
         names = ["run.log", "energy.csv", run_files.SUMMARY, "bulk.h5", "bulk.xdmf"]
@@ -203,7 +206,7 @@ class Recorder:
         return names + ([] if model.cracks is None else ["cracks.h5", "cracks.xdmf", "events.h5", "edges.csv"])
 
     def settle(self) -> list[Path]:
-        """Write all that waits in memory; the history files of this rank, which may then be copied."""
+        """Write all data in memory; return the history files of this rank, which may then be copied."""
         files = self._bulk.settle()
         if self.model.comm.rank == 0:
             for file in self._files.values():
@@ -222,7 +225,7 @@ class Recorder:
 
     def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
         case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
-        # The end of the interface where an edge is driven; the left one when there is none.
+        # The end of the interface next to a driven edge, or the left end.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
         onset, center = first_begun(fault.nucleation)
@@ -240,11 +243,11 @@ class Recorder:
 
     @phase("writing")
     def _write(self, action: Callable[[], None]) -> None:
-        """Let this rank's thread write."""
+        """Queue an action for the writing thread of this rank."""
         self._writer.submit(action)
 
     def failure(self) -> Exception | None:
-        """Why this rank cannot write, to be raised by all together."""
+        """Return the error of writing on this rank, which all ranks raise together."""
         error = self._writer.error
         if not isinstance(error, OSError | RuntimeError):  # HDF5 reports either
             return error
@@ -255,20 +258,23 @@ class Recorder:
 
     @phase("writing")
     def meet(self, write: Callable[[], None] = lambda: None) -> None:
-        """Write this, too, and wait until all ranks have written all; collective.
+        """Write this, too, and wait until all ranks have written everything; collective.
 
-        A full or vanished disk stops all of them with a message.
+        A full or missing disk stops all ranks with a message.
         """
         self._writer.submit(write)
         self._writer.drain()
         parallel.raise_on_all(self.model.comm, self.failure())
 
     def due(self, state: State) -> bool:
-        """Whether something is to be saved at this step."""
+        """Return whether a record is due at this step."""
         return any(self._reached(what, state) for what in self._schedules)
 
     def expects(self, state: State) -> bool:
-        """Whether an explicit step that begins here ends with a record of the interfaces: its tractions are of now."""
+        """Return whether an explicit step that begins now ends with a record of the interfaces.
+
+        The tractions of the step belong to the present time.
+        """
         ends = state.time >= end_of(self.model.case.duration)
         return ends or self._reached_at("interface", state.time, state.step + 1)
 
@@ -287,31 +293,31 @@ class Recorder:
         return self._schedules[what].due(self.next[what], now)
 
     def _passed(self, what: str, state: State) -> None:
-        """A record is made; a long step may pass several times at once."""
+        """Count a record that was made; a long step may pass several times of the schedule."""
         self.next[what], self.last[what] = self._schedules[what].after(state.fault_time), state.fault_time
         self.counts[what] += 1
 
     def observe(self, state: State) -> None:
-        """Let instruments and means look at the start and at every step."""
+        """Read instruments and means at the start and at every step."""
         self.samples.observe(state)
         if self.means is not None:
             self.means.observe(state)
 
     def collect(self) -> None:
-        """Hand the samples that are complete to their file; collective."""
+        """Append complete samples to their file; collective."""
         samples = self.samples.gather()
         file = self._instruments
         if file is not None and samples:
             self._write(lambda: file.append(samples))
 
     def finish(self, state: State) -> None:
-        """Save the state at the duration where its time is no multiple of an interval; collective."""
+        """Save the state at the duration if its time is no multiple of an interval; collective."""
         self._ending = self.finished(state)
         if self._ending and self.due(state):
             self.record(state)
 
     def record(self, state: State) -> None:
-        """Save what is due at this step; collective."""
+        """Save the records that are due at this step; collective."""
         with phase("steps"):
             state.catch_up()
         if self.samples.instruments:
@@ -353,7 +359,7 @@ class Recorder:
                 self._write(lambda: files.append(tractions, at_facets))
 
     def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
-        """Every field of a fault in order along the interface, on rank 0; displacement must be up to date."""
+        """Return every field of a fault in order along the interface, on rank 0; needs an up-to-date displacement."""
         fields = state.faults[fault.name] | state.points.get(fault.name, {})
         face = fault.interface
         _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
@@ -364,7 +370,7 @@ class Recorder:
         return parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
 
     def _balance(self, state: State, energy: dict[str, float]) -> list[float]:
-        """A row of the energy table: its time [s], the energies [J] and their closure."""
+        """Return a row of the energy table: its time [s], the energies [J] and the energy error."""
         lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
         self.largest_work = max(self.largest_work, abs(energy["boundary_work"]))
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
@@ -374,7 +380,7 @@ class Recorder:
         self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float],
         sums: dict[str, list[float]], edges: list[float] | None, attached: list[Rows],
     ) -> None:  # fmt: skip
-        """Fields and forces of the interfaces at one time [s], a row of the energy table at another."""
+        """Append fields and forces of the interfaces at one time [s], and a row of the energy table at another."""
         self._append_forces(time, sums)
         if self._edges is not None and edges is not None:
             self._edges.append(time, edges)
@@ -407,7 +413,7 @@ class Recorder:
             file.complete()
 
     def _close(self, error: BaseException | None) -> None:
-        """Close all files; what could not be written stays open, for HDF5 would fall over it."""
+        """Close all files; files with failed writes remain open, since HDF5 would fail on closing them."""
         files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
         if self._instruments is not None:
             files.append(self._instruments)
@@ -429,7 +435,7 @@ class Recorder:
 
 
 class Closing(Protocol):
-    """What can be closed."""
+    """An object that can be closed."""
 
     def close(self) -> None: ...
 

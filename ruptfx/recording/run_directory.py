@@ -1,4 +1,4 @@
-"""The directory of a run of many ranks: what `ruptfx.directories` does, on all of them or none."""
+"""The directory of a run on many ranks: the operations of `ruptfx.directories`, on all of them or none."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def reserved(comm: fem.MPI.Comm, out: Path) -> Iterator[None]:
-    """Make the run directory and keep other runs out of it until the end, however that comes; collective.
+    """Create the run directory and lock it against other runs until the end of the context; collective.
 
     Raises
     ------
     RuptfxError
-        On all ranks: another run writes there, or nothing can be written.
+        On all ranks: another run writes there, or the directory cannot be written.
     """
     with ExitStack() as held:
         parallel.on_root(comm, lambda: held.enter_context(directories.reserved(out)))
@@ -29,18 +29,18 @@ def reserved(comm: fem.MPI.Comm, out: Path) -> Iterator[None]:
 
 
 def is_finished(comm: fem.MPI.Comm, out: Path, case: Case) -> bool:
-    """Whether a directory holds the complete run of this case; collective.
+    """Return whether a directory contains the complete run of this case; collective.
 
     Raises
     ------
     RuptfxError
-        On all ranks: it holds a run of another case.
+        On all ranks: it contains a run of another case.
     """
     return parallel.on_root(comm, lambda: directories.is_finished(out, case))
 
 
 def begun(comm: fem.MPI.Comm, out: Path, case: Case) -> Path:
-    """Return where a run of this case was begun, in the directory or in its `.new`; collective."""
+    """Return the directory in which a run of this case was begun, `out` or its `.new`; collective."""
     return parallel.on_root(comm, lambda: directories.begun(out, case))
 
 
@@ -50,7 +50,7 @@ def prepare(comm: fem.MPI.Comm, out: Path, again: Case | None = None, overwrite:
     Raises
     ------
     RuptfxError
-        On all ranks: the directory holds something else already, or cannot be written.
+        On all ranks: the directory contains other files already, or cannot be written.
     """
     return parallel.on_root(comm, lambda: directories.prepare(out, again, overwrite))
 

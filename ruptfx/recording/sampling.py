@@ -1,9 +1,9 @@
 """Readings of all instruments, each at its own times.
 
-Displacement, velocity, acceleration and the fields of faults are known at times of their own: in explicit runs at t,
+Displacement, velocity, acceleration and the fields of faults are known at different times: in explicit runs at t,
 t - dt / 2, t - dt and t - dt, where t is that of the state. Each is filtered with the bandwidth of its instrument,
-taken as linear between its own times, and read there at the multiples of the interval: all numbers of a sample are of
-one time, to second order in the step. Ranks do this with what they have; only samples are summed.
+interpolated linearly between its own times, and read at the multiples of the interval: all numbers of a sample are of
+one time, to second order in the step. Ranks do this with their own nodes; only samples are summed.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.state import State
 
-SLACK = 1e-9  # of a time, by which rounding may miss it
+SLACK = 1e-9  # relative tolerance of times, for rounding
 
 
 class Train:
-    """Readings that are known at the same times, on this rank.
+    """Readings at the same times, on this rank.
 
     Parameters
     ----------
     intervals : dict of int to float
-        Between samples [s], of the groups of channels that need these readings.
+        Interval between samples [s] of the groups of channels that need these readings.
     group : ndarray of int, shape (channels,)
     time_constant : ndarray, shape (channels,)
-        Of the filters [s]; 0 where there is none.
+        Time constants of the filters [s]; 0 without a filter.
     """
 
     def __init__(self, intervals: dict[int, float], group: np.ndarray, time_constant: np.ndarray) -> None:
@@ -44,12 +44,12 @@ class Train:
         self._members = {number: np.flatnonzero(group == number) for number in intervals}
         self.time = -1.0
         self.raw = self.smooth = np.zeros(len(group))
-        self.numbers = dict.fromkeys(intervals, 0)  # of the next sample
+        self.numbers = dict.fromkeys(intervals, 0)  # index of the next sample
         self.waiting: dict[int, list[np.ndarray]] = {number: [] for number in intervals}  # rows of samples
 
     def advance(self, time: float, raw: np.ndarray) -> None:
-        """Go on to a time [s] with the readings there, and take the samples that are due on the way."""
-        if time <= self.time or self.time < 0:  # the beginning, or its tractions, which the first explicit step knows
+        """Advance to a time [s] with its readings, and take the samples that are due in between."""
+        if time <= self.time or self.time < 0:  # the start, or its tractions, known in the first explicit step
             self.raw = raw
             if self.time <= 0:
                 self.smooth = raw
@@ -68,18 +68,18 @@ class Train:
         self.raw, self.time = raw, time
 
     def rows(self, group: int) -> np.ndarray:
-        """Samples that wait, shape (samples, channels of the group)."""
+        """Return the samples in memory, shape (samples, channels of the group)."""
         return np.concatenate([np.zeros((0, len(self._members[group]))), *self.waiting[group]])
 
     def table(self) -> Table:
-        """All that changes, as numbers and lists."""
+        """Return all data that change, as numbers and lists."""
         return {
             "time": self.time, "raw": self.raw.tolist(), "smooth": self.smooth.tolist(),
             "numbers": list(self.numbers.values()), "waiting": [self.rows(group).tolist() for group in self.waiting],
         }  # fmt: skip
 
     def restore(self, times: Table, tables: list[Table]) -> None:
-        """Go on at the times of a table with the sum of what some ranks had; with zeros of none."""
+        """Continue at the times of a table with the sum of the data of some ranks, zeros without any."""
         self.time, self.numbers = times["time"], dict(zip(self.numbers, times["numbers"], strict=True))
 
         def total(values: list[list[float]], shape: tuple[int, ...]) -> np.ndarray:
@@ -93,7 +93,7 @@ class Train:
 
 
 def low_pass(before: np.ndarray, now: np.ndarray, smooth: np.ndarray, step: float, constant: np.ndarray) -> np.ndarray:
-    """The output of constant dy/dt = x - y after a step [s] in which x goes linearly from `before` to `now`."""
+    """Return the output of constant dy/dt = x - y after a step [s] with x linear from `before` to `now`."""
     slope = (now - before) / step
     lag = slope * constant
     with np.errstate(divide="ignore"):
@@ -102,15 +102,15 @@ def low_pass(before: np.ndarray, now: np.ndarray, smooth: np.ndarray, step: floa
 
 
 class Samples:
-    """What the instruments of a run have measured, on its way to their file.
+    """Samples of the instruments of a run until they are written.
 
     Parameters
     ----------
     model : Model
     dt : float
-        Step [s]; of the first where they vary.
+        Time step [s], the first one if steps vary.
     initial_stress : callable, points -> stresses
-        As `Sensed` takes it.
+        As in `Sensed`.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class Samples:
             self.instruments.append((instrument, instrument.channels(plates, key)))
         channels = [channel for _, found in self.instruments for channel in found]
         owner = [instrument for instrument, found in self.instruments for _ in found]
-        # Instruments of one interval that need the same readings go together.
+        # One group for instruments of one interval with the same readings.
         needs = [(each.interval, _clocks(found)) for each, found in self.instruments for _ in found]
         groups = sorted(set(needs))
         self._intervals = [interval for interval, _ in groups]
@@ -149,13 +149,13 @@ class Samples:
             intervals = {number: interval for number, (interval, clocks) in enumerate(groups) if clock in clocks}
             self._trains[clock] = Train(intervals, group, constant)
         self._clocks = [clocks for _, clocks in groups]
-        self._momentum = (-1.0, np.zeros(len(channels)))  # time and readings of the velocity before
+        self._momentum = (-1.0, np.zeros(len(channels)))  # time and readings of the previous velocity
         self._written = [0] * len(self._intervals)
 
     def _weights(
         self, channels: list[Channel]
     ) -> tuple[dict[str, sparse.csr_matrix], dict[tuple[str, str], sparse.csr_matrix]]:
-        """Sparse matrices from nodal fields, and from fields of faults, to all readings."""
+        """Return sparse matrices from nodal fields, and from fields of faults, to all readings."""
         entries: dict[Source, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
         for row, channel in enumerate(channels):
             for share in channel.shares:
@@ -177,7 +177,7 @@ class Samples:
         return nodal, at_faults
 
     def observe(self, state: State) -> None:
-        """Look at the state after a step, or at the start."""
+        """Read the state after a step, or at the start."""
         if not self.instruments:
             return
         if self._nodal:
@@ -196,7 +196,7 @@ class Samples:
                 train.advance(state.fault_time, np.sum(readings, axis=0))
 
     def _accelerate(self, train: Train, time: float, momentum: np.ndarray) -> None:
-        """The change of a velocity over the time that it took, half-way: in explicit runs at the time of the forces."""
+        """Read the change of a velocity over its time, at the middle: in explicit runs at the time of the forces."""
         then, before = self._momentum
         self._momentum = (time, momentum)
         if then < 0:
@@ -205,7 +205,7 @@ class Samples:
             train.advance(0.5 * (then + time), (momentum - before) / (time - then))
 
     def gather(self) -> list[tuple[str, np.ndarray, list[np.ndarray]]]:
-        """Samples that are complete, on rank 0: instrument, times [s], values by channel; collective."""
+        """Return complete samples on rank 0: instrument, times [s], values by channel; collective."""
         blocks, counts = [], []
         for group, interval in enumerate(self._intervals):
             trains = [self._trains[clock] for clock in self._clocks[group]]
@@ -240,14 +240,14 @@ class Samples:
             first += len(channels)
 
     def table(self) -> Table | None:
-        """All that changes, of every rank on rank 0, for a checkpoint; collective."""
+        """Return all data that change, of every rank on rank 0, for a checkpoint; collective."""
         mine = {"trains": {clock: train.table() for clock, train in self._trains.items()},
                 "momentum": [self._momentum[0], self._momentum[1].tolist()]}  # fmt: skip
         ranks = self._model.comm.gather(mine, root=0)
         return None if ranks is None else {"written": self._written, "ranks": ranks}
 
     def restore(self, table: Table) -> None:
-        """Go on from a checkpoint; on another number of ranks rank 0 takes the sum."""
+        """Continue from a checkpoint; on another number of ranks rank 0 takes the sum."""
         comm, ranks = self._model.comm, table["ranks"]
         self._written = list(table["written"])
         mine = ranks if comm.rank == 0 else []
@@ -260,6 +260,6 @@ class Samples:
 
 
 def _clocks(channels: list[Channel]) -> tuple[str, ...]:
-    """Readings that they need, by what has the same times."""
+    """Return the readings that channels need, by the times at which they are known."""
     sources = {share.source for channel in channels for share in channel.shares}
     return tuple(sorted({source if isinstance(source, str) else "faults" for source in sources}))

@@ -1,10 +1,10 @@
-"""Times at which records are made: the multiples of an interval, however long a run is."""
+"""Times of records: the multiples of an interval, however long a run is."""
 
 from __future__ import annotations
 
 from math import ceil, floor
 
-SLACK = 1e-9  # of a time, by which rounding may miss it
+SLACK = 1e-9  # relative tolerance of times, for rounding
 
 
 class Schedule:
@@ -30,10 +30,10 @@ class Schedule:
 
 
 def end_of(duration: float) -> float:
-    """Return the time from which a run of a duration is over [s], early by what rounding may cost."""
+    """Return the time from which a run of a duration is complete [s], early by rounding."""
     return (1 - SLACK) * duration
 
 
 def count(interval: float, duration: float) -> int:
-    """Return the number of records after the first, of which the last is that of the end."""
+    """Return the number of records after the first, the last of which is that of the end."""
     return max(1, ceil((1 - SLACK) * duration / interval))

@@ -1,4 +1,4 @@
-"""An HDF5 file of which every rank writes its slab of the rows, and that shows them as if they were its own."""
+"""An HDF5 file with all rows, of which every rank writes its slab to a part of its own."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ Rows = npt.NDArray[np.float64] | npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
 
 class SharedFile:
-    """`name.h5`, and where there are several ranks the parts `name.0.h5`, `name.1.h5` ... of its virtual data sets.
+    """`name.h5`, with the parts `name.0.h5`, `name.1.h5` ... of its virtual data sets for several ranks.
 
-    Ranks write without each other; what a part does not have yet is missing (NaN) in the whole.
+    Ranks write independently; rows that a part does not have yet are missing (NaN) in the whole.
 
     Parameters
     ----------
     comm : MPI communicator
     path : Path
-        The file; it and its parts are made anew.
+        The file; it and its parts are created again.
     compression : int
-        Of what is appended: level of gzip, 0 for none.
+        Level of gzip for appended data, 0 for none.
 
     Attributes
     ----------
     whole : h5py.File or None
         The file, on rank 0 only.
     paths : list of Path
-        What this rank writes.
+        Files that this rank writes.
     """
 
     def __init__(self, comm: Comm, path: Path, compression: int = 0) -> None:
@@ -53,12 +53,12 @@ class SharedFile:
         self.whole = files[0] if self._alone or len(files) == 2 else None
 
     def write(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
-        """A data set of `total` rows, of which this rank has a slab."""
+        """Write a data set of `total` rows, of which this rank has a slab."""
         self._part.create_dataset(name, data=slab)
         self._show(name, slab, total, False, attributes)
 
     def append(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
-        """One more moment of such a data set."""
+        """Append one time to such a data set."""
         if name not in self._part:
             shape = slab.shape
             chunks = {"maxshape": (None, *shape), "chunks": (1, *shape)}
@@ -69,7 +69,7 @@ class SharedFile:
         data[-1] = slab
 
     def _show(self, name: str, slab: Rows, total: int, grows: bool, attributes: dict[str, str]) -> None:
-        """Make the data set of the whole."""
+        """Create the virtual data set of all parts."""
         if self.whole is None:
             return
         if not self._alone:
@@ -85,13 +85,13 @@ class SharedFile:
         self.whole[name].attrs.update(attributes)
 
     def flush(self) -> None:
-        """Write what waits in memory."""
+        """Write the data in memory."""
         self._part.flush()
         if self.whole is not None:
             self.whole.flush()
 
     def settle(self) -> None:
-        """Close and open again: only a closed HDF5 file may be copied."""
+        """Close and reopen the files: only a closed HDF5 file may be copied."""
         self.close()
         self._open("a")
 

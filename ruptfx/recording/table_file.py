@@ -1,4 +1,4 @@
-"""CSV tables that grow a row at a time while a run goes on."""
+"""CSV tables that grow a row at a time during a run."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ HEADER = 2  # lines before the first row
 
 
 class TableFile:
-    """One row for every record; rank 0 only.
+    """Table with one row for every record; rank 0 only.
 
     Parameters
     ----------
     path : Path
-        Rows are added to what is there.
+        Path of the table; an existing one is continued.
     columns : iterable of str
-        After that of the time.
+        Names of the columns after the time.
     remark : str
-        What the table holds and in which units: the first line of the file.
+        Contents and units of the table: the first line of the file.
     kept : int, optional
-        Rows of a table that is there already; later ones go.
+        Number of rows to keep in an existing table; later ones are removed.
     """
 
     def __init__(self, path: Path, columns: Iterable[str], remark: str, kept: int | None = None) -> None:
@@ -37,7 +37,7 @@ class TableFile:
             self._table.writerow(["time", *columns])
 
     def append(self, time: float, row: Iterable[float]) -> None:
-        """Add a row at a time [s]; it is on the disk when this returns."""
+        """Append a row at a time [s]; it is on the disk when this returns."""
         self._table.writerow([repr(value) for value in (time, *row)])
         self._file.flush()
 

@@ -1,4 +1,4 @@
-"""A thread that writes, so that the steps do not wait."""
+"""A thread for writing files, so that the steps do not wait for the disk."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import queue
 import threading
 from collections.abc import Callable
 
-WAITING = 100  # records of an interface that may wait; more, and the run waits for the disk
+WAITING = 100  # largest number of records in memory; with more the run waits for the disk
 
 
 class Writer:
-    """Does what it is given, one thing after the other; after an error nothing more.
+    """Queue of tasks for one thread, executed in order; after an error no further ones.
 
-    It must be given nothing that talks to other ranks.
+    Tasks must not communicate with other ranks.
 
     Attributes
     ----------
     error : Exception or None
-        The first one.
+        The first error.
     """
 
     def __init__(self) -> None:
@@ -28,15 +28,15 @@ class Writer:
         self._thread.start()
 
     def submit(self, action: Callable[[], None]) -> None:
-        """Do this soon; waits while too much else does."""
+        """Add a task; waits while too many are in the queue."""
         self._queue.put(action)
 
     def drain(self) -> None:
-        """Wait until all is done."""
+        """Wait until all tasks are finished."""
         self._queue.join()
 
     def close(self) -> None:
-        """Do what is left, and end."""
+        """Finish the remaining tasks, and end the thread."""
         self._queue.put(None)
         self._thread.join()
 
