@@ -5,6 +5,10 @@ energies. An explicit step is a sequence of phases, other methods of `Mechanism`
 mechanisms that override it, in ascending `Mechanism.order`. None of them knows a mechanism by name, and no mechanism
 knows another one. Those of this folder follow from the tables of a case; `ruptfx.attachments` has those that a case
 chooses by their kind.
+
+Of the phases of an explicit step only `prepare` and `exchange` send messages. An error of one rank in a phase does not
+end its step: the stepper keeps it, calls the other phases and mechanisms, as other ranks wait for their messages, and
+raises it at the end of the step.
 """
 
 from __future__ import annotations
@@ -147,7 +151,7 @@ class Mechanism:
         """Prepare arrays for steps of one size."""
 
     def prepare(self, state: State, kick: Kick) -> None:
-        """Update geometry and connectivity before any force is computed; collective."""
+        """Update geometry and connectivity before any force is computed; collective, so errors are of all ranks."""
 
     def add_first(self, state: State, kick: Kick) -> None:
         """Add forces at the nodes this rank owns, before those of the elements, in an order that no partition changes.
@@ -183,6 +187,12 @@ class Mechanism:
             On the rank that owns the failing point.
         """
 
+    def exchange(self, state: State, kick: Kick) -> None:
+        """Send velocities that `after_kick` has corrected to other ranks, before the next mechanism; collective.
+
+        It is called also where `after_kick` has raised.
+        """
+
     def account(self, state: State, kick: Kick) -> None:
         """Add the work and the losses of the step to `state.energy`; the new velocities are final."""
 
@@ -190,10 +200,12 @@ class Mechanism:
         """Correct the work of step 0, in which bodies reach v from rest in half a step."""
 
 
-def overriding(mechanisms: Iterable[Mechanism], phase: str) -> list[Callable[..., None]]:
-    """Return the methods of one phase of the mechanisms that override it."""
-    base = getattr(Mechanism, phase)
-    return [getattr(each, phase) for each in mechanisms if getattr(type(each), phase) is not base]
+def overriding(mechanisms: Iterable[Mechanism], *phases: str) -> list[Callable[..., None]]:
+    """Return the methods of some phases that mechanisms override: those of the first mechanism, then of the next."""
+    return [
+        getattr(each, phase) for each in mechanisms for phase in phases
+        if getattr(type(each), phase) is not getattr(Mechanism, phase)
+    ]  # fmt: skip
 
 
 @cache

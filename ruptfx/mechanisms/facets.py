@@ -137,6 +137,8 @@ class ExtrinsicFacets(Facets):
         self._rigid.advance(state, clock.dt, kick.keep, kick.push, stepped.damped)
         state.velocity[self._followers] = state.velocity[self._leaders]
         self._rigid.hold(state, clock.dt, clock.kick, clock.since, kick.push, stepped.velocity_before)
+
+    def exchange(self, state: State, kick: Kick) -> None:
         self.model.layout.take_from_owners(state.velocity)
 
     def account(self, state: State, kick: Kick) -> None:

@@ -121,14 +121,6 @@ class Faults(Mechanism):
         self._rates = [step.opening_rate(state.faults[step.fault.name], state.velocity) for step in steps]
 
     def after_kick(self, state: State, kick: Kick) -> None:
-        try:
-            self._project(state, kick)
-        finally:
-            # Other ranks know nodes of single cells, but not the points at them; where a point fails they wait.
-            if self.model.layout.broken:
-                self.model.layout.take_from_owners(state.velocity)
-
-    def _project(self, state: State, kick: Kick) -> None:
         for step, rate_old in zip(self.steps[kick.number], self._rates, strict=True):
             name, fields = step.fault.name, state.faults[step.fault.name]
             dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)
@@ -136,6 +128,11 @@ class Faults(Mechanism):
             state.energy["boundary_work"] += step.work
             state.take(name, "impact", step.impact_loss(fields, state.velocity, rate_old))
             state.energy["fracture"] += step.fractured(fields, state.velocity, rate_old)
+
+    def exchange(self, state: State, kick: Kick) -> None:
+        # Other ranks have nodes of single cells, but not the points at them.
+        if self.model.layout.broken:
+            self.model.layout.take_from_owners(state.velocity)
 
     def started(self, state: State, dt: float) -> None:
         # From v_0 to v in half a step the way is (v_0 + v) dt / 4; the sum over the steps has counted v dt / 2, and

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx import parallel
+from ruptfx import RuptfxError, parallel
 from ruptfx.mechanisms import Floats, mechanisms_of, overriding
 from ruptfx.mechanisms._nodes import Kick, SteppedNodes
 from ruptfx.operators import FusedOperator
@@ -118,9 +119,10 @@ class LeapfrogMotion:
         self._add_external = overriding(mechanisms, "add_external")
         self._combine = overriding(mechanisms, "combine")
         self._before_kick = overriding(mechanisms, "before_kick")
-        self._after_kick = overriding(mechanisms, "after_kick")
+        self._after_kick = overriding(mechanisms, "after_kick", "exchange")
         self._account = overriding(mechanisms, "account")
         self._started = overriding(mechanisms, "started")
+        self._error: RuptfxError | None = None  # the first one of this rank in the present step
         self._sums = (-1, 0.0, 0.0)  # the last watched step, and the kinetic and strain energy of this rank after it
 
     def step(self, state: State) -> None:
@@ -128,8 +130,8 @@ class LeapfrogMotion:
 
         Raises
         ------
-        ProjectionError
-            On the rank that owns the failing interface point; the clock advances, as on the other ranks.
+        RuptfxError
+            On the rank where a mechanism fails, once the step is complete: other ranks wait for its messages.
         """
         number = 0 if state.lag == 0 else 1 if state.numbers.pop("started", 0.0) else 2
         try:
@@ -142,29 +144,34 @@ class LeapfrogMotion:
             state.numbers["started"] = 1.0
             for correct in self._started:
                 correct(state, self.dt)
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def _call(self, state: State, kick: Kick, *phases: list[Callable[..., None]]) -> None:
+        """Call phases of all mechanisms, also after an error of this rank."""
+        for phase in phases:
+            for act in phase:
+                try:
+                    act(state, kick)
+                except RuptfxError as error:
+                    self._error = self._error or error
 
     def _advance(self, state: State, kick: Kick) -> None:
         nodes, watched = self.nodes, state.watched
         stored = None if self.model.quadratic or not watched else self.model.strain_energy(state.displacement)
         plain = np.zeros(2) if watched else None
-        for phase in (self._prepare, self._add_first):
-            for act in phase:
-                act(state, kick)
+        self._call(state, kick, self._prepare, self._add_first)
         outside: Outside = [(slice(None), state.force.copy())] if watched and self._add_first else []
         self._add_elements(state, kick, plain)
-        for act in self._add_internal:
-            act(state, kick)
+        self._call(state, kick, self._add_internal)
         internal = None
         if watched:
             internal = state.force[nodes.dofs]
             outside += [found for each in self.mechanisms for found in each.outside_energy()]
-        for phase in (self._add_external, self._combine, self._before_kick):
-            for act in phase:
-                act(state, kick)
+        self._call(state, kick, self._add_external, self._combine, self._before_kick)
         nodes.kick(state, kick)
-        for phase in (self._after_kick, self._account):
-            for act in phase:
-                act(state, kick)
+        self._call(state, kick, self._after_kick, self._account)
         lost, driven = nodes.drift(state, kick)
         state.energy["damping"] += lost
         state.energy["boundary_work"] += driven
@@ -193,8 +200,7 @@ class LeapfrogMotion:
             squares += self._fused.step_boundary(*how, energy, self._damped)
         else:
             self.model.operator.add_internal_force(state.displacement, state.force)
-        for add in self._add_with_elements:
-            add(state, kick)
+        self._call(state, kick, self._add_with_elements)
         self.model.force.begin()
         if self._fused:
             squares += self._fused.step_interior(*how, energy, self._damped)
