@@ -1,8 +1,8 @@
-"""How pieces meet that were no neighbours, one way per file; the file name is the `kind` of the table ``[collisions]``.
+"""Collision contact of bodies and fragments, one method per file, the `kind` of the table ``[collisions]``.
 
-Facets that have failed know the cell that they faced. Once they have opened or slid by a part of their length they are
-handed over to collisions, which know every cell by where it is. `_step` finds who may touch whom and keeps friction,
-`collide.c` does the work.
+Facets that have failed are in contact with their neighbour cell. After opening or slip by a part of their length they
+are replaced by collision contact, which searches contacts by position. `_step` finds close pairs and stores their
+friction, `collide.c` contains the formulas.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ class Collisions(Alternative):
     """The contract of a way to meet."""
 
     hand_over: Annotated[float, Field(gt=0, le=1), Unit("1")] = 0.3
-    """Opening or slip of a failed facet, over its length, from which on it is left to collisions."""
+    """Opening or slip of a failed facet, over its length, beyond which collision contact replaces it."""
 
     def modulus(self, spring: float, edge: float) -> float:
-        """Of the potential between two bodies [Pa], from the springs that would be there.
+        """Return the modulus of the potential between two bodies [Pa], from the stiffness of springs between them.
 
         Parameters
         ----------
         spring : float
-            Stiffness of springs between these bodies [Pa/m].
+            Stiffness of facet springs between these bodies [Pa/m].
         edge : float
             Mean length of facets [m].
         """

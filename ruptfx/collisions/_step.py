@@ -1,11 +1,11 @@
-"""Who touches whom, and the forces between them in an explicit step; `collide.c` has the formulas.
+"""Collision contact in an explicit step: search of close pairs, and their forces; `collide.c` has the formulas.
 
-All ranks know the cells at surfaces, those with a side on an edge of the bodies or on a facet that has failed, and the
-pairs of them that are close: found with a margin, again when somebody has moved by half of it. Pairs that do not touch
-exert nothing, so that it does not matter when they were found. A rank computes the pairs of its own cells, in the order
-of their numbers in the input: forces are the same bits on any number of ranks.
+All ranks know the cells at surfaces, which have a side on an edge of the bodies or on a failed facet, and the
+pairs of them that are close: found with a margin, again after a cell has moved by half of it. Pairs that do not touch
+exert no force, so that the time of the search does not matter. A rank computes the pairs of its own cells, in the order
+of their numbers in the input: forces are bitwise the same on any number of ranks.
 
-Cells that still hang together at a vertex, through facets that are not handed over, leave each other alone there.
+Cells still connected at a vertex, through facets without collision contact, exert no collision forces there.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from ruptfx.bodies import Bodies
     from ruptfx.friction import FrictionLaw
 
-EVERY = 16  # steps between two looks at which facets have failed or may be handed over
-MARGIN = 0.3  # of the mean edge: how close pairs are that are looked at
+EVERY = 16  # steps between two searches for failed facets and for those to be replaced by collision contact
+MARGIN = 0.3  # largest distance of close pairs, over the mean edge
 MEMORY = ("traction", "overlap")
-MOST = 2**31  # above any number of a cell
+MOST = 2**31  # larger than any number of a cell
 FIELD = "hand_over"
-FORCE = "force_of_collisions"  # at the nodes this rank owns [N]: half of it works after the step that finds it
-FAILED, HANDED = 1.0, 2.0  # values of that field of facets
+FORCE = "force_of_collisions"  # at the nodes this rank owns [N]: half of its work belongs to the next step
+FAILED, HANDED = 1.0, 2.0  # values of that field of facets: failed, replaced by collision contact
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,14 @@ class _Surface:
     number, body : ndarray of int, shape (cells,)
     vertices : ndarray of int, shape (cells, 3)
     label : ndarray of int, shape (cells, 3)
-        Of the corners: those that hang together at a vertex have the same.
+        Labels of the corners, equal for connected corners of a vertex.
     order : ndarray of int, shape (cells,)
-        From the rows of all ranks, one below the other, to this order.
+        Permutation from the rows of all ranks to this order.
     owned : ndarray of bool, shape (cells,)
     cells : ndarray of int
         Local cells of this rank, in its order.
     counts : list of int
-        Cells of every rank.
+        Number of cells of every rank.
     rest : ndarray, shape (cells,)
         Twice the area at rest [m2].
     """
@@ -74,16 +74,16 @@ class _Surface:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs that are close, of which this rank owns a cell, sorted; arrays as `collide.c` wants them.
+    """Close pairs with a cell of this rank, sorted; arrays for `collide.c`.
 
     Attributes
     ----------
     pair : ndarray of int32, shape (n, 2)
-        Places of the cells at surfaces.
+        Indices of the cells among those at surfaces.
     modulus, friction, counted : ndarray, shape (n,)
-        Of the potential [Pa], coefficient, and 1 where this rank accounts for the energy.
+        Modulus of the potential [Pa], coefficient of friction, and 1 where this rank counts the energy.
     overlap, traction : ndarray, shape (n,)
-        Energy of the overlap that is at rest [J/m], and the force of friction [N/m].
+        Energy of the initial overlap without forces [J/m], and the force of friction [N/m].
     """
 
     pair: np.ndarray
@@ -103,7 +103,7 @@ class CollisionStep:
     bodies : Bodies
     collisions : Collisions
     materials : sequence of Material
-        Of the bodies.
+        Materials of the bodies.
     plane : str
 
     Raises
@@ -149,17 +149,17 @@ class CollisionStep:
 
     @staticmethod
     def initial_state() -> FaultState:
-        """Pairs with a memory: numbers of both cells, the force of friction [N/m], the overlap at rest [J/m]."""
+        """Return pairs with history: numbers of both cells, friction force [N/m], initial overlap energy [J/m]."""
         return {name: np.zeros(0) for name in ("first", "second", *MEMORY)}
 
     def cells(self) -> int:
-        """Those of all ranks that others may touch before anything has failed; collective."""
+        """Return the number of surface cells on all ranks before any failure; collective."""
         return int(parallel.total(self.comm, self._outer.sum()))
 
     def without_partner(self) -> np.ndarray:
-        """Stiffness of contact that a node may meet later, at sides on edges of the bodies, shape (nodes,) [N/m].
+        """Return the stiffness of possible later contact of nodes on edges of the bodies, shape (nodes,) [N/m].
 
-        That of a flush side, half to each end, twice: where the other one is as light.
+        It is twice the stiffness of a flush side, half at each end, as the other body may be equally light.
         """
         found = np.zeros((len(self._x), 2))
         known = {tuple(facet) for facet in self._network.vertices.tolist()}
@@ -174,7 +174,7 @@ class CollisionStep:
         return np.asarray(fem.from_owners(self._space, found)[:, 0])
 
     def find(self, state: State) -> None:
-        """See who may touch whom at the displacement, before facets and pairs exert anything; collective."""
+        """Search close pairs at the displacement, before facets and pairs exert forces; collective."""
         self._prepare(state)
         (x,) = self._corners(self._places(state.displacement))
         if state.step % EVERY == 0 and self._look(state):
@@ -182,7 +182,7 @@ class CollisionStep:
             self._surface = self._find_surface(state)
             (x,) = self._corners(self._places(state.displacement))
             self._find_pairs(state, x)
-            # Pairs that become so where they overlap: that is where they are at rest.
+            # New pairs that overlap are free of forces at this overlap.
             assert self._pairs is not None
             self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
         elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
@@ -190,15 +190,15 @@ class CollisionStep:
         self._now = x
 
     def __call__(self, state: State, since: float) -> None:
-        """Add the forces at the displacement, where `find` has been, at the nodes this rank owns; collective.
+        """Add the forces at the displacement of `find`, at the nodes this rank owns; collective.
 
-        Between two forces works their mean. What of it is neither held nor taken by friction is lost.
+        The mean of two successive forces does work. Work that is neither stored nor dissipated by friction is lost.
 
         Parameters
         ----------
         state : State
         since : float
-            Time since the last forces [s].
+            Time since the previous forces [s].
         """
         x, moved = self._now, since * self._corners(state.velocity)[0]
         pairs, surface = self._pairs, self._surface
@@ -222,20 +222,20 @@ class CollisionStep:
         self._remember(state)
 
     def stored(self, state: State) -> float:
-        """Energy of pairs of this rank at the time of the velocity: half a step after the last forces [J]."""
+        """Return the energy of pairs of this rank at the time of the velocity, half a step after the forces [J]."""
         acting = state.fields.get(FORCE)
         over = 0.0 if acting is None else 0.5 * state.lag * self._over(acting, state.velocity)
         return state.energy["collisions"] - over
 
     def _over(self, force: np.ndarray, way: np.ndarray) -> float:
-        """Their product over the nodes this rank owns."""
+        """Return the scalar product over the nodes this rank owns."""
         count = 2 * self._owned_nodes
         return float(force[:count] @ way[:count])
 
     # -- who touches whom ----------------------------------------------------------------------------------------------
 
     def _prepare(self, state: State) -> None:
-        """Find everything anew where a run begins or goes on; collective."""
+        """Search all pairs at the start or restart of a run; collective."""
         if self._made is state:
             return
         self._cracks.release(state.cracks[FIELD] == HANDED)
@@ -243,7 +243,7 @@ class CollisionStep:
         self._find_pairs(state, *self._corners(self._places(state.displacement)))
 
     def _look(self, state: State) -> bool:
-        """Whether facets have failed or been handed over since the last look, on any rank; collective."""
+        """Return whether facets have failed or been replaced since the last search, on any rank; collective."""
         cracks, field = state.cracks, state.cracks[FIELD]
         failed = (cracks["damage"] >= 1).all(axis=1)
         far = np.maximum(cracks["inelastic_opening"], np.abs(cracks["slip"])).max(axis=1)
@@ -255,13 +255,13 @@ class CollisionStep:
         then, over = state.at_faults()[1], 0.5 * state.lag * state.velocity
         held = self._cracks.stored(cracks, over, then)
         self._cracks.release(now == HANDED)
-        # What the springs of a facet still held when it was handed over.
+        # Energy in the springs of a facet at its replacement.
         state.energy["collision_loss"] += held - self._cracks.stored(cracks, over, then)
         field[:] = now
         return True
 
     def _find_surface(self, state: State) -> _Surface:
-        """Collective."""
+        """Find the cells at surfaces and their labels; collective."""
         net, order = self._network, self._cracks.order
         status = np.zeros(len(order))
         status[order] = state.cracks[FIELD]
@@ -275,7 +275,7 @@ class CollisionStep:
         sorted_ = np.argsort(rows[:, 0], kind="stable")
         rows = rows[sorted_]
         number, body, vertices = rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:5].astype(int)
-        # Facets that hold corners together at vertices of these cells.
+        # Facets that connect corners at vertices of these cells.
         near = np.isin(net.vertices, np.unique(vertices)).any(axis=1) & net.owned & (status < HANDED)
         held = np.column_stack([self._number[net.cells[near]], net.vertices[near]])
         held = parallel.share_rows(self.comm, held.astype(np.int64))
@@ -285,7 +285,7 @@ class CollisionStep:
         )  # fmt: skip
 
     def _find_pairs(self, state: State, x: np.ndarray) -> None:
-        """Pairs within the margin, with what friction held."""
+        """Find pairs within the margin, with their stored friction."""
         from scipy.spatial import cKDTree  # a run without collisions starts without it
 
         surface = self._surface
@@ -312,7 +312,7 @@ class CollisionStep:
         self._recall(state)
 
     def _parted(self, state: State, pair: np.ndarray) -> np.ndarray:
-        """Which pairs are the two sides of a facet that was handed over."""
+        """Return a mask of the pairs that are the two sides of a replaced facet."""
         surface = self._surface
         assert surface is not None
         handed = self._network.cells[self._cracks.order[state.cracks[FIELD] == HANDED]]
@@ -320,13 +320,13 @@ class CollisionStep:
         return np.isin(surface.number[pair] @ [MOST, 1], known @ [MOST, 1])
 
     def _numbers(self) -> np.ndarray:
-        """Of both cells in the input, one number for a pair."""
+        """Return one number for each pair from the numbers of both cells in the input."""
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         return np.asarray(surface.number[pairs.pair] @ [MOST, 1])
 
     def _recall(self, state: State) -> None:
-        """Give pairs the memory that their cells have."""
+        """Restore the history of pairs from the state."""
         pairs, held = self._pairs, state.pairs
         assert pairs is not None
         theirs = held["first"].astype(int) * MOST + held["second"].astype(int)
@@ -335,7 +335,7 @@ class CollisionStep:
             getattr(pairs, name)[mine] = held[name][place]
 
     def _remember(self, state: State) -> None:
-        """Leave in the state what pairs have of a memory."""
+        """Store the history of pairs in the state."""
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         holds = (pairs.traction != 0) | (pairs.overlap != 0)
@@ -343,7 +343,7 @@ class CollisionStep:
         state.pairs = {"first": first, "second": second} | {name: getattr(pairs, name)[holds] for name in MEMORY}
 
     def gather(self, state: State) -> FaultState:
-        """What friction holds, of all ranks on rank 0, no rows elsewhere; collective."""
+        """Return pairs with friction of all ranks on rank 0, no rows elsewhere; collective."""
         numbers = self._number[: self._owned]
         counted = np.isin(state.pairs["first"], numbers)
         rows = parallel.gather_rows(self.comm, np.column_stack([*state.pairs.values()])[counted])
@@ -355,7 +355,7 @@ class CollisionStep:
     # -- arrays of all ranks -------------------------------------------------------------------------------------------
 
     def _corners(self, *fields: np.ndarray) -> list[np.ndarray]:
-        """Of fields of all local nodes the values at the corners of all cells at surfaces, (cells, 6); collective."""
+        """Return the corner values of fields of all local nodes in all cells at surfaces, (cells, 6); collective."""
         surface = self._surface
         assert surface is not None
         nodes = self._nodes[surface.cells]
@@ -367,11 +367,11 @@ class CollisionStep:
         return [np.ascontiguousarray(part) for part in np.split(rows[surface.order], len(fields), axis=1)]
 
     def _places(self, displacement: np.ndarray) -> np.ndarray:
-        """Where nodes are, shape (nodes * 2,) [m]."""
+        """Return the present coordinates of nodes, shape (nodes * 2,) [m]."""
         return self._x.ravel() + displacement
 
     def _mine(self, rows: np.ndarray) -> np.ndarray:
-        """Rows of the cells of this rank, in its own order."""
+        """Return the rows of the cells of this rank, in its own order."""
         surface = self._surface
         assert surface is not None
         back = np.empty_like(rows)
@@ -381,7 +381,7 @@ class CollisionStep:
         return back[mine]
 
     def _overlaps(self, x: np.ndarray) -> np.ndarray:
-        """Energies of the overlaps of all pairs, as if none were at rest [J/m]."""
+        """Return overlap energies of all pairs, initial overlaps included [J/m]."""
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         energy = np.zeros(len(pairs.pair))
@@ -392,7 +392,7 @@ class CollisionStep:
 
 
 def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.ndarray:
-    """Labels of corners, shape (cells, 3), from facets that hold: numbers of both cells, and both vertices."""
+    """Return labels of corners, shape (cells, 3), from connecting facets: numbers of both cells, and both vertices."""
     from scipy import sparse
 
     own = np.stack([np.repeat(number, 3), vertices.ravel()], axis=1)
@@ -407,12 +407,12 @@ def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.nd
 
 
 def _coefficient(law: FrictionLaw, pair: str) -> float:
-    """Of a law whose strength is proportional to pressure.
+    """Return the coefficient of a friction law with strength proportional to pressure.
 
     Raises
     ------
     CaseError
-        Any other.
+        Other laws.
     """
     state = {name: symbol(f"s_{name}") for name in law.all_state_fields()}
     sigma = symbol("normal_stress")

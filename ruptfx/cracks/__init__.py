@@ -1,12 +1,12 @@
-"""How bodies break, one way per file; the file name is the `kind` of the table ``[fracture]``.
+"""Methods of fracture, one per file; the file name is the `kind` of the table ``[fracture]``.
 
 Every inner facet of a mesh of triangles is a potential crack, an interface of two points. The bodies live in a broken
 Lagrange space of order 1 on the ordinary connected mesh, and the weak form has one more term,
 
     integral over all inner facets of T([u]) . [v],
 
-with the quadrature at the ends of the facets. Until a facet has failed it carries what its cohesive law and its
-friction law admit, afterwards friction alone.
+with the quadrature at the ends of the facets. A facet carries tractions by its cohesive law and its friction law until
+it has failed, afterwards friction only.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ Pair = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*-[A-Za-z][A-Za-z0-9_
 
 
 class CrackLaws(Part):
-    """What the facets between two bodies carry, or those inside of a body."""
+    """Cohesive law and friction law of the facets between two bodies, or inside of a body."""
 
     cohesion: AnyCohesion | None = None
-    """Until they have failed; without it, they are in contact from the start."""
+    """Cohesion of facets until they fail; without it, they are in contact from the start."""
     friction: AnyFriction
-    """While they are closed, in parallel to the cohesion: c left(D) + friction. A law without rates."""
+    """Friction of closed facets, in parallel to the cohesion: c left(D) + friction. A law without rates."""
 
 
 class Fracture(Alternative):
     """The contract of a way to break."""
 
     rigid: ClassVar[bool] = False
-    """Whether cells are tied to each other until a facet breaks; else springs are between them from the start."""
+    """Whether cells are tied until a facet breaks (extrinsic); otherwise springs connect them from the start."""
 
     planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
     """Where bodies break."""
@@ -46,24 +46,24 @@ class Fracture(Alternative):
     """Whether only bodies of isotropic materials break."""
 
     default: CrackLaws
-    """Of all facets that `pairs` does not mention."""
+    """Laws of all facets that `pairs` does not name."""
     pairs: dict[Pair, CrackLaws] = {}
-    """By the bodies on both sides, ``"biotite-feldspar"`` in the order of the alphabet; inside of one,
+    """Laws by the bodies on both sides, ``"biotite-feldspar"`` in alphabetical order; inside of one body,
     ``"quartz-quartz"``."""
     joints: dict[Name, CrackLaws] = {}
-    """By the names of joints of the mesh: lines that were there before, weaker than the bodies."""
+    """Laws by the names of joints of the mesh: existing lines that are weaker than the bodies."""
     thickness: Length = 1.0
-    """Of the bodies, for the energies of events."""
+    """Thickness of the bodies, for the energies of events."""
     unresolved: bool = False
-    """Run although process zones are much smaller than cells: strength then depends on the mesh."""
+    """Whether to run with process zones much smaller than cells, where strength depends on the mesh."""
 
     def laws_by_pair(self, bodies: Sequence[str]) -> dict[tuple[str, str], CrackLaws]:
-        """Laws of any two bodies of a mesh, by their names in the order of the alphabet.
+        """Return the laws of any two bodies of a mesh, by their names in alphabetical order.
 
         Raises
         ------
         CaseError
-            A pair that is none.
+            A pair of names that are no two bodies.
         """
         names = sorted(bodies)
         pairs = {f"{a}-{b}": (a, b) for i, a in enumerate(names) for b in names[i:]}
@@ -76,7 +76,7 @@ class Fracture(Alternative):
         return {pair: self.pairs.get(name, self.default) for name, pair in pairs.items()}
 
     def laws_of_joints(self, joints: Iterable[str]) -> dict[str, CrackLaws]:
-        """Laws of the joints of a mesh that have laws of their own.
+        """Return the laws of the joints of a mesh that have separate laws.
 
         Raises
         ------
@@ -90,13 +90,15 @@ class Fracture(Alternative):
         return dict(self.joints)
 
     def all_laws(self) -> Iterator[tuple[str, CrackLaws]]:
-        """With their keys in a case."""
+        """Yield all laws with their keys in a case."""
         yield "fracture.default", self.default
         yield from ((f"fracture.pairs.{name}", laws) for name, laws in self.pairs.items())
         yield from ((f"fracture.joints.{name}", laws) for name, laws in self.joints.items())
 
     def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
-        """What a body brings to the springs of its facets [Pa/m]; those of two bodies have the mean compliance.
+        """Return the contribution of a body to the springs of its facets [Pa/m].
+
+        The springs between two bodies have the mean compliance of both.
 
         Parameters
         ----------
@@ -106,12 +108,12 @@ class Fracture(Alternative):
         raise NotImplementedError
 
     def of_cells(self, material: Material, plane: Plane, compliance: float) -> Material:
-        """The material of cells whose facets add a compliance of their own to the body [1/Pa].
+        """Return the material of cells of a body whose facets add a compliance [1/Pa].
 
         Raises
         ------
         CaseError
-            There is none.
+            No such material exists.
         """
         raise NotImplementedError
 

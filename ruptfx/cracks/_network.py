@@ -1,4 +1,4 @@
-"""The inner facets of a mesh of triangles: who is on their sides, where they are, and an order no partition changes."""
+"""Inner facets of a mesh of triangles: cells on their sides, geometry, and an order independent of the partition."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 
 class CrackNetwork:
-    """Facets between two triangles, of which this rank owns one at least, or touches one with a vertex.
+    """Facets between two triangles, with at least one triangle of this rank, or with a vertex of one.
 
     Parameters
     ----------
     space : FunctionSpace
-        Broken, of order 1.
+        Broken Lagrange space of order 1.
     bodies : Bodies
     whole_stars : bool
-        Whether all facets at the vertices of own cells are there, or only those of own cells.
+        Whether to include all facets at the vertices of own cells, or only those of own cells.
 
     Attributes
     ----------
     vertices : ndarray of int, shape (facets, 2)
-        Of the ends, by their numbers in the input, the lower first. Facets are sorted by them: the same order on all
+        Numbers of the ends in the input, the lower first. Facets are sorted by them: the same order on all
         ranks, in which forces are added up.
     cells : ndarray of int, shape (facets, 2)
         Local cells on the minus and on the plus side; minus has the lower number in the input.
@@ -42,19 +42,19 @@ class CrackNetwork:
     length : ndarray, shape (facets,)
         [m]; either end stands for half of it.
     bodies : ndarray of int, shape (facets, 2)
-        Body on either side.
+        Body on each side.
     open : ndarray of bool, shape (facets,)
-        Cracks that are there from the start.
+        True for initial cracks.
     joint : ndarray of int, shape (facets,)
         Number of the joint that a facet belongs to, in their order in the mesh; -1 for none.
     owned : ndarray of bool, shape (facets,)
         True on one rank: the one that owns the minus cell.
     area : float
-        Of all bodies [m2], the same bits on any number of ranks.
+        Area of all bodies [m2], bitwise the same on any number of ranks.
     cell_vertices : ndarray of int, shape (local cells, 3)
         Vertices of all cells by their numbers in the input; first those of the `owned_cells`.
     cell_numbers : ndarray of int, shape (local cells,)
-        Of the cells in the input.
+        Numbers of the cells in the input.
     owned_cells : int
     """
 
@@ -105,17 +105,17 @@ class CrackNetwork:
         self.area = self.total(0.5 * np.abs(side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]))
 
     def total(self, values: np.ndarray) -> float:
-        """Exact sum over all ranks of what each has, which no order changes; collective."""
+        """Return the exact sum over all ranks, independent of the order; collective."""
         rows = parallel.gather_rows(self.comm, values)
         return float(self.comm.bcast(None if rows is None else fsum(rows), root=0))
 
     def pairs(self) -> np.ndarray:
-        """Numbers of the bodies on both sides of facets, each pair once, shape (pairs, 2); collective."""
+        """Return the numbers of the bodies on both sides of facets, each pair once, shape (pairs, 2); collective."""
         here = np.unique(np.sort(self.bodies[self.owned], axis=1), axis=0)
         return np.unique(parallel.share_rows(self.comm, here), axis=0)
 
     def gather(self, columns: np.ndarray) -> np.ndarray | None:
-        """Rows of all owned facets in the order of all ranks on rank 0, None elsewhere; collective.
+        """Return rows of all owned facets in the order of all ranks on rank 0, None elsewhere; collective.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class CrackNetwork:
 
     @cached_property
     def number(self) -> np.ndarray:
-        """Place of every facet in the order of all ranks, shape (facets,); collective at its first use."""
+        """Return the index of every facet in the order of all ranks, shape (facets,); collective at its first use."""
         everything = parallel.share_rows(self.comm, self.vertices[self.owned])
         scale = int(everything.max(initial=0)) + 1
         return np.asarray(np.searchsorted(np.sort(everything @ [scale, 1]), self.vertices @ [scale, 1]))

@@ -1,11 +1,11 @@
 """Facets that are rigid until their strength: `RigidCracks` ties corners and inserts facets, `rigid.c` does the work.
 
-The corners of all cells at a vertex are its star. Facets that are tied connect them; what they connect is a piece, and
-moves as one. An inserted facet between two pieces is an interface of split nodes: its traction is found together with
-the velocity after it, so that fields of facets belong to the time of the displacement before the step.
+The corners of all cells at a vertex are its vertex patch. Tied facets connect corners to connected components, each
+with a single motion. An inserted facet between two components is an interface of split nodes: its traction is found
+together with the velocity after it, so that fields of facets belong to the time of the displacement before the step.
 
-A rank advances every vertex that one of its cells touches, with all cells and facets of its star, some of which other
-ranks own: all of them find the same bits. Corners further out get their velocity from the owner of their cell.
+A rank advances every vertex that one of its cells touches, with all cells and facets of its patch, some of which other
+ranks own: all of them compute bitwise the same. Corners further out get their velocity from the owner of their cell.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class RigidCracks(CrackStep):
     unsettled : int
         Steps in which the tractions at a vertex of this rank had an error above 1e-6.
     leader : ndarray of int32, shape (nodes,)
-        First corner, in the order of the input, of the piece that a corner belongs to.
+        First corner, in the order of the input, of the component of every corner.
     """
 
     def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
@@ -64,7 +64,7 @@ class RigidCracks(CrackStep):
         self._dof = np.ascontiguousarray(space.dofmap.list[:count], np.int32)
         self._states = [*ENDS, *self.law_states]
         self.unsettled = 0
-        self._arrays: dict[str, np.ndarray] = {}  # the memory of the structure
+        self._arrays: dict[str, np.ndarray] = {}  # arrays of the structure, which Python must keep alive
         self._c = _Rigid(count, len(self.order))
         x = mesh.geometry.x[:, :2][fem.geometry_dofmap(mesh)[:count]]
         after, last = np.roll(x, -1, axis=1), np.roll(x, -2, axis=1)
@@ -92,7 +92,7 @@ class RigidCracks(CrackStep):
         setattr(self._c, name, self._arrays[name].ctypes.data)
 
     def _find_stars(self) -> None:
-        """Corners and facet ends of every vertex that a cell of this rank touches."""
+        """Find corners and facet ends of every vertex that a cell of this rank touches."""
         net = self.network
         vertex, node = net.cell_vertices.ravel(), self._dof.ravel()
         _, first, vertex = np.unique(vertex, return_index=True, return_inverse=True)
@@ -100,7 +100,7 @@ class RigidCracks(CrackStep):
         vertex = np.argsort(np.argsort(node[first]))[vertex]
         touched = np.zeros(len(first), dtype=bool)
         touched[vertex[: 3 * net.owned_cells]] = True
-        # Corners of a star in the order of the cells in the input.
+        # Corners of a patch in the order of the cells in the input.
         order = np.lexsort([np.repeat(net.cell_numbers, 3), vertex])
         order = order[touched[vertex[order]]]
         star, vertex = node[order], (np.cumsum(touched) - 1)[vertex[order]]
@@ -110,7 +110,7 @@ class RigidCracks(CrackStep):
         self._vertex_of[star] = vertex
         place = np.zeros(self._nodes, np.int32)
         place[star] = np.arange(len(star)) - np.repeat(bounds[:-1], np.diff(bounds))
-        # Ends in the order of facets that no partition changes, by their places here.
+        # Ends in the order of facets independent of the partition, by their local indices.
         here = np.empty(len(self.order), np.int64)
         here[self.order] = np.arange(len(self.order))
         facet, end = np.repeat(here, 2), np.tile([0, 1], len(here))
@@ -132,7 +132,7 @@ class RigidCracks(CrackStep):
         self._most = [int(np.diff(values).max(initial=1)) for values in (bounds, ends_start)]
 
     def _compile(self) -> None:
-        """The formulas of all groups in front of the code that uses them."""
+        """Compile the formulas of all groups with the code that uses them."""
         text, numbers, first, strengths = "", [0.0], [], []
         for number, group in enumerate(self.groups):
             parameters, macros = formulas(group.laws)
@@ -170,12 +170,12 @@ class RigidCracks(CrackStep):
     # -- corners that move together --------------------------------------------------------------------------------
 
     def total(self, values: np.ndarray, sums: np.ndarray, vertices: np.ndarray | None = None) -> None:
-        """Give the corners of every piece what they have together, of all vertices or of some of them.
+        """Sum values over the corners of every component, of all vertices or of some of them.
 
         Parameters
         ----------
         values, sums : ndarray, shape (nodes * 2,)
-            May be the same.
+            May be the same array.
         vertices : ndarray of int32, optional
         """
         count = len(self._arrays["split"]) if vertices is None else len(vertices)
@@ -185,24 +185,24 @@ class RigidCracks(CrackStep):
         )  # fmt: skip
 
     def corners_at(self, vertices: np.ndarray) -> np.ndarray:
-        """Local nodes of some vertices."""
+        """Return the local nodes of some vertices."""
         start = self._arrays["star_start"]
         chosen = np.zeros(len(start) - 1, dtype=bool)
         chosen[vertices] = True
         return np.asarray(self._arrays["star"][np.repeat(chosen, np.diff(start))])
 
     def _mend(self, vertices: np.ndarray) -> None:
-        """Find the pieces of some stars anew."""
+        """Find the components of some patches again."""
         self._library.split(ctypes.byref(self._c), ctypes.c_long(len(vertices)), _at(vertices))
         self._pieces = np.flatnonzero(self._arrays["split"]).astype(np.int32)
 
     def _vertices_of(self, facets: np.ndarray) -> np.ndarray:
-        """Vertices of this rank at the ends of facets, each once."""
+        """Return the vertices of this rank at the ends of facets, each once."""
         found = np.unique(self._vertex_of[self.corners[facets, 0]])
         return found[found >= 0].astype(np.int32)
 
     def adopt(self, state: FaultState) -> bool:
-        """Tie and part corners as a state has them; whether anything was otherwise."""
+        """Set tied and inserted facets from a state; return whether any has changed."""
         inserted = (np.isfinite(state["time_of_yield"]) | (state["damage"] >= 1).any(axis=1)).astype(np.int32)
         changed = np.flatnonzero(inserted != self._arrays["inserted"])
         self._arrays["inserted"][:] = inserted
@@ -216,12 +216,12 @@ class RigidCracks(CrackStep):
         self._waiting = np.flatnonzero(listens).astype(np.int32)
 
     def hold_vertices(self, acting: np.ndarray) -> np.ndarray:
-        """Find the vertices that `advance` leaves alone; local nodes that it does not move.
+        """Find the vertices that `advance` leaves unchanged; return local nodes that it does not move.
 
         Parameters
         ----------
         acting : ndarray of bool, shape (nodes,)
-            Where something acts, so that the vertex there is left alone, as are those in pieces.
+            Nodes with loads, whose vertices are left unchanged, as are those with several components.
         """
         left = self._arrays["split"] > 0
         touched = acting & (self._vertex_of >= 0)
@@ -233,14 +233,14 @@ class RigidCracks(CrackStep):
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def grow(self, state: State, mass: np.ndarray) -> np.ndarray:
-        """Insert the facets whose strength is reached; vertices at them, shape (n,).
+        """Insert the facets whose strength is reached; return their vertices, shape (n,).
 
         Parameters
         ----------
         state : State
-            Whose cracks have been adopted.
+            State that was adopted.
         mass : ndarray, shape (nodes * 2,)
-            Of every corner alone [kg].
+            Mass of every single corner [kg].
         """
         if state.step % self._every:
             return self._found[:0]
@@ -264,18 +264,18 @@ class RigidCracks(CrackStep):
         return vertices
 
     def advance(self, state: State, dt: float, keep: np.ndarray, push: np.ndarray, damped: Damped | None) -> None:
-        """Move the vertices on that are whole and free, all of their corners alike: v = keep v + push f, u += dt v.
+        """Advance vertices that are unbroken and free, all corners equally: v = keep v + push f, u += dt v.
 
         Parameters
         ----------
         state : State
-            Its force becomes zero there.
+            State, whose force becomes zero there.
         dt : float
-            The step [s].
+            Time step [s].
         keep, push : ndarray, shape (nodes * 2,)
-            Of every piece [1, m/s/N].
+            Factors of every component [1, m/s/N].
         damped : Damped, optional
-            Takes of their motion, and its force becomes zero there.
+            Damping of their motion, whose force becomes zero there.
         """
         self._library.advance(
             ctypes.byref(self._c), ctypes.c_long(len(self._arrays["left"])), ctypes.c_double(dt),
@@ -286,18 +286,18 @@ class RigidCracks(CrackStep):
     def hold(
         self, state: State, dt: float, kick: float, since: float, push: np.ndarray, before: np.ndarray
     ) -> None:
-        """Find the tractions of inserted facets, and the velocity after them.
+        """Compute the tractions of inserted facets, and the velocity after them.
 
         Parameters
         ----------
         state : State
-            Its velocity is the one without these tractions.
+            State with the velocity without these tractions.
         dt, kick, since : float
-            The step, how long tractions act in it, and the time since those before [s].
+            Time step, duration of the tractions in it, and time since the previous ones [s].
         push : ndarray, shape (nodes * 2,)
-            Velocity per force of every piece [m/s/N].
+            Velocity per force of every component [m/s/N].
         before : ndarray, shape (nodes * 2,)
-            The velocity before [m/s].
+            Velocity before the step [m/s].
         """
         if not len(self._pieces):
             self.residual = 0.0
@@ -316,7 +316,7 @@ class RigidCracks(CrackStep):
         self._count(state, taken[:4])
 
     def require_balance(self, time: float) -> None:
-        """Check the error of the tractions in the last step: count and log those above 1e-6.
+        """Refuse tractions with an error above `ALLOWED`, and log some of the steps with one above `CONVERGED`.
 
         Raises
         ------
@@ -350,7 +350,7 @@ class RigidCracks(CrackStep):
     # -- what is asked for between steps ---------------------------------------------------------------------------
 
     def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:
-        """Add what tractions exert, and give all corners of a piece what they have together [N]."""
+        """Add the forces of tractions, and give all corners of a component their sum [N]."""
         self.adopt(state)
         facet, end = np.nonzero(self.leader[self.corners[:, 0]] != self.leader[self.corners[:, 1]])
         normal, shear = (state[name][facet, end][:, None] for name in ("normal_traction", "shear_traction"))
@@ -362,23 +362,23 @@ class RigidCracks(CrackStep):
         self.total(force, force)
 
     def counted(self, nodes: np.ndarray) -> np.ndarray:
-        """Of corners those that this rank counts: the first one of every piece."""
+        """Return a mask of the corners that this rank counts: the first one of every component."""
         order = nodes[np.lexsort([self._cell_number[nodes], self.leader[nodes]])]
         first = np.append(True, self.leader[order][1:] != self.leader[order][:-1])[: len(order)]
         return np.asarray(order[first & (order < self._owned_nodes)])
 
     @cached_property
     def _cell_number(self) -> np.ndarray:
-        """Number of the cell of every corner in the input."""
+        """Return the number of the cell of every corner in the input."""
         number = np.empty(self._nodes, np.int64)
         number[self._dof] = self.network.cell_numbers[:, None]
         return number
 
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
-        """There are no springs."""
+        """Add nothing: there are no springs."""
 
     def stored(self, state: FaultState, added: np.ndarray, displacement: np.ndarray | None = None) -> float:
-        """Energy that open facets would give back if they closed, T w / 2; facets of this rank [J]."""
+        """Return the energy that open facets would release by closing, T w / 2; facets of this rank [J]."""
         density = 0.5 * np.maximum(state["normal_traction"], 0.0) * state["inelastic_opening"]
         return float((self.owned * self.weight) @ density.sum(axis=1))
 

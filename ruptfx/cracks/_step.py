@@ -1,8 +1,8 @@
-"""Tractions of all facets in an explicit step: `CrackStep` holds what does not change, `cracks.c` does the work.
+"""Tractions of all facets in an explicit step: `CrackStep` has the constant data, `cracks.c` the formulas.
 
-Tractions belong to the time of the displacement, and so does the state. Between two of them works their mean, so that
-leapfrog balances energy: in the middle of a step what is stored is that at the last tractions, and half of what these
-do until the next.
+Tractions and state belong to the time of the displacement. The mean of two successive tractions does work, so that
+leapfrog conserves energy: in the middle of a step the stored energy is that at the last tractions plus half of their
+work until the next ones.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from ruptfx.bodies import Bodies
 
-BALANCED = 1e-6  # of a damage
+BALANCED = 1e-6  # largest residual of a damage
 ENDS = {
     "normal_traction": ("Pa", "normal traction, positive in tension"),
     "shear_traction": ("Pa", "shear traction"),
@@ -55,7 +55,7 @@ FACETS = {
 
 @dataclass(frozen=True)
 class Group:
-    """Facets with the same laws: a slice of all.
+    """Facets with the same laws: a slice of all facets.
 
     Attributes
     ----------
@@ -77,38 +77,38 @@ class CrackStep:
     bodies : Bodies
     fracture : Fracture
     materials : sequence of Material
-        Of the bodies, as the case has them.
+        Materials of the bodies, as in the case.
     plane : str
     large_rotations : bool
-        Whether facets turn with the cells on both sides.
+        Whether facets rotate with the cells on both sides.
     initial_stress : ndarray, shape (2, 2), optional
-        Of the bodies, uniform, tension positive [Pa]; facets carry it before anything moves.
+        Uniform initial stress of the bodies, tension positive [Pa]; facets carry it in the initial state.
 
     Attributes
     ----------
     network : CrackNetwork
     order : ndarray of int, shape (facets,)
-        Facets of the network in the order of the arrays here: laws by laws.
+        Facets of the network in the order of the arrays of this class, grouped by laws.
     stiffness : ndarray, shape (facets,)
-        Of the springs [Pa/m].
+        Stiffness of the springs [Pa/m].
     length_per_area : float
-        Of the bonded facets [1/m].
+        Length of the bonded facets per area [1/m].
     cell_materials : list of Material
-        What the cells of every body are made of.
+        Material of the cells of every body.
     edge : float
         Mean length of facets [m].
     residual : float
-        Largest of this rank in the last step: difference of a damage and the one that opening and slip make; of rigid
+        Largest residual of this rank in the last step: error of the damage for opening and slip; for rigid
         facets, error of the tractions at a vertex over their size.
     weight, half_length : ndarray, shape (facets,)
-        Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
+        Tributary length of an end [m], zero where collisions handle the contact, and half of the facet.
     initial : ndarray, shape (facets, 2)
-        Normal and shear traction before anything moves, which the bodies are in equilibrium with [Pa].
+        Normal and shear traction of the initial state, in equilibrium with the bodies [Pa].
 
     Raises
     ------
     CaseError
-        On all ranks: pairs that are none, laws that cracks cannot have.
+        On all ranks: pairs of unknown bodies, laws that cracks do not support.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class CrackStep:
         for number, name in enumerate(bodies.joints):
             if name in of_joint:
                 kind[net.joint == number] = kinds.index(of_joint[name])
-        # Laws by laws, and neighbours together. Every corner has two facets at most: their order changes no bit of it.
+        # Grouped by laws, with neighbours close. Every corner has two facets at most: their order changes no bit.
         self.order = np.lexsort((net.cells.min(axis=1), kind))
         bounds = np.searchsorted(kind[self.order], np.arange(len(kinds) + 1))
         self.groups = [
@@ -206,7 +206,7 @@ class CrackStep:
         self._kernels = [_Kernel(self, group) for group in self.groups]
 
     def initial_state(self) -> FaultState:
-        """Of all facets, before anything moves."""
+        """Return the fields of all facets in the initial state."""
         count = len(self.order)
         state: FaultState = {name: np.zeros((count, 2)) for name in (*ENDS, *self.law_states)}
         state["normal_traction"] += self.initial[:, :1]
@@ -223,16 +223,16 @@ class CrackStep:
         return state
 
     def __call__(self, state: State, mass: np.ndarray, since: float) -> None:
-        """Find the tractions at the displacement, and add their forces at the nodes this rank owns.
+        """Compute the tractions at the displacement, and add their forces at the nodes this rank owns.
 
         Parameters
         ----------
         state : State
-            Its force must be zero.
+            State with zero force.
         mass : ndarray, shape (nodes * components,)
             [kg].
         since : float
-            Time since the tractions before [s].
+            Time since the previous tractions [s].
         """
         energy = np.zeros(5)
         for kernel, group in zip(self._kernels, self.groups, strict=True):
@@ -250,7 +250,7 @@ class CrackStep:
         Raises
         ------
         RuptfxError
-            On the rank of the facet: its damage is not the one that opening and slip make.
+            On the rank of the facet: its damage is not consistent with opening and slip.
         """
         if self.residual <= BALANCED:
             return
@@ -262,18 +262,18 @@ class CrackStep:
         )
 
     def _count(self, state: State, taken: np.ndarray) -> None:
-        """Count what facets took in a step, and the largest residual of their laws."""
+        """Count energy losses of facets in a step, and the largest residual of their laws."""
         *energies, self.residual = taken.tolist()
         for name, amount in zip(("frictional_dissipation", "fracture", "impact"), energies, strict=True):
             state.energy[name] += amount
 
     def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:
-        """Add what the tractions exert on the nodes this rank owns [N].
+        """Add the forces of the tractions on the nodes this rank owns [N].
 
         Parameters
         ----------
         displacement : ndarray, shape (nodes * components,), optional
-            Of that time [m]; where facets turn it says where they are.
+            Displacement of that time [m], for the position of facets that rotate.
         """
         normal, tangent = self._frame(displacement)
         forces = self.weight[:, None, None] * self._beyond_initial(state, normal, tangent)
@@ -284,23 +284,23 @@ class CrackStep:
             self._assemble(both, both, force)
 
     def counted(self, nodes: np.ndarray) -> np.ndarray:
-        """Of local nodes those that this rank counts in sums over all ranks."""
+        """Return a mask of the local nodes that this rank counts in sums over all ranks."""
         return np.asarray(nodes[nodes < self._owned_nodes])
 
     def release(self, facets: np.ndarray) -> None:
-        """Leave some facets to somebody else, shape (facets,) of bool: from now on they exert nothing."""
+        """Stop all tractions of some facets, shape (facets,) of bool, which collision contact replaces."""
         self.weight[:] = np.where(facets, 0.0, self.half_length)
         for kernel in self._kernels:
             kernel.weigh(self.weight)
 
     def add_spring_force(self, displacement: np.ndarray, force: np.ndarray) -> None:
-        """Add the forces of all springs, none of which has yielded, at the nodes this rank owns [N]."""
+        """Add the forces of all springs, all elastic, at the nodes this rank owns [N]."""
         rows = displacement.reshape(-1, 2)
         force -= (self._springs @ rows).ravel()
 
     @cached_property
     def _springs(self) -> sparse.csr_matrix:
-        """Stiffness between nodes, the same for both components [N/m]; rows of nodes that other ranks own are empty."""
+        """Return the stiffness between nodes, equal for both components [N/m]; rows of other ranks' nodes are empty."""
         from scipy import sparse  # a run without cracks starts without it
 
         minus, plus = (self.corners[:, side].ravel() for side in (0, 1))
@@ -313,25 +313,28 @@ class CrackStep:
     def tractions(
         self, state: FaultState, normal: np.ndarray | None = None, tangent: np.ndarray | None = None
     ) -> np.ndarray:
-        """On the minus sides, shape (facets, 2 ends, 2 components) [Pa]; in the frame of the mesh, or in that given."""
+        """Return tractions on the minus sides, shape (facets, 2 ends, 2 components) [Pa].
+
+        They are in the frame of the mesh, or in a given one.
+        """
         n, t = self.normal if normal is None else normal, self.tangent if tangent is None else tangent
         normal_part = state["normal_traction"][..., None] * n[:, None]
         return np.asarray(normal_part + state["shear_traction"][..., None] * t[:, None])
 
     def _beyond_initial(self, state: FaultState, normal: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-        """Tractions less the initial ones: the bodies are in equilibrium with these."""
+        """Return tractions less the initial ones, with which the bodies are in equilibrium."""
         initial = self.initial[:, :1] * normal + self.initial[:, 1:] * tangent
         return np.asarray(self.tractions(state, normal, tangent) - initial[:, None])
 
     def preload_work(self, displacement: np.ndarray) -> float:
-        """Work of the initial tractions on the jumps of a displacement, facets of this rank [J]."""
+        """Return the work of the initial tractions on the jumps of a displacement, facets of this rank [J]."""
         rows = displacement.reshape(-1, 2)
         jump = (rows[self.corners[:, 1]] - rows[self.corners[:, 0]]).sum(axis=1)
         initial = self.initial[:, :1] * self.normal + self.initial[:, 1:] * self.tangent
         return float((self.owned * self.weight) @ np.sum(initial * jump, axis=1))
 
     def _turned(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tangents of the facets where they are now, the mean of both sides, and their lengths with the sense of it."""
+        """Return present tangents of the facets, the mean of both sides, and their signed lengths."""
         mean = displacement.reshape(-1, 2)[self.corners].mean(axis=1)
         sense = np.sign(self.along)
         along = self.along[:, None] * self.tangent + mean[:, 1] - mean[:, 0]
@@ -345,7 +348,7 @@ class CrackStep:
         return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1), tangent
 
     def _moment(self, state: FaultState, displacement: np.ndarray) -> np.ndarray:
-        """What the tractions do when the frame turns, in which jumps are measured, shape (facets,) [N]."""
+        """Return the work of tractions per rotation of the frame of the jumps, shape (facets,) [N]."""
         normal, tangent = self._frame(displacement)
         rows = displacement.reshape(-1, 2)
         jump = rows[self.corners[:, 1]] - rows[self.corners[:, 0]]
@@ -366,14 +369,14 @@ class CrackStep:
         rows[: self._owned_nodes] += added[: self._owned_nodes]
 
     def stored(self, state: FaultState, added: np.ndarray, displacement: np.ndarray | None = None) -> float:
-        """Energy in springs and open secants, and what tractions do over a displacement since; facets of this rank [J].
+        """Return the energy of springs and open secants, and later work of tractions; facets of this rank [J].
 
         Parameters
         ----------
         added : ndarray, shape (nodes * components,)
-            That displacement [m].
+            Displacement since the tractions [m], on which they do work.
         displacement : ndarray, shape (nodes * components,), optional
-            Before it [m]; where facets turn it says where they are.
+            Displacement at the tractions [m], for the position of facets that rotate.
         """
         normal, shear, opened = (state[name] for name in ("normal_traction", "shear_traction", "inelastic_opening"))
         stiff = self.stiffness[:, None]
@@ -391,7 +394,9 @@ class CrackStep:
         return held
 
     def gather(self, state: FaultState) -> FaultState:
-        """Fields of all facets in the order that no partition changes on rank 0, no rows elsewhere; collective.
+        """Return fields of all facets on rank 0, in an order independent of the partition; collective.
+
+        Other ranks have no rows.
 
         Parameters
         ----------
@@ -412,7 +417,7 @@ class CrackStep:
 
     @property
     def number(self) -> np.ndarray:
-        """Place of every facet in that order; collective at its first use."""
+        """Return the index of every facet in that order; collective at its first use."""
         return self.network.number[self.order]
 
 
@@ -442,7 +447,7 @@ class _Kernel:
         }  # fmt: skip
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("lanes.c", "cracks/cracks.c"))
         self._library = native.load("cracks", source, macros)
-        width = self._library.lanes_per_batch() // 2  # facets that it does at a time
+        width = self._library.lanes_per_batch() // 2  # facets per batch
         fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))
         corners = cracks.corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
         rows = [*cracks.normal.T, cracks.weight, cracks.stiffness, *([cracks.along] * cracks.large_rotations)]
@@ -454,7 +459,7 @@ class _Kernel:
         self.weigh(cracks.weight)
 
     def weigh(self, weight: np.ndarray) -> None:
-        """Set the length that ends stand for, of all facets [m]; what fills up the last block exerts no force."""
+        """Set the tributary length of ends, of all facets [m]; padding of the last block exerts no force."""
         blocks = self._fixed[:, 2]
         lengths = np.zeros(blocks.size)
         lengths[: self._count] = weight[self._facets]
@@ -482,7 +487,7 @@ class _Kernel:
 
 
 def formulas(laws: CrackLaws) -> tuple[Table, Table]:
-    """Numbers of the parameters by the names of their symbols, and the traced formulas as macros."""
+    """Return the values of the parameters by the names of their symbols, and the traced formulas as macros."""
     parameters, friction = parameters_as_symbols(laws.friction, "p_")
     state = {name: symbol(f"s_{name}") for name in laws.friction.all_state_fields()}
     sigma, rate = symbol("normal_stress"), symbol("slip_rate")
@@ -503,7 +508,7 @@ def formulas(laws: CrackLaws) -> tuple[Table, Table]:
 
 
 def _check(key: str, laws: CrackLaws) -> None:
-    """Refuse laws that facets all over a body cannot have.
+    """Refuse laws that facets in bodies do not support.
 
     Raises
     ------
@@ -527,7 +532,7 @@ def _check(key: str, laws: CrackLaws) -> None:
 
 
 def _varying(part: Part, key: str) -> Iterator[tuple[str, object]]:
-    """Profiles in a part, with their keys."""
+    """Yield profiles in a part, with their keys."""
     for name in type(part).model_fields:
         value = getattr(part, name)
         if isinstance(value, Part) and not callable(value):

@@ -1,4 +1,4 @@
-"""Springs between all cells from the start."""
+"""Springs between all cells from the start: intrinsic facets."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from ruptfx.materials import Material, Plane
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import CaseError, Unit
 
-MOST = 0.5  # of a compliance of the body, that its facets may have
+MOST = 0.5  # largest compliance of facets over that of the body
 
 
 class Everywhere(Fracture):
-    """Stiff springs between all cells, which soften once their strength is reached: the intrinsic method.
+    """Intrinsic facets: stiff springs between all cells, which soften once their strength is reached.
 
     A facet has the normal and shear stiffness k = alpha E / h per area, with the mean length h of the facets. Springs
     that have not yielded make a body more compliant, isotropically, by q = S / (2 k), with the length S of facets per
-    area of the mesh; `compensate` takes that off the compliances of the cells, 1 / (2 mu) - q and 1 / (2 K) - q with
+    area of the mesh; `compensate` subtracts it from the compliances of the cells, 1 / (2 mu) - q and 1 / (2 K) - q with
     K = lambda + mu, so that the broken body has the moduli of the case.
     """
 
     stiffness_ratio: Annotated[float, Field(ge=3), Unit("1")] = 10.0
-    """alpha: stiffness of the springs times the mean length of facets over Young's modulus; a large one shortens the
-    time step with its root."""
+    """alpha: stiffness of the springs times the mean length of facets over Young's modulus; a large one reduces the
+    time step by its square root."""
     compensate: bool = True
-    """Whether cells are stiffer by what the springs are compliant."""
+    """Whether stiffer cells compensate the compliance of the springs."""
 
     def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
         return self.stiffness_ratio * _isotropic(material).young_modulus / edge

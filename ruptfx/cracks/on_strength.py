@@ -1,4 +1,4 @@
-"""Facets that are rigid until their strength is reached."""
+"""Facets that are rigid until their strength is reached: extrinsic facets."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from ruptfx.schema import CaseError
 
 
 class OnStrength(Fracture):
-    """Cells are tied to each other until a facet has to carry more than its strength: the extrinsic method.
+    """Extrinsic facets: cells are tied until the traction of a facet exceeds its strength.
 
-    The trial traction of a tied facet is that of the mean stress of both cells. Where it is too much the facet is
-    inserted, for good: the corners at its ends fall into the pieces that tied facets still connect, and every piece
-    moves for itself. A facet between two pieces begins with the traction that holds them together, no more than its
-    strength, so that nothing jumps; then it softens by its cohesive law, as rigid contact does: opening and slip damage
-    it, and nothing but them is a jump. Bodies have the moduli of the case, and the time step is that of their cells.
-    Source: Camacho and Ortiz (1996), Pandolfi and Ortiz (2002) for the pieces.
+    The trial traction of a tied facet is that of the mean stress of both cells. Beyond the strength the facet is
+    inserted permanently: the corners at its ends separate into the connected components of tied facets, and every
+    component has its own motion. A facet between two components begins with the traction that keeps them together, no
+    more than its strength, so that tractions are continuous; then it softens by its cohesive law with rigid contact:
+    opening and slip are the only displacement jumps, and damage it. Bodies have the moduli of the case, and the time
+    step is that of their cells.
+    Source: Camacho and Ortiz (1996), Pandolfi and Ortiz (2002) for the components.
     """
 
     rigid: ClassVar[bool] = True
 
     check_every: Annotated[int, Field(ge=1)] = 2
-    """Steps between two looks at the strength of tied facets."""
+    """Steps between two checks of the strength of tied facets."""
 
     def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
         return inf
