@@ -1,4 +1,4 @@
-"""Cohesion of interface points until they fail: a cohesive law in a time step.
+"""Cohesion of the points of an interface in a step: damage, remaining strength, fracture energy.
 
 The largest opening w and the whole slip s give the damage D, and the damage the remaining strength:
 
@@ -10,23 +10,37 @@ step. With the trial tension t and the carried tension T the opening is complian
     T = min(f_t left(D), t S / (S + w / compliance)),   S = f_t left(D),
 
 and the steep secant of a new crack cannot reduce the stable time step. Opening and slip are those at the time of
-the traction, which rigid contact knows in advance. On compliant interfaces they would follow from the traction, and a
-bond that lags behind would dissipate too much energy: compliant interfaces have no cohesion.
+the traction. Explicit rigid contact knows both before the traction. Where slip ends with the traction (compliant
+contact, all implicit steps) both follow from it, w = compliance (t - T), and the damage is solved for together with the
+traction (`search_damage` in `points.c`): the law is the same in steps of any size. With springs w is the opening beyond
+theirs.
+
+The work of a traction is split once, here and in `points.c`: cohesion dissipates its share c left(D) of a shear
+traction first and friction the rest; of the work of tension the part is stored that the secant gives back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.projection import parameters_as_symbols
-from ruptfx.tracing import Expression, record, symbol, to_numpy
+from ruptfx.tracing import Expression, derivative, record, symbol, to_numpy
+
+if TYPE_CHECKING:
+    from ruptfx.fault import Fault
+    from ruptfx.state import FaultState
 
 STATE = {"damage": "1", "largest_opening": "m", "damaging_slip": "m"}
 """Fields of every point, and their units; the slip is the whole way, whatever its direction."""
+
+
+DAMAGED = 4e-15
+"""Error of the damage that is solved for."""
 
 
 class TracedBond:
@@ -43,6 +57,8 @@ class TracedBond:
         By the name of their symbols.
     damage, left : Expression
         Damage of the symbols `bond_opening` and `bond_slip`; remaining part of the strength of `bond_damage`.
+    damage_by_opening, damage_by_slip, left_slope : Expression
+        Derivatives of both.
     """
 
     def __init__(self, law: CohesiveLaw) -> None:
@@ -50,6 +66,10 @@ class TracedBond:
         self.parameters, traced = parameters_as_symbols(law, "b_")
         self.damage: Expression = record(traced.damage, symbol("bond_opening"), symbol("bond_slip"))
         self.left: Expression = record(traced.left, symbol("bond_damage"))
+        self.damage_by_opening, self.damage_by_slip = (
+            derivative(self.damage, symbol(name)) for name in ("bond_opening", "bond_slip")
+        )
+        self.left_slope: Expression = derivative(self.left, symbol("bond_damage"))
         given = list(self.parameters)
         self._damage = to_numpy({"damage": self.damage}, ["bond_opening", "bond_slip", *given])
         self._left = to_numpy({"left": self.left}, ["bond_damage", *given])
@@ -103,3 +123,38 @@ def stored(state: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the energy that open points would release by closing, T w / 2 [J/m2], shape (n,)."""
     return np.asarray(0.5 * np.maximum(-state["normal_stress"], 0.0) * state["opening"])
 
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Energy per area that a step takes where slip ends with the traction [J/m2], shapes (n,).
+
+    Attributes
+    ----------
+    shear, tension : ndarray
+        Taken by cohesion.
+    met : ndarray
+        Taken by contact that opens or closes within the step.
+    """
+
+    shear: np.ndarray
+    tension: np.ndarray
+    met: np.ndarray
+
+
+def losses(fault: Fault, old: FaultState, new: FaultState, since: float) -> Losses:
+    """Return what cohesion takes in a step of the length `since` [s] that ends with the traction."""
+    law = fault.cohesion
+    assert law is not None
+    shares = []
+    for fields in (old, new):
+        traction = fault.components(fields, "shear_traction")
+        bond, size = law.left_strength(fields["damage"]), np.linalg.norm(traction, axis=1)
+        shares.append(np.where(size > bond, bond / np.where(size > 0, size, 1.0), 1.0)[:, None] * traction)
+    rates = [fault.components(fields, "mean_slip_rate") for fields in (old, new)]
+    shear = np.asarray(fault.contact.dissipated(*shares, *rates)).sum(axis=1) * since
+    opened = -0.5 * (old["normal_stress"] + new["normal_stress"]) * (new["opening"] - old["opening"])
+    work = opened - (stored(new) - stored(old))
+    work = np.where(fault.interface.touches(np.zeros_like(work)), work, 0.0)  # not where a point lost what it faced
+    pressed = (old["normal_stress"] > 0) | (new["normal_stress"] > 0)
+    return Losses(shear, np.where(pressed, 0.0, work), np.where(pressed, work, 0.0))

@@ -126,6 +126,7 @@ class Fault:
             state["slip_followed"] = np.zeros(n)  # tangential jump at the last update of the pairing
         if self.cohesion is not None:
             state |= {name: np.zeros(n) for name in bond.STATE}
+            state["damage"][~self.interface.touches(state["opening"])] = 1.0
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
     def require_strength(self) -> None:

@@ -59,13 +59,14 @@ INLINE void push(int count, double kick, const long *plus, const long *minus, co
 }
 
 // plus, minus: first degree of freedom of the nodes. result: as points.c says; fields and velocities are of no use when a
-// point failed. result[6] is what cohesion took in shear [J].
+// point failed. result[6] is what cohesion took [J], with split nodes in shear only; [7] what its contact took that opened or
+// closed within the step.
 void update(long n, const struct times *times, const long *plus, const long *minus, const double *displacement,
             double *velocity, double *force, const double *fixed, const double *number, double *const *field,
             double *result)
 {
     lanes dissipated = {0};
-    double fractured = 0;
+    double fractured = 0, met = 0;
     result[1] = -1;
     for (long first = 0; first < n; first += LANES) {
         struct points points;
@@ -78,12 +79,12 @@ void update(long n, const struct times *times, const long *plus, const long *min
         if (failed(first, count, &points, result)) return;
         settle(count, times, number, &points, dissipated);
 #if BONDED
-        for (int l = 0; l < LANES; l++) fractured += points.fractured[l];
+        for (int l = 0; l < LANES; l++) fractured += points.fractured[l], met += points.met[l];
 #endif
         store(first, count, field, &points);
         push(count, times->kick, plus + first, minus + first, &points, velocity, force);
     }
     result[0] = 0;
     for (int l = 0; l < LANES; l++) result[0] += dissipated[l];
-    result[6] = fractured;
+    result[6] = fractured, result[7] = met;
 }

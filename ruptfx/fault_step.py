@@ -85,7 +85,7 @@ class FaultStep:
         carried = law.carried(clock.extrapolation)
         self._times = np.array([clock.dt, clock.kick, clock.since, clock.extrapolation, carried, threshold, 0.0])
         self._threshold = threshold
-        self._result = np.zeros(3 + len(FAILURE))
+        self._result = np.zeros(4 + len(FAILURE))
         self._held = (np.zeros(0), np.zeros(0))  # tension and opening before
         self._bound: tuple[object, ...] = ()
         self._was_open = True
@@ -106,6 +106,8 @@ class FaultStep:
         """Return the energy lost in closing gaps over a step, points of this rank [J]."""
         if rate_old is None:
             return 0.0
+        if self.fault.cohesion is not None and self.fault.contact.traction_ends_slip:
+            return float(self._result[7])
         face = self.fault.interface
         rate, _ = face.split(face.rate(velocity))
         power = self.fault.contact.lost_in_impact(np.maximum(state["normal_stress"], 0.0), rate_old, rate)
@@ -115,8 +117,8 @@ class FaultStep:
         """Return the energy dissipated by cohesion over a step, work minus stored energy, points of this rank [J]."""
         if self.fault.cohesion is None:
             return 0.0
-        shear = float(self._result[-1])
-        if rate_old is None:
+        shear = float(self._result[6])
+        if rate_old is None or self.fault.contact.traction_ends_slip:
             return shear
         face, (tension_old, opening_old) = self.fault.interface, self._held
         tension, opening = np.maximum(-state["normal_stress"], 0.0), state["opening"]

@@ -195,6 +195,16 @@ class Interface:
         self.assemble(traction, force)
         out -= scale * force
 
+    def touches(self, opening: np.ndarray) -> np.ndarray:
+        """Return which points touch what they face where nothing has moved, shape (n,).
+
+        Parameters
+        ----------
+        opening : ndarray, shape (n,)
+            There [m].
+        """
+        return np.ones(len(opening), dtype=bool)
+
     def split(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return normal and tangential part of local components, shapes (n,) and (n, tangents)."""
         if not self.has_normal:

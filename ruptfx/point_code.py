@@ -15,7 +15,7 @@ from itertools import accumulate
 import numpy as np
 
 from ruptfx import native
-from ruptfx.bond import STATE
+from ruptfx.bond import DAMAGED, STATE
 from ruptfx.contact import Array, Point, Trial
 from ruptfx.fault import Fault
 from ruptfx.fields import FIELDS, MONITORS, Moment
@@ -116,7 +116,7 @@ class PointCode:
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
             "BONDED": int(self._bond is not None),
             "TOLERANCE": TOLERANCE, "BALANCED": BALANCED, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS,
-            "BISECT_EVERY": BISECT_EVERY,
+            "BISECT_EVERY": BISECT_EVERY, "DAMAGED": DAMAGED,
         }  # fmt: skip
 
     def _symbols(self) -> dict[str, object]:
@@ -171,7 +171,12 @@ class PointCode:
         }  # fmt: skip
         strengths: dict[str, object] = {}
         if self._bond is not None:
-            formulas |= {"DAMAGE": {"damage": self._bond.damage}, "LEFT": {"left": self._bond.left}}
+            bond = self._bond
+            formulas |= {
+                "DAMAGE": {"damage": bond.damage}, "LEFT": {"left": bond.left},
+                "LEFT_SLOPE": {"left_slope": bond.left_slope},
+                "DAMAGE_SLOPES": {"by_opening": bond.damage_by_opening, "by_slip": bond.damage_by_slip},
+            }  # fmt: skip
             strengths = {"TENSILE_STRENGTH": "b_f_t", "COHESION": "b_c"}
         return strengths | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
 

@@ -1,7 +1,7 @@
 // What a step does at the points of an interface, LANES of them at a time: point (trial and projection) and settle (what
 // is written back). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py
 // writes in front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END,
-// TOLERANCE, BALANCED, AT_REST, MAX_ITERATIONS, BISECT_EVERY, LANES, where arrays are, the traced formulas of contact method, law and
+// TOLERANCE, BALANCED, AT_REST, MAX_ITERATIONS, BISECT_EVERY, DAMAGED, LANES, where arrays are, the traced formulas of contact method, law and
 // monitors, BONDED and the formulas of cohesion, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
 // `guess` a slip rate to begin with.
 #include <math.h>
@@ -44,7 +44,9 @@ struct points {
     lanes slope, stress_slope, before_slope;     // of the strength, for implicit steps
     lanes change[LOCAL];                         // traction beyond the initial one
 #if BONDED
-    lanes tension, bond, fractured;              // what holds the points together, and took in shear [J]
+    lanes tension, bond;                         // strengths that cohesion has left, in tension and shear beyond friction
+    lanes fractured, met;                        // energy it took, and what contact took that opened or closed [J]
+    lanes damage;                                // at which they are
 #endif
 };
 
@@ -86,7 +88,7 @@ INLINE double next_rate(double v, double low, double high, double residual, doub
 }
 
 #if BONDED
-// What cohesion holds, and with it the normal stress (bond.py).
+// Cohesion at a known opening and slip, and with it the normal stress (bond.py).
 INLINE void hold(const struct times *times, const double *number, struct points *points)
 {
     UNPACK_TIMES
@@ -112,25 +114,92 @@ INLINE void hold(const struct times *times, const double *number, struct points 
         points->sigma[l] = pulled < 0 ? -pulled : 0 - carried;
     }
 }
+
+// Cohesion at `points->damage`, and with it the normal stress, of which opening follows.
+INLINE void hold_damaged(const double *number, struct points *points)
+{
+    (void)number;
+    EACH_LANE {
+        const double bond_damage = points->damage[l], before = OLD(largest_opening);
+        double left;
+        { LEFT }
+        left = bond_damage < 1 ? left : 0;
+        const double most = TENSILE_STRENGTH * left, pulled = -points->trial_normal[l];
+        const double secant = most > 0 ? most / (most + before / points->compliance[l]) : 0;
+        const double carried = pulled * secant < most ? pulled * secant : most;
+        points->tension[l] = most;
+        points->bond[l] = COHESION * left;
+        points->sigma[l] = pulled < 0 ? -pulled : 0 - carried;
+        const double opened = (points->sigma[l] - points->trial_normal[l]) * points->compliance[l];
+        NEW(largest_opening) = opened > before ? opened : before;
+    }
+}
+
+// Part of a shear traction that cohesion carries.
+INLINE double share(double bond, double traction) { return traction > bond ? bond / traction : 1; }
+
+// Bracket of the damage that agrees with the opening and slip which it leaves: false position between that before and 1.
+struct search { lanes low, high, below, above, side, active; };
+
+// The next damage to try; whether there is a point that has to.
+INLINE int search_damage(const struct times *times, const double *number, int iteration, struct points *points,
+                         struct search *at)
+{
+    UNPACK_TIMES
+    double any = 0;
+    EACH_LANE {
+        const int stuck = (points->rate[l] == 0) & TOGETHER(points->sigma[l]);
+        double square = 0, damage;
+        EACH_TANGENT {
+            const double v = (points->rate[l] + points->taken[l]) * points->way[k][l] - points->turning[k][l];
+            square += stuck ? 0 : v * v;
+        }
+        const double bond_opening = NEW(largest_opening), bond_slip = OLD(damaging_slip) + since * sqrt(square);
+        { DAMAGE }
+        NEW(damaging_slip) = bond_slip;
+        NEW(damage) = points->damage[l];
+        at->active[l] = (damage > OLD(damage) ? damage : OLD(damage)) - points->damage[l];  // what is missing
+    }
+    for (int l = 0; l < LANES; l++) {
+        const double rest = at->active[l];
+        if (iteration == 0) {
+            at->low[l] = points->damage[l], at->high[l] = 1, at->below[l] = rest, at->side[l] = 0;
+            at->above[l] = rest > DAMAGED ? 0 : NAN;  // not a number: the search has ended
+            if (rest > DAMAGED) points->damage[l] = 1;
+        } else if (at->above[l] == at->above[l]) {
+            if (iteration == 1) {
+                at->above[l] = rest < 0 ? rest : NAN;
+            } else if (fabs(rest) <= DAMAGED || at->high[l] - at->low[l] <= DAMAGED || rest != rest
+                       || iteration == MAX_ITERATIONS) {
+                at->above[l] = NAN;
+            } else if (rest > 0) {
+                at->low[l] = points->damage[l], at->below[l] = rest;
+                if (at->side[l] > 0) at->above[l] *= 0.5;
+                at->side[l] = 1;
+            } else {
+                at->high[l] = points->damage[l], at->above[l] = rest;
+                if (at->side[l] < 0) at->below[l] *= 0.5;
+                at->side[l] = -1;
+            }
+            if (at->above[l] == at->above[l])
+                points->damage[l] = (at->low[l] * at->above[l] - at->high[l] * at->below[l])
+                                    / (at->above[l] - at->below[l]);
+        }
+        any += at->above[l] == at->above[l];
+    }
+    return any > 0;
+}
 #endif
 
 // Strengths below this are negative beyond rounding.
 #define LEAST_STRENGTH(traction) (-TOLERANCE * (traction))
 
-// The trial, and what the law admits of it; V is not a number where there is nothing admissible.
-INLINE void point(const struct times *times, const double *number, struct points *points)
+// The traction that the law admits of a trial, for a normal stress; V is not a number where there is none.
+INLINE void project(const struct times *times, const double *number, struct points *points)
 {
     UNPACK_TIMES
     const double carried = times->carried;
     lanes shifted[TANGENTS], mean_z, along, faster, rest, low, high, active, begun[BEGUN_COUNT + 1];
-    EACH_LANE {
-        points->opening[l] = (NORMAL ? points->jump[0][l] : 0) + FIXED(gap);
-        TRIAL
-        points->sigma[l] = points->trial_normal[l] > 0 ? points->trial_normal[l] : 0;
-    }
-#if BONDED
-    hold(times, number, points);
-#endif
     EACH_LANE {
         // What slid the other way has come to rest before it turns.
         double product = 0, square = 0, length = 0, loose = 0, trial_square = 0, shift_square = 0, square_then = 0;
@@ -252,6 +321,32 @@ INLINE void point(const struct times *times, const double *number, struct points
     }
 }
 
+// The trial, and what law and cohesion admit of it.
+INLINE void point(const struct times *times, const double *number, struct points *points)
+{
+    UNPACK_TIMES
+    EACH_LANE {
+        points->opening[l] = (NORMAL ? points->jump[0][l] : 0) + FIXED(gap);
+        TRIAL
+        points->sigma[l] = points->trial_normal[l] > 0 ? points->trial_normal[l] : 0;
+    }
+#if BONDED && AT_END
+    // Opening and slip of the step follow from its tractions, and so does the damage.
+    struct search at;
+    EACH_LANE points->damage[l] = OLD(damage);
+    for (int iteration = 0; ; iteration++) {
+        hold_damaged(number, points);
+        project(times, number, points);
+        if (!search_damage(times, number, iteration, points, &at)) break;
+    }
+#else
+#if BONDED
+    hold(times, number, points);
+#endif
+    project(times, number, points);
+#endif
+}
+
 // The fields at the traction, and what friction takes [J].
 INLINE void settle(int count, const struct times *times, const double *number, struct points *points, lanes dissipated)
 {
@@ -286,9 +381,38 @@ INLINE void settle(int count, const struct times *times, const double *number, s
         NEW(normal_stress) = normal_stress;
         const double normal_stress_then = OLD(normal_stress);
         (void)whole, (void)normal_stress_then;
-#if BONDED
+#if BONDED && AT_END
+        // Mean tractions work between those before and now; cohesion carries its share of both.
+        double left, before = 0, broken = 0;
+        {
+            const double bond_damage = OLD(damage);
+            { LEFT }
+            left = bond_damage < 1 ? left : 0;
+        }
+        EACH_TANGENT before += OLD(shear_traction + k) * OLD(shear_traction + k);
+        const double share_old = share(COHESION * left, sqrt(before)), share_now = share(points->bond[l], sqrt(whole));
+        EACH_TANGENT {
+            const double rate_old = since > 0 ? OLD(mean_slip_rate + k) : 0, rate = NEW(mean_slip_rate + k);
+            const double traction_old = share_old * OLD(shear_traction + k);
+            const double traction = share_now * NEW(shear_traction + k);
+            double taken;
+            (void)rate_old, (void)traction_old;
+            DISSIPATED
+            broken += taken;
+        }
+        power -= broken;
+        // What is elastic, along the secant to the origin too, is stored.
+        const double pull_old = 0 - OLD(normal_stress), pull = 0 - normal_stress;
+        const double opened = 0.5 * (pull_old + pull) * (NEW(opening) - OLD(opening));
+        const double kept = 0.5 * ((pull > 0 ? pull * NEW(opening) : 0) - (pull_old > 0 ? pull_old * OLD(opening) : 0));
+        const int pressed = pull_old < 0 || pull < 0;
+        const double area = l < count ? FIXED(owned_area) : 0;
+        points->fractured[l] = area * (broken * duration + (pressed ? 0 : opened - kept));
+        points->met[l] = area * (pressed ? opened - kept : 0);
+#elif BONDED
         const double part = whole > points->bond[l] * points->bond[l] ? points->bond[l] / sqrt(whole) : 1;
         points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;
+        points->met[l] = 0;
         power -= part * power;
 #endif
         dissipated[l] += l < count ? FIXED(owned_area) * power * duration : 0;

@@ -268,22 +268,12 @@ def _sliding(choices: Choices) -> Iterator[Refusal]:
 def _cohesion(choices: Choices) -> Iterator[Refusal]:
     names, stepper = _faults(choices, "cohesion"), _stepper(choices)
     keys = tuple(f"faults.{name}.cohesion" for name in names)
-    if keys and "implicit" in stepper.ways:
-        yield Refusal(
-            keys, "interfaces break in explicit steps only (in all others the friction law 'cohesion' weakens with "
-            "slip)", (("stepper",),), (keys,),
-        )  # fmt: skip
+    if keys and not stepper.cohesion:
+        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
     for name in names:
-        key, method = f"faults.{name}.cohesion", cast(type[ContactMethod], choices[f"faults.{name}.contact"])
-        if method.traction_ends_slip:
-            yield Refusal(
-                (key,), f"not with contact.kind = '{method.kind()}', whose springs know their opening too late",
-                ((f"faults.{name}.contact",),), ((key,),),
-            )  # fmt: skip
-        for field in ("gap", "sliding"):
-            other = f"faults.{name}.{field}"
-            if other in choices:
-                yield Refusal((key,), f"an interface with {other} has no cohesion", drop=((key,), (other,)))
+        key, gap = f"faults.{name}.cohesion", f"faults.{name}.gap"
+        if gap in choices:
+            yield Refusal((key,), f"an interface with {gap} has no cohesion", drop=((key,), (gap,)))
 
 
 def _boundaries(choices: Choices) -> Iterator[Refusal]:

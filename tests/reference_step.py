@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ruptfx.bond import Held
+from ruptfx import bond
+from ruptfx.bond import DAMAGED, Held
 from ruptfx.contact import Array, Trial
 from ruptfx.fault import Fault
 from ruptfx.fault_step import impedances
@@ -45,8 +46,8 @@ class Settled:
 def point(
     fault: Fault, law: TracedLaw, state: FaultState, jump: np.ndarray, clock: Clock, time: float,
     radiation: float | np.ndarray = 0.0, guess: FaultState | None = None, tangent: bool = False, **known: Array,
-) -> tuple[Trial, Projected]:  # fmt: skip
-    """Trial, and what the law admits of it.
+) -> Found:  # fmt: skip
+    """Trial, and what law and cohesion admit of it.
 
     Parameters
     ----------
@@ -68,34 +69,65 @@ def point(
     before = fault.components(state, "mean_slip_rate")
     near = fault.components(guess or state, "mean_slip_rate")
     known_state = {name: state[name] for name in law.state_names}
-    return trial, project(
-        law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
-        np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
-        clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
-        where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent,
-        held=held(fault, state, jump, trial, clock),
-    )  # fmt: skip
+
+    def projected(held: Held | None) -> Projected:
+        return project(
+            law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
+            np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
+            clock.extrapolation, radiation, guess=np.linalg.norm(near, axis=1),
+            where=f"of fault '{fault.name}' at time {time:.6g} s", tangent=tangent, held=held,
+        )  # fmt: skip
+
+    if fault.cohesion is None:
+        return trial, projected(None), None
+    if not law.at_end:
+        bonded = known_beforehand(fault, state, jump, trial, clock)
+        return trial, projected(bonded.held), bonded
+
+    def at(damage: np.ndarray) -> tuple[Projected, Bonded]:
+        held = fault.traced_bond().held(damage, state["largest_opening"], trial.normal_compliance)
+        found = projected(held)
+        opened = (found.normal_stress - trial.normal_stress) * trial.normal_compliance
+        slid = state["damaging_slip"] + clock.since * np.linalg.norm(found.mean_slip_rate, axis=1)
+        return found, Bonded(damage, np.maximum(state["largest_opening"], opened), slid, held)
+
+    def missing(damage: np.ndarray) -> np.ndarray:
+        _, bonded = at(damage)
+        return fault.traced_bond().damage_after(state["damage"], bonded.largest, bonded.slid) - damage
+
+    # Bisection between the damage before and 1, where it grows.
+    low, high = state["damage"].copy(), np.ones_like(state["damage"])
+    grows, fails = missing(low) > DAMAGED, missing(high) >= 0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        more = missing(middle) > 0
+        low, high = np.where(more, middle, low), np.where(more, high, middle)
+    return trial, *at(np.where(grows, np.where(fails, 1.0, 0.5 * (low + high)), state["damage"]))
 
 
-def bonded(
-    fault: Fault, state: FaultState, jump: np.ndarray, clock: Clock
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Damage, largest opening and slip of cohesion at the time of the traction."""
+@dataclass
+class Bonded:
+    """Damage, largest opening and slip of cohesion at the time of the traction, shapes (n,), and what they leave."""
+
+    damage: np.ndarray
+    largest: np.ndarray
+    slid: np.ndarray
+    held: Held
+
+
+Found = tuple[Trial, Projected, Bonded | None]
+
+
+def known_beforehand(fault: Fault, state: FaultState, jump: np.ndarray, trial: Trial, clock: Clock) -> Bonded:
+    """Cohesion where opening and slip do not depend on the traction."""
     largest = np.maximum(state["largest_opening"], fault.opening(fault.interface.split(jump)[0]))
     slid = state["damaging_slip"] + clock.since * np.linalg.norm(fault.components(state, "mean_slip_rate"), axis=1)
-    return fault.traced_bond().damage_after(state["damage"], largest, slid), largest, slid
-
-
-def held(fault: Fault, state: FaultState, jump: np.ndarray, trial: Trial, clock: Clock) -> Held | None:
-    """What cohesion holds."""
-    if fault.cohesion is None:
-        return None
-    damage, largest, _ = bonded(fault, state, jump, clock)
-    return fault.traced_bond().held(damage, largest, trial.normal_compliance)
+    damage = fault.traced_bond().damage_after(state["damage"], largest, slid)
+    return Bonded(damage, largest, slid, fault.traced_bond().held(damage, largest, trial.normal_compliance))
 
 
 def settle(
-    fault: Fault, law: TracedLaw, old: FaultState, jump: np.ndarray, found: tuple[Trial, Projected], clock: Clock,
+    fault: Fault, law: TracedLaw, old: FaultState, jump: np.ndarray, found: Found, clock: Clock,
     time: float, threshold: float,
 ) -> Settled:  # fmt: skip
     """The fields after a step from what `point` found; `old` is left alone.
@@ -105,7 +137,7 @@ def settle(
     threshold : float
         Slip rate [m/s] whose first passing is a rupture.
     """
-    trial, done = found
+    trial, done, bonded = found
     since, mean_before = clock.since, fault.components(old, "mean_slip_rate")
     mean, now = done.mean_slip_rate, done.slip_rate
     if law.at_end:
@@ -121,17 +153,17 @@ def settle(
     })  # fmt: skip
     speed, then = (np.linalg.norm(fault.components(fields, "slip_rate"), axis=1) for fields in (new, old))
     power, duration = frictional_power(fault, old, new, since), since if law.at_end else clock.kick
-    fractured = np.zeros_like(power)
-    if fault.cohesion is not None:
-        damage, largest, slid = bonded(fault, old, jump, clock)
-        of_bond = held(fault, old, jump, trial, clock)
-        whole = np.linalg.norm(done.shear_traction, axis=1)
-        part = np.where(whole > of_bond.shear, of_bond.shear / np.where(whole > 0, whole, 1.0), 1.0)
-        power, fractured = (1 - part) * power, part * power
-        new |= {"damage": damage, "largest_opening": largest, "damaging_slip": slid}
-    closed = done.normal_stress > 0
-    if fault.cohesion is not None:
-        closed |= held(fault, old, jump, trial, clock).intact
+    fractured, closed = np.zeros_like(power), done.normal_stress > 0
+    if bonded is not None:
+        new |= {"damage": bonded.damage, "largest_opening": bonded.largest, "damaging_slip": bonded.slid}
+        closed |= bonded.held.intact
+        if law.at_end:
+            fractured = bond.losses(fault, old, new, 1.0).shear
+        else:
+            whole = np.linalg.norm(done.shear_traction, axis=1)
+            shear = bonded.held.shear
+            fractured = np.where(whole > shear, shear / np.where(whole > 0, whole, 1.0), 1.0) * power
+        power = power - fractured
     at = Moment(
         time, since, speed, then, done.normal_stress, old["normal_stress"], closed, power, duration,
         fault.threshold_at(time, threshold),
@@ -188,14 +220,15 @@ def respond_reference(
     multiplier: tuple[np.ndarray, np.ndarray], body_stiffness: np.ndarray, threshold: float,
     radiation: np.ndarray | float = 0.0, guess: FaultState | None = None,
 ) -> Response:  # fmt: skip
-    """What `FaultResponse` answers at the end of an implicit step."""
-    law, clock = TracedLaw(fault.friction, at_end=True), Clock.implicit(dt, dt_before)
+    """What `FaultResponse` answers at the end of an implicit step; with cohesion but for the tangent."""
+    law = TracedLaw(fault.friction, at_end=True, bonded=fault.cohesion is not None)
+    clock = Clock.implicit(dt, dt_before)
     found = point(
         fault, law, state, jump, clock, time, radiation, guess, tangent=True, normal_multiplier=multiplier[0],
         shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
     )  # fmt: skip
     settled = settle(fault, law, state, jump, found, clock, time, threshold)
-    return Response(settled.change, _tangent(fault, *found, dt), settled.state)
+    return Response(settled.change, _tangent(fault, *found[:2], dt), settled.state)
 
 
 def _tangent(fault: Fault, trial: Trial, done: Projected, dt: float) -> np.ndarray:
@@ -204,12 +237,12 @@ def _tangent(fault: Fault, trial: Trial, done: Projected, dt: float) -> np.ndarr
     assert done.tangent is not None
     slopes, tangents, relief = done.tangent, fault.tangents, trial.impedance[0]
     along = (relief / dt)[:, None, None] * (np.eye(tangents) - relief[:, None, None] * slopes.rate_by_shear)
-    if not fault.interface.has_normal:
-        return along
-    result = np.zeros((len(relief), 1 + tangents, 1 + tangents))
-    normal = 1 / trial.normal_compliance
-    result[:, 0, 0] = normal * slopes.stress
-    # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
-    result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
-    result[:, 1:, 1:] = along
+    has_normal = fault.interface.has_normal
+    result = np.zeros((len(relief), has_normal + tangents, has_normal + tangents))
+    result[:, has_normal:, has_normal:] = along
+    if has_normal:
+        normal = 1 / trial.normal_compliance
+        result[:, 0, 0] = normal * slopes.stress
+        # Opening lowers the trial pressure by 1 / compliance, and the slip rate grows for it.
+        result[:, 1:, 0] = (relief * normal)[:, None] * slopes.rate_by_normal
     return result

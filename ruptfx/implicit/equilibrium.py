@@ -178,10 +178,8 @@ class Equilibrium:
                 )
             solution = self._solve(state, dt, rates, load, u, solution)
             u = solution.displacement
-            largest = {
-                f.name: parallel.largest(self.model.comm, solution.faults[f.name]["normal_stress"].max(initial=0.0))
-                for f in followers
-            }
+            stresses = {f.name: np.abs(solution.faults[f.name]["normal_stress"]) for f in followers}
+            largest = {name: parallel.largest(self.model.comm, s.max(initial=0.0)) for name, s in stresses.items()}
             changes.append(self._everywhere(partial(self._change, solution, rates, largest)))
         slid = self._everywhere(StepFollower.slid)
         if slid > 1:

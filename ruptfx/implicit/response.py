@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ruptfx import bond
 from ruptfx.fault import Fault
 from ruptfx.point_code import FAILURE, PointCode
 from ruptfx.points import Clock, closed_and_stuck, frictional_power
@@ -56,7 +57,7 @@ class FaultResponse:
 
     def __init__(self, fault: Fault, threshold: float, radiation: float | np.ndarray = 0.0) -> None:
         self.fault, face = fault, fault.interface
-        self._law = TracedLaw(fault.friction, at_end=True)
+        self._law = TracedLaw(fault.friction, at_end=True, bonded=fault.cohesion is not None)
         self.radiation = np.array(np.broadcast_to(radiation, len(face.weight)), float)
         self._code = PointCode(fault, self._law, {"owned_area": face.owned * face.weight})
         each = range(face.tangents)
@@ -145,25 +146,31 @@ class FaultResponse:
             stiffness.insert(0, 1 / trial.normal_compliance)
         return np.stack(stiffness, axis=1)[:, :, None] * np.eye(len(stiffness))
 
-    def commit(self, state: State, new: FaultState, dt: float) -> float:
+    def commit(self, state: State, new: FaultState, dt: float) -> tuple[float, float]:
         """Set the fields at the end of a step and `state.time`, and count energies.
 
-        The energies are losses in friction and closing gaps and work of nucleation at the points of this rank. The
-        follower of a sliding interface counts further losses.
+        The energies are losses in friction, cohesion and closing gaps and work of nucleation at the points of this
+        rank. The follower of a sliding interface counts further losses.
 
         Returns
         -------
-        float
-            Frictional dissipation [J].
+        float, float
+            Frictional dissipation and fracture energy [J].
         """
         fault, face = self.fault, self.fault.interface
         old, time = state.faults[fault.name], state.time
         area = face.owned * face.weight
-        dissipated = float(area @ frictional_power(fault, old, new, dt)) * dt
+        dissipated, fractured = float(area @ frictional_power(fault, old, new, dt)) * dt, 0.0
         # Mean pressure times growth of the gap.
         pressure = 0.5 * (old["normal_stress"] + new["normal_stress"])
         rigid = fault.contact.stiffness()[0] == 0 and not fault.slides  # normal
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
+        if fault.cohesion is not None:
+            losses = bond.losses(fault, old, new, dt)
+            shear = float(area @ losses.shear)
+            dissipated, fractured = dissipated - shear, shear + float(area @ losses.tension)
+            state.energy["fracture"] += fractured
+            impact = 0.0 if fault.slides else float(area @ losses.met)
         worked = 0.0
         if fault.is_loaded:
             load_old, load = fault.load(time - dt), fault.load(time)
@@ -174,4 +181,4 @@ class FaultResponse:
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values
-        return dissipated
+        return dissipated, fractured

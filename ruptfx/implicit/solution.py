@@ -94,6 +94,6 @@ class Solution:
         state.time += self.dt
         state.step += 1
         state.numbers["dt_before"] = self.dt
-        friction = {name: answer.commit(state, self.faults[name], self.dt) for name, answer in self._answers.items()}
+        taken = {name: answer.commit(state, self.faults[name], self.dt) for name, answer in self._answers.items()}
         for follower in self.followers:
-            follower.commit(state, moved, friction[follower.name])
+            follower.commit(state, moved, sum(taken[follower.name]))

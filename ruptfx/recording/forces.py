@@ -109,7 +109,7 @@ def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndar
     """Return the contact state of every point, as its index among the meanings of `contact`."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
-    closed, moves = state["normal_stress"] > 0, np.abs(state["mean_slip_rate"]) > threshold
+    closed, moves = state["normal_stress"] != 0, np.abs(state["mean_slip_rate"]) > threshold
     return np.select([~face.covered, ~closed, ~moves], [UNCOVERED, OPEN, STICKING], SLIDING)
 
 

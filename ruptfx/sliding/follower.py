@@ -40,6 +40,7 @@ class Follower:
         self._fault, self.face = fault, face
         self._made: State | None = None  # the state that the geometry belongs to
         self._room = 0.0  # lower bound of the slip until the next update [m]
+        self._bond = fault.traced_bond()
         self._large = LARGE  # threshold of the next warning
 
     def __call__(self, state: State) -> None:
@@ -79,7 +80,12 @@ class Follower:
         fault, fields, time = self._fault, state.faults[self._fault.name], state.fault_time
         jump = self.face.jump(state.displacement) - state.lag * self.face.rate(state.velocity)
         trial = closed_and_stuck(fault, jump, fault.components(fields, "slip"), Clock.of_step(state.lag), time)
-        fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
+        if self._bond is None:
+            fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
+        else:
+            held = self._bond.held(fields["damage"], fields["largest_opening"], trial.normal_compliance)
+            fields["normal_stress"][:] = held.normal_stress(trial.normal_stress)
+            fields["opening"][:] = (fields["normal_stress"] - trial.normal_stress) * trial.normal_compliance
         fields["shear_traction"][:] = trial.shear_traction[0]
 
     def _recall(self, state: State) -> tuple[Floats, Floats]:
@@ -100,6 +106,8 @@ class Follower:
         followed[dofs], slip_then[:] = displacement[dofs], slip
         self._follow(followed, slip_then)
         self._made = state
+        if self._bond is not None:  # a point that has lost its opposite surface is no longer held
+            state.faults[self._fault.name]["damage"][~self.face.covered] = 1.0
         if len(dofs):
             self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
 
@@ -181,7 +189,7 @@ class StepFollower(Follower):
             Largest change of all points, as a part of the largest normal stress: of that which presses bodies together,
             and of its direction.
         """
-        face, pressure = self.face, fields["normal_stress"]
+        face, pressure = self.face, np.abs(fields["normal_stress"])
         before, normal = face.jump(displacement), face.frame[:, 0].copy()
         self._slip, self._pull = before[:, 1], self._pull_of(fields)
         self._taken = self._estimate, face.jump(self._estimate)[:, 1]
@@ -199,8 +207,8 @@ class StepFollower(Follower):
         """Return the largest slip of the last solution of the step over its limit."""
         return float(np.max(np.abs(self._slip - self._slip_begun) / self.face.step_limit, initial=0.0))
 
-    def commit(self, state: State, moved: Floats, friction: float) -> None:
-        """Store the geometry of the solution, and count energy taken by the interface beyond friction.
+    def commit(self, state: State, moved: Floats, dissipated: float) -> None:
+        """Store the geometry of the solution, and count energy taken by the interface beyond friction and cohesion.
 
         Parameters
         ----------
@@ -208,13 +216,13 @@ class StepFollower(Follower):
             State at the end of the step.
         moved : ndarray, shape (nodes * components,)
             Displacement added in the step [m].
-        friction : float
-            Frictional dissipation at the points of this rank [J].
+        dissipated : float
+            Energy taken by friction and cohesion at the points of this rank [J].
         """
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._held
-        state.take(self.name, "impact", taken - friction - stored)
+        state.take(self.name, "impact", taken - dissipated - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
         """Return J' W T [N]."""

@@ -29,6 +29,7 @@ from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 JUMP = files("ruptfx.sliding").joinpath("jump.c")
+TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet
 OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of nodes
 
 
@@ -190,6 +191,9 @@ class SlidingInterface(Interface):
     def nodes(self) -> Integers:
         """Local nodes of both surfaces."""
         return np.concatenate([self.geometry.plus.nodes, self.geometry.minus.nodes])
+
+    def touches(self, opening: Floats) -> NDArray[np.bool_]:
+        return self.covered & (opening <= TOUCHING * self.near)
 
     @property
     def surface_points(self) -> Floats:

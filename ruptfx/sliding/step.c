@@ -23,6 +23,12 @@ struct sweeps {
     long *upto;             // how many parts before each, and in all, changed in the last one
 };
 
+#if BONDED
+#define HELD(points, l) ((points).sigma[l] > 0 || (points).tension[l] > 0 || (points).bond[l] > 0)
+#else
+#define HELD(points, l) ((points).sigma[l] > 0)
+#endif
+
 enum { MOVED = 1, UNSETTLED = 2 };  // how much forces have changed: at all, and beyond the tolerance
 
 INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
@@ -179,6 +185,9 @@ INLINE int open(const struct times *times, const double *number, struct points *
     }
     _Pragma("omp simd reduction(+:any)")
     for (int l = 0; l < LANES; l++) any += !(points->trial_normal[l] < 0) + (given[0][l] != 0) + (given[1][l] != 0);
+#if BONDED
+    EACH_LANE any += OLD(damage) < 1;
+#endif
     return any == 0;
 }
 
@@ -198,7 +207,7 @@ INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct t
         if (failed(first, (int)count, &points, result)) return -1;
         double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
-            const int closed = points.sigma[l] > 0, stuck = (points.rate[l] == 0) & closed, there = l < count;
+            const int closed = HELD(points, l), stuck = (points.rate[l] == 0) & closed, there = l < count;
             const double v = (points.rate[l] + points.taken[l]) * points.way[0][l] - points.turning[0][l];
             const double held = points.trial_shear[0][l] - points.z[0][l] * (stuck ? 0 : v);
             normal[l] = there ? points.sigma[l] : 0, shear[l] = there & closed ? held : 0;

@@ -18,6 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ruptfx import bond
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep
 from ruptfx.interface import Interface
@@ -145,6 +146,7 @@ class SlidingStep:
             most, tolerance, *(array.ctypes.data for array in arrays), parts, *(array.ctypes.data for array in marks)
         )
         self._stress_before = np.zeros(n)
+        self._opened = self._fractured = 0.0  # work of tension, and what cohesion took, in the last step [J]
 
     def _nodal(self, values: Floats) -> Floats:
         """Return values at all degrees of freedom of the two sides in the order of step.c."""
@@ -163,18 +165,40 @@ class SlidingStep:
         in which a contact closes or opens.
         """
         if self._rigid:
-            return self._points.loss
+            return self._points.loss - self._opened
         before, now = self._stress_before, state["normal_stress"]
         none = [0.0 * now]
         held, holds = (self.fault.contact.stored(stress, none, 0.0, none) for stress in (before, now))
         work = -0.5 * (before + now) * self._before[0, : len(now)] * self.clock.since
         if not self.clock.since:  # initial overlap, as counted by the first half of a step
             work = 0.5 * (now - before) * self._face.rate(velocity)[:, 0] * self.clock.kick
-        return self._sum(work - (holds - held))
+        return self._sum(work - (holds - held)) - self._opened
 
     def fractured(self, state: FaultState, velocity: Floats, rate_old: Floats | None) -> float:
-        """Return the energy that cohesion dissipates [J]: zero, as sliding surfaces have no cohesion."""
-        return 0.0
+        """Return the energy that cohesion dissipates in the step, points of this rank [J]."""
+        return self._fractured
+
+    def _split(self, old: FaultState, state: FaultState) -> float:
+        """Split the work of the tractions of cohesive points: return the part in shear that cohesion takes [J].
+
+        The work of tension is taken out of the impacts, `_opened` [J]; without what is stored cohesion takes it.
+        """
+        fault, n = self.fault, len(self._area)
+        kept = self._sum(bond.stored(state) - bond.stored(old))
+        if not self._rigid:
+            losses = bond.losses(fault, old, state, self.clock.since)
+            tension = self._sum(losses.tension)
+            self._opened, self._fractured = tension + kept, self._sum(losses.shear) + tension
+            return 0.0  # it is not in what the points have counted as friction
+        assert fault.cohesion is not None
+        opening, slip = 0.5 * self.clock.kick * (self._before + self._rate)[:, :n]
+        strength, traction = fault.cohesion.left_strength(state["damage"]), state["shear_traction"]
+        size = np.abs(traction)
+        share = np.where(size > strength, strength / np.where(size > 0, size, 1.0), 1.0)
+        shear = self._sum(share * traction * slip)
+        self._opened = self._sum(np.maximum(-state["normal_stress"], 0.0) * opening)
+        self._fractured = shear + self._opened - kept
+        return shear
 
     def __call__(self, state: FaultState, displacement: Floats, velocity: Floats, force: Floats, time: float) -> float:
         """Advance `state`, `velocity` and `force` in place; return the energy dissipated on this rank [J].
@@ -196,11 +220,15 @@ class SlidingStep:
             self._stress_before[:] = state["normal_stress"]
             if fault.is_loaded:
                 self._points.put_shear(fault.driving_shear(time))
+        cohesive = fault.cohesion is not None
+        old = {name: values.copy() for name, values in state.items()} if cohesive else {}
         settled, dissipated = self._points.slide(face, self._sweeps, state, displacement, velocity, force, time)
         if self._rigid:
             if not settled:
                 self._report(time)
             face.geometry.slides = SLACK * self.clock.dt * self._points.fastest
+        if cohesive:
+            dissipated -= self._split(old, state)
         if fault.is_loaded:
             self.work = self._taken(fault.load(time - self.clock.since), self._load[:n], state)
         return dissipated

@@ -91,6 +91,8 @@ class Stepper(Alternative):
     """Whether loading may have stages: it is bound again for each of them, to a `StagedMotion`."""
     sliding: ClassVar[bool] = True
     """Whether interfaces may slide (`sliding`)."""
+    cohesion: ClassVar[bool] = True
+    """Whether interfaces may have cohesion."""
     fracture: ClassVar[bool] = False
     """Whether bodies may break."""
     large_rotations: ClassVar[bool] = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -32,8 +33,8 @@ LOOK_EVERY = 25  # explicit steps between checks of the slip rates on all ranks
 class Hybrid(Stepper):
     """Runs with slow loading, ruptures and reloading.
 
-    `slow` steps run until a point slides faster than `fast_above`, or until they find no equilibrium; then
-    `fast` steps run until no point has been faster than `slow_below` for `calm_for`.
+    `slow` steps run until a point slides, or opens against cohesion, faster than `fast_above`, or until they find no
+    equilibrium; then `fast` steps run until no point has been faster than `slow_below` for `calm_for`.
 
     A switch leaves displacement, velocity, slip and state unchanged. Two changes of energy count as damping:
     the kinetic energy of remaining waves at the switch to equilibrium, and the shift of half a step between the
@@ -132,13 +133,19 @@ class HybridMotion:
 
     def _step_slow(self, state: State) -> None:
         state.numbers["fast"] = SLOW
+        bonded = {fault.name: state.faults[fault.name] for fault in self.model.faults if fault.cohesion is not None}
+        before = {name: (fields["opening"].copy(), fields["damage"] < 1) for name, fields in bonded.items()}
         try:
             self._slow.step(state)
         except ConvergenceError as error:
             self._switch(state, FAST, str(error).partition(";")[0])
             self._step_fast(state)
             return
-        fastest = self._peak_slip_rate(state)
+        opens = {
+            name: np.where(whole, state.faults[name]["opening"] - opening, 0.0) / state.numbers["dt_before"]
+            for name, (opening, whole) in before.items()
+        }
+        fastest = self._peak_rate(state, opens)
         if fastest > self._stepper.fast_above:
             self._switch(state, FAST, f"peak slip rate {fastest:.3g} m/s")
 
@@ -159,20 +166,36 @@ class HybridMotion:
             state.energy["damping"] += lost / self.model.copies
 
     def _look(self, state: State) -> None:
-        """Switch back to slow steps if no point has slid fast for long enough; collective."""
-        fastest = self._peak_slip_rate(state)
+        """Switch back to slow steps if no point has slid or opened fast for long enough; collective."""
+        opens = {}
+        for fault in self.model.faults:
+            if fault.cohesion is not None:
+                rate, _ = fault.interface.split(fault.interface.rate(state.velocity))
+                damage = state.faults[fault.name]["damage"]
+                opens[fault.name] = np.where((damage > 0) & (damage < 1), rate, 0.0)
+        fastest = self._peak_rate(state, opens)
         if fastest > self._stepper.slow_below:
             state.numbers["calm_since"] = state.time
         elif state.time - state.numbers["calm_since"] >= self._calm_for:
             self._switch(state, SLOW, f"peak slip rate {fastest:.3g} m/s")
 
-    def _peak_slip_rate(self, state: State) -> float:
-        """Return the largest slip rate of points in contact [m/s]; collective."""
+    def _peak_rate(self, state: State, opens: Mapping[str, np.ndarray]) -> float:
+        """Return the largest slip rate of points in contact and opening rate of cohesive points [m/s]; collective.
+
+        Parameters
+        ----------
+        opens : dict of str to ndarray, shape (n,)
+            Opening rate by fault with cohesion [m/s], zero where it has failed.
+        """
         largest = 0.0
         for fault in self.model.faults:
             fields = state.faults[fault.name]
             speed = np.linalg.norm(fault.components(fields, "slip_rate"), axis=1)
-            largest = max(largest, float(np.where(fields["normal_stress"] > 0, speed, 0.0).max(initial=0.0)))
+            holds = fields["normal_stress"] > 0
+            if fault.cohesion is not None:
+                holds = holds | (fields["damage"] < 1)
+                largest = max(largest, float(np.abs(opens[fault.name]).max(initial=0.0)))
+            largest = max(largest, float(np.where(holds, speed, 0.0).max(initial=0.0)))
         return parallel.largest(self.model.comm, largest)
 
     def _switch(self, state: State, to: float, why: str) -> None:
@@ -219,9 +242,10 @@ class HybridMotion:
             except ProjectionError as caught:
                 error = caught
                 continue
-            dissipated = answer.commit(state, new, dt)
-            if not fast.contact.traction_ends_slip:  # friction was counted until half a step after the last traction
+            dissipated, fractured = answer.commit(state, new, dt)
+            if not fast.contact.traction_ends_slip:  # both were counted until half a step after the last traction
                 state.take(fault.name, "frictional_dissipation", -0.5 * dissipated)
+                state.energy["fracture"] -= 0.5 * fractured
         parallel.raise_on_all(self.model.comm, error)
 
 

@@ -43,6 +43,7 @@ class PetscTs(Stepper):
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "its schemes damp, and work is summed from the ends of steps"
     sliding: ClassVar[bool] = False
+    cohesion: ClassVar[bool] = False
     multipliers: ClassVar[bool] = False
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"

@@ -62,6 +62,7 @@ class QuasiDynamic(Stepper):
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     sliding: ClassVar[bool] = False
+    cohesion: ClassVar[bool] = False
     elastic_contact_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 MOST_HALVINGS = 12
 MOST_GROWTH, MOST_SHRINKING = 1.5, 0.1
 NEVER = 1e30  # length of a law that stands for none [m]
+MOST_DAMAGE = 0.1  # growth of the damage of cohesion in a step
 EASY, HARD = 6, 12  # Newton iterations up to which a step grows, and from which on it shrinks
 
 
@@ -37,6 +38,7 @@ class QuasiStatic(Stepper):
     The step size follows half the difference between the explicit and the implicit Euler step, dt |V - V_old| / 2 <
     slip_tolerance + rate_tolerance dt V with V the mean slip rates of two steps, more than the error of slip, and the
     number of Newton iterations; with `strength_tolerance` also the effect of that difference on the state of the law.
+    The damage of cohesion grows by at most 0.1 in a step.
     Where slip becomes unstable the next equilibrium is far away, or there is none: steps fall to `smallest_step`, jump
     to it with a message in the log, or the run stops. `radiation_damping` replaces waves (quasi-dynamic;
     Source: Rice 1993); `hybrid` computes them.
@@ -176,7 +178,7 @@ class QuasiStaticMotion(SlowMotion):
         self._warned = True
 
     def _error(self, state: State, solution: Solution) -> float:
-        """Return the error of slip and strength over the tolerance, the largest of all points."""
+        """Return the error of slip and strength, and growth of damage, over their tolerances, largest of all points."""
         worst, dt = solution.slid, solution.dt
         for fault in self.model.faults:
             old, new = (
@@ -186,6 +188,9 @@ class QuasiStaticMotion(SlowMotion):
             error = 0.5 * dt * np.linalg.norm(new - old, axis=1)
             error = error / (self.slip_tolerance + self._stepper.rate_tolerance * dt * speed)
             worst = max(worst, float(error.max(initial=0.0)))
+            if fault.cohesion is not None:
+                grown = solution.faults[fault.name]["damage"] - state.faults[fault.name]["damage"]
+                worst = max(worst, float(grown.max(initial=0.0)) / MOST_DAMAGE)
             if self._stepper.strength_tolerance is not None:
                 worst = max(worst, self._strength_error(fault, state, solution) / self._stepper.strength_tolerance)
         return parallel.largest(self.model.comm, worst)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from reference_step import respond_reference
 from small_cases import HOMALITE, case, memory_friction, smooth_field
-from test_contact import POINTS, an_interface, compliances, jump_under, sizes
+from test_contact import POINTS, an_interface, compliances, jump_under, sizes, with_cohesion
 
 from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import parallel
+from ruptfx import bond, parallel
 from ruptfx.contact._rigid import RigidContact
 from ruptfx.fault import Fault
 from ruptfx.implicit import ConvergenceError
@@ -112,6 +112,39 @@ def test_compiled_response_is_the_reference(method: str, kind: str, held: str | 
 @pytest.mark.parametrize("kind, held", [("coulomb", None), ("prakash_clifton", "rate_and_state_power_law")])
 def test_compiled_response_in_antiplane_and_3d(method: str, components: int, kind: str, held: str | None) -> None:
     response_agrees(method, components, friction(kind, held))
+
+
+@every_method
+@pytest.mark.parametrize("kind, components", [*((kind, 2) for kind in alternatives("ruptfx.cohesion")), ("linear", 3),
+                                              ("linear", 1)])  # fmt: skip
+def test_response_with_cohesion(method: str, kind: str, components: int) -> None:
+    """Compiled and in arrays, and the tangent against central differences: tearing, closing, sheared, failed points."""
+    law = friction("linear_slip_weakening", None, profiles=True)
+    fault, state, jump, size, given = a_moment(method, components, law)
+    random = np.random.default_rng(3)
+    fault = with_cohesion(fault, kind, compliances(fault.contact, 1e6, given["dt"]), random)
+    state |= {name: np.zeros(POINTS) for name in bond.STATE}
+    respond = FaultResponse(fault, 1e-3)
+    seen = []
+    for _ in range(4):
+        ours = respond(state, jump, **given)
+        theirs = respond_reference(fault, state, jump, **given, threshold=1e-3)
+        assert set(ours.state) == set(theirs.state)
+        for name, expected in {"traction": theirs.traction, **theirs.state}.items():
+            mine = ours.traction if name == "traction" else ours.state[name]
+            scale = np.nanmax(np.abs(expected), initial=0.0) * (10 if name == "rupture_time" else 1)
+            np.testing.assert_allclose(mine, expected, rtol=0, atol=2e-12 * scale, err_msg=name)
+        h = 1e-6 * size
+        for k in range(components):
+            ahead = h * np.eye(components)[k]
+            expected = np.subtract(*(respond(state, jump + d, **given).traction for d in (ahead, -ahead))) / (2 * h[k])
+            error = np.abs(expected - ours.tangent[:, :, k]).max(axis=1) / np.abs(ours.tangent).max()
+            assert np.sort(error)[-3] < 1e-6  # a point may sit within h of a kink
+        damage = ours.state["damage"]
+        seen.append((np.mean((damage > state["damage"]) & (damage < 1)), np.mean(damage >= 1)))
+        state = ours.state
+        jump = jump + 0.3 * random.normal(size=jump.shape) * size
+    assert max(grows for grows, _ in seen) > 0.005 and seen[-1][1] > 0.02
 
 
 def column_above_a_gap(method: str, gap: float, height: float) -> Model:

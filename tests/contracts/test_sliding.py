@@ -22,7 +22,9 @@ from ruptfx.model import Model
 from ruptfx.operators._geometry import BOX, POINTWISE, _classify
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import alternatives
+from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.spectrum import stable_time_step
+from ruptfx.state import FaultState
 
 pytestmark = pytest.mark.fem
 
@@ -147,6 +149,31 @@ def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> No
         "faults.main.contact": CONTACTS[contact], "faults.main.friction": law, "mesh.lower.left": 0.15e-3,
         "faults.main.nucleation": {"kind": "overstress", "extra": 1e5},
     })  # fmt: skip
+    new, face = steps_alike(table)
+    closed = new["normal_stress"] > 0
+    assert 0.1 < closed.mean() < 0.9 and not face.covered.all()
+
+
+@every_contact
+def test_compiled_step_with_cohesion_is_the_one_with_arrays(contact: str) -> None:
+    """From a moment when a crack has grown from one end of two flat bodies: intact and damaged points."""
+    flat = {"profile": {"kind": "constant", "value": 0.0}}
+    weak = {"kind": "linear", "f_t": 2e6, "c": 4e6, "G_Ic": 10.0, "G_IIc": 40.0}
+    new, _ = steps_alike(rough({
+        "faults.main.contact": CONTACTS[contact], "faults.main.cohesion": weak, "duration": 0.5e-6,
+        "mesh.upper": {"length": 1.2e-3, "height": 0.5e-3, "element_size": 0.1e-3, **flat},
+        "mesh.lower": {"length": 2.4e-3, "height": 0.5e-3, "element_size": 0.137e-3, "left": -0.3e-3, **flat},
+        "boundaries": [
+            {"kind": "driven", "edge": "lower.bottom", "component": axis, "velocity": 0.0} for axis in "xy"
+        ] + [{"kind": "driven", "edge": "upper.left", "component": axis, "velocity": 20.0} for axis in "xy"],
+    }))  # fmt: skip
+    damage = new["damage"]
+    assert np.any(damage < 1e-3) and np.any((damage > 0.1) & (damage < 1))
+    assert new["normal_stress"].min() < -1e6
+
+
+def steps_alike(table: dict[str, Any]) -> tuple[FaultState, SlidingInterface]:
+    """Compare the next step at the end of a case, compiled and with arrays; fields and interface after it."""
     model, motion, state = march(parse_case(table))
     (sliding,) = (each for each in motion.mechanisms if isinstance(each, SlidingFaults))
     compiled, field = sliding.steps[2][0], state.faults["main"]
@@ -159,13 +186,13 @@ def test_compiled_step_is_the_one_with_arrays(contact: str, friction: str) -> No
         model.faults[0], states[1], state.displacement, *arrays[1], inverse_mass, compiled.clock, state.time,
         model.case.output.rupture_threshold,
     )  # fmt: skip
-    new = states[0]
-    closed = new["normal_stress"] > 0
-    assert 0.1 < closed.mean() < 0.9 and not model.faults[0].interface.covered.all()
+    new, face = states[0], model.faults[0].interface
+    assert isinstance(face, SlidingInterface)
     for name, values in states[1].items():
         np.testing.assert_allclose(new[name], values, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(values)))
     for found, expected in zip(*arrays, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+    return new, face
 
 
 @every_contact

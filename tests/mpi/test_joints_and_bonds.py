@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from compare import largest_difference
 from crack_cases import RUBS, WEAK, block
-from small_cases import HOMALITE, SPLIT, plates
+from small_cases import HOMALITE, SPLIT, merged, plates
 from whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
 
 from ruptfx import fem
@@ -53,7 +53,12 @@ BONDED = plates({
     "materials": {"default": HOMALITE}, "duration": 8.5e-6, "output.checkpoint_steps": 60,
     "boundaries": [{"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 20.0, "ramp": 1e-6}],
 })  # fmt: skip
-case_file, alone = run_of(BONDED)
+IMPLICIT = merged(BONDED, {
+    "stepper": {"kind": "generalized_alpha", "scheme": "average_acceleration", "courant": 2.0},
+    "faults.main.contact": {"kind": "compliant", "C_n": 5e12, "C_s": 5e12}, "duration": 6e-6,
+    "output.checkpoint_steps": 7,
+})  # fmt: skip
+case_file, alone = run_of(BONDED, IMPLICIT)
 
 
 def test_a_bond_breaks_alike(case_file: Path, alone: Path, tmp_path: Path) -> None:
