@@ -24,7 +24,7 @@ from ruptfx.steppers import Motion, leapfrog
 from ruptfx.stopping import StopRules
 
 NODES_PER_WAVELENGTH = 5
-LONG_AFTER = 100  # times the run: where samples end that are hardly in seconds
+LONG_AFTER = 100  # times the duration of the run: samples that end later are probably not in seconds
 
 
 def preflight(case: Case) -> Iterator[Row]:

@@ -30,7 +30,7 @@ FOLDERS = {
 }  # fmt: skip
 """Where other kinds of a part are, by the last word of its key, or by the first where that is a name."""
 PLANE = "plane."  # begins the key of the plane of a case
-MOST_CHANGES = 3  # that a remedy may need together
+MOST_CHANGES = 3  # largest number of changes in one remedy
 
 Choices = Mapping[str, type[Part]]
 """Classes of the parts that a case gives, by key; for a key without a table, the class of the part that it is in. The
@@ -123,7 +123,7 @@ def check(case: Case) -> None:
 
 
 def choices_of(case: Case) -> Choices:
-    """Everything in a case that some rule asks for."""
+    """Return all parts of a case that some rule needs."""
     choices: dict[str, type[Part]] = {"stepper": type(case.stepper), PLANE + case.plane: type(case)}
     choices |= {f"materials.{name}": type(material) for name, material in case.materials.items()}
     for name, fault in case.faults.items():
@@ -413,7 +413,7 @@ def _edges_named_twice(case: Case) -> Iterator[str]:
 
 
 def _shown(case: Case, key: str) -> str:
-    """A key with its kind or its number, as in a case."""
+    """Return a key with its kind or its number as text, as in a case."""
     if key.startswith(PLANE):
         return f"plane = '{key.removeprefix(PLANE)}'"
     value: object = case
@@ -427,7 +427,7 @@ def _shown(case: Case, key: str) -> str:
 
 
 def _in_words(found: tuple[tuple[Change, ...], ...]) -> str:
-    """Remedies as the end of a message: kinds of one key side by side; empty where there is none."""
+    """Return remedies as the end of a message, kinds of one key side by side; empty without any."""
     kinds: dict[tuple[tuple[Change, ...], Keys], list[str]] = {}
     removals = []
     for changes in found:

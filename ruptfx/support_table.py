@@ -26,7 +26,7 @@ from ruptfx.sliding import Sliding
 from ruptfx.steppers.leapfrog import Leapfrog
 
 FAULT = "faults.main."
-MANY = 6  # kinds in one row that are not listed
+MANY = 6  # number of kinds in one row from which they are not listed
 BASE: dict[str, type[Part]] = {
     "stepper": Leapfrog, f"{support.PLANE}strain": Case,
     "materials.default": alternatives("ruptfx.materials")["isotropic_elastic"],
@@ -55,7 +55,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class Cell:
-    """What a feature and a column give together.
+    """Result for a feature and a column together.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def tables() -> tuple[SupportTable, ...]:
 
 
 def columns() -> dict[str, dict[str, dict[str, type[Part]]]]:
-    """Parts that the columns of each table give, by topic and name."""
+    """Return the parts of the columns of each table, by topic and name."""
     fault = f"{FAULT}contact"
     return {
         "stepper": {kind: {"stepper": cls} for kind, cls in alternatives("ruptfx.steppers").items()},
@@ -122,7 +122,7 @@ def columns() -> dict[str, dict[str, dict[str, type[Part]]]]:
 
 
 def features() -> Iterator[Feature]:
-    """All features whose declarations a rule reads."""
+    """Return all features whose declarations a rule reads."""
     for field, folder in (("contact", "contact"), ("friction", "friction")):
         for kind, cls in alternatives(f"ruptfx.{folder}").items():
             key = FAULT + field
@@ -159,7 +159,7 @@ def _of_fault(name: str, key: str, cls: type[Part], whole: bool = False) -> Feat
 
 
 def _table(topic: str, given: dict[str, dict[str, type[Part]]]) -> SupportTable:
-    """Judge all features; kinds of one folder with the same cells share a row."""
+    """Return the table of all features; kinds of one folder with the same cells share a row."""
     rows: list[tuple[list[str], list[Cell]]] = []
     for feature in features():
         if topic == "contact" and (f"{FAULT}contact" in feature.own or f"{FAULT}contact" not in feature.parts):
@@ -180,7 +180,7 @@ def _folder(name: str) -> str:
 
 
 def _label(names: list[str], rows: int) -> str:
-    """Name of a row: the kinds, or, where they are many, that they are all of their folder or the rest of it."""
+    """Return the name of a row: its kinds or, if they are many, all kinds of their folder or the rest of it."""
     folder = _folder(names[0])
     if len(names) > MANY:
         return f"{folder}, " + ("every kind" if rows == 1 else "every other kind")
@@ -214,7 +214,7 @@ def _replaced(key: str, column: dict[str, type[Part]]) -> bool:
 
 
 def _in_words(found: Sequence[tuple[support.Change, ...]]) -> str:
-    """Sets of changes, of which one is needed: kinds of one part side by side."""
+    """Return sets of changes of which one is needed as text, kinds of one part side by side."""
     kinds: dict[str, list[str]] = {}
     for *others, last in found:
         first = "".join(f"{_part(change)} {change.kind} and " for change in others)
@@ -223,7 +223,7 @@ def _in_words(found: Sequence[tuple[support.Change, ...]]) -> str:
 
 
 def _part(change: support.Change) -> str:
-    """Name of the part that changes: `contact` for `faults.main.contact`."""
+    """Return the name of the part that changes: `contact` for `faults.main.contact`."""
     first = change.keys[0].split(".")
     return first[0] if len(first) < 3 else first[2]
 

@@ -1,4 +1,4 @@
-"""What is attached to the bodies, one kind per file; the file name is the `kind` of an entry of ``[[attachments]]``.
+"""Attachments of the bodies, one kind per file; the file name is the `kind` of an entry of ``[[attachments]]``.
 
 An attachment is the table of a case, and makes a mechanism: an object that adds forces to the steps, has fields and
 energies of its own, and keeps the contract of `ruptfx.mechanisms.Mechanism`. Steppers, the energy table, checkpoints,
@@ -34,15 +34,15 @@ class Attachment(Alternative):
     """The contract of an attachment; it acts in explicit steps."""
 
     example: ClassVar[str] = ""
-    """As a case of two plates in plane stress, 12 mm long and 4 mm high each, has it."""
+    """Entry of a case of two plates in plane stress, each 12 mm long and 4 mm high."""
     source: ClassVar[str] = ""
-    """Where its equations come from."""
+    """Publication of the equations."""
 
     name: Name
-    """Of its group in `attachments.h5`; each has its own."""
+    """Name of its group in `attachments.h5`, different for each attachment."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
-        """Refuse what does not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
+        """Refuse fields that do not fit a plane, in which displacement has these components (``xy``, ``z`` or ``xyz``).
 
         Raises
         ------

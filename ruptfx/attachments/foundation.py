@@ -1,4 +1,4 @@
-"""A ground that an edge is attached to until it is torn off."""
+"""A ground under an edge, with cohesive springs that can fail."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Foundation(EdgeAttachment):
 
         T = k (d - w) = strength left(D),   D = damage(w_n, w_s),
 
-    solved for the damage at the end of every step. A node that closes again goes along the secant to the origin; the
-    ground carries pressure by its springs for ever, and no shear where it has failed. Pulling an area off takes `G_Ic`
-    of it; the energy is in the column `fracture`, that of the springs in `interface_elastic`.
+    solved for the damage at the end of every step. A node that closes again unloads along the secant to the origin; the
+    ground always carries pressure by its springs, and no shear where it has failed. Pulling an area off dissipates
+    `G_Ic` per area; the energy is in the column `fracture`, that of the springs in `interface_elastic`.
     """
 
     example: ClassVar[str] = (
@@ -41,11 +41,11 @@ class Foundation(EdgeAttachment):
     )
 
     normal: Stiffness
-    """Of the springs along the normal."""
+    """Stiffness of the springs along the normal."""
     tangential: Stiffness
-    """Of the springs along the edge."""
+    """Stiffness of the springs along the edge."""
     cohesion: AnyCohesion
-    """The law of the strength; positions of profiles are x along edges that are longer than high, else y."""
+    """Cohesive law; positions of profiles are x along edges that are longer than high, else y."""
 
     def bind(self, model: Model, key: str) -> Ground:
         ground, error = None, None

@@ -38,9 +38,9 @@ class Resonators(EdgeAttachment):
     mass: MassPerArea
     """Mass of the resonators per area of the edge."""
     frequency: Frequency
-    """Of a mass while the edge stands still, sqrt(k / m) / (2 pi)."""
+    """Frequency of a mass on a fixed edge, sqrt(k / m) / (2 pi)."""
     direction: Component | None = None
-    """Along which springs act and masses move; in all directions without it."""
+    """Direction in which springs act and masses move; default: all directions."""
 
     def check(self, key: str, plane: Plane, components: str) -> None:
         if self.direction is not None:
@@ -84,7 +84,7 @@ class Masses(Attached):
                         own_frequency=float(np.sqrt(2 * self._square)))]  # fmt: skip
 
     def _stretch(self, state: State) -> Floats:
-        """Displacement of the masses relative to the edge [m], shape (n, components)."""
+        """Return the displacement of the masses relative to the edge [m], shape (n, components)."""
         return self.of(state)["displacement"] - self.at_nodes(state.displacement)
 
     def add_external(self, state: State, kick: Kick) -> None:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ruptfx.materials import Material
     from ruptfx.model import Model
 
-RESOLVED, LOST = 2.0, 0.2  # facets that a process zone of a crack should have, and must
-LATE = 2.0  # facets that a wave may pass between two looks at the strength
+RESOLVED, LOST = 2.0, 0.2  # facets per process zone of a crack: below these a warning, and an error
+LATE = 2.0  # facets that a wave may pass between two checks of the strength
 
 
 def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
@@ -54,7 +54,7 @@ def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
 
 
 def insertion_rows(model: Model, cracks: CrackStep, check_every: int, dt: float) -> Iterator[Row]:
-    """Yield the way of a wave between two evaluations of the strength."""
+    """Yield the distance of a wave between two checks of the strength."""
     fastest = max(material.wave_speeds(model.case.plane).c_p for material in model.materials)
     way = check_every * dt * fastest / cracks.edge
     yield Row(
@@ -77,7 +77,7 @@ def spring_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
 
 
 def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
-    """How often waves pass a body before what moves has loaded it to f_t: f_t / (rho c_p v) of the softer of a pair."""
+    """Yield the number of wave passages until the impact speed has loaded a body to f_t, f_t / (rho c_p v)."""
     flying = [float(np.linalg.norm(velocity)) for velocity in model.case.initial_velocity.values()]
     speed = max(model.case.impact_speed, *flying, 0.0)
     impedance = {
@@ -101,7 +101,7 @@ def _young(material: Material) -> float:
 
 
 def _softer(model: Model, cracks: CrackStep, material: Material) -> float:
-    """Part of the plane modulus E' that springs cost, 1 - 1 / (1 + S E' / 2 k)."""
+    """Return the relative loss of the plane modulus E' by springs, 1 - 1 / (1 + S E' / 2 k)."""
     assert isinstance(material, IsotropicElastic)
     lame, shear = material.lame(model.case.plane)
     modulus = 4 * shear * (lame + shear) / (lame + 2 * shear)

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
     from ruptfx.nucleation import Nucleation
 
-SUPERSHEAR_LIMIT_3D = 1.19  # of S on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
+SUPERSHEAR_LIMIT_3D = 1.19  # largest S ratio on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
 
 AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
 
 
 def fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
-    """Strength, S ratio, process zone and critical lengths of one fault, at the nucleation and at its weakest place."""
+    """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
     face, label = fault.interface, f"faults.{fault.name}"
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
     yield Row(f"{label}: points", face.total, "", f"largest spacing {spacing:.4g} m")
@@ -61,7 +61,7 @@ def fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
 
 @dataclass(frozen=True)
 class _AtRest:
-    """Shear stress and strength of the points of a fault before the first step [Pa], and which of them slip at once."""
+    """Shear stress and strength of the points of a fault before the first step [Pa], and mask of points that slip."""
 
     shear: np.ndarray
     strength: np.ndarray
@@ -81,7 +81,7 @@ def _at_rest(fault: Fault) -> _AtRest:
 def _judged_points(
     model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None
 ) -> tuple[int, int]:
-    """Numbers of the points at which a fault is judged, among those that do not slip at once, if there are any.
+    """Return the indices of the points at which a fault is evaluated, among those that do not slip at once, if any.
 
     The first is the nearest to the nucleation; without one it is the weakest, too. The weakest has the largest shear
     over strength, where strength depends on the slip rate the largest (b - a) sigma; of several the nearest to the
@@ -107,7 +107,7 @@ def _judged_points(
 
 
 def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | None:
-    """Position where a rupture is started [m]: the center of a nucleation, its largest load, or what slips at once."""
+    """Return the position where a rupture starts [m]: of a nucleation, or of points that slip at once; else None."""
     position = fault.interface.position
     for nucleation in model.placed[fault.name].nucleation:
         center = getattr(nucleation, "center", None)
@@ -123,7 +123,7 @@ def _rows_at(
     model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float, point: int,
     spacing: float,
 ) -> Iterator[Row]:  # fmt: skip
-    """Strength, S ratio, process zone and critical lengths at one point of a fault."""
+    """Yield strength, S ratio, process zone and critical lengths at one point of a fault."""
     face, label = fault.interface, f"faults.{fault.name}"
     sigma, tau, peak = (float(values[point]) for values in (fault.normal_stress_0, rest.shear, rest.strength))
     where = f"at {'x' if face.line.measure == 'x' else 'position'} = {face.position[point]:.4g} m"
@@ -151,9 +151,9 @@ def _rows_at(
 def _bond_rows(
     label: str, fault: Fault, point: int, sigma: float, modulus: float, spacing: float
 ) -> Iterator[Row]:  # fmt: skip
-    """Where an interface is held together: tension it carries, and the zones in which it breaks at rest.
+    """Yield strength and static process zones of a cohesive interface.
 
-    9 pi / 16 G* G / strength^2, that of linear softening (Source: Palmer and Rice 1973).
+    The process zone is 9 pi / 16 G* G / strength^2, that of linear softening (Source: Palmer and Rice 1973).
     """
     law = fault.cohesion
     assert law is not None
@@ -172,7 +172,7 @@ def _bond_rows(
 
 
 def _chain(law: FrictionLaw) -> list[FrictionLaw]:
-    """A law and those it holds, from the outermost in."""
+    """Return a law and the laws it contains, from the outermost in."""
     chain = [law]
     while hasattr(chain[-1], "law"):
         chain.append(chain[-1].law)
@@ -180,7 +180,7 @@ def _chain(law: FrictionLaw) -> list[FrictionLaw]:
 
 
 def rows_without_effect(model: Model, fault: Fault) -> Iterator[Row]:
-    """Nucleations that change nothing, such as a patch off the interface, and profiles that vary nowhere on it."""
+    """Yield nucleations without effect, such as a patch off the interface, and profiles that do not vary on it."""
     given: FaultCase = model.placed[fault.name]
     position, label = fault.interface.position, f"faults.{fault.name}"
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
@@ -199,7 +199,7 @@ def rows_without_effect(model: Model, fault: Fault) -> Iterator[Row]:
 
 
 def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, fault: Fault, duration: float) -> bool:
-    """Whether a nucleation loads a point, or weakens the law of one that does not slip, within the duration."""
+    """Return whether a nucleation loads a point, or weakens the law of a point, within the duration."""
     position = fault.interface.position
     normal = np.where(fault.normal_stress_0 > 0, fault.normal_stress_0, 1.0)
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
@@ -216,7 +216,7 @@ def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, faul
 
 
 def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:
-    """Every profile of a part and the parts it holds in tables, with its key; not those of nucleations."""
+    """Yield every profile of a part and of the parts in its tables, with its key; without those of nucleations."""
     for name, value in part:
         if callable(value):
             if not isinstance(value, Constant):
@@ -226,14 +226,14 @@ def _profiles(part: Part, key: str) -> Iterator[tuple[str, Any]]:
 
 
 def _shown(part: Part) -> str:
-    """The numbers of a part as they are given."""
+    """Return the numbers of a part as text, as they are given."""
     given = [(name, value) for name, value in part if name in part.model_fields_set]
     numbers = [f"{name} = {value:.6g}" for name, value in given if isinstance(value, float | int)]
     return ", ".join(numbers + [f"{name} = {{ {_shown(value)} }}" for name, value in given if isinstance(value, Part)])
 
 
 def shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
-    """The shortest time in which the law changes, against the time step.
+    """Yield the shortest time in which the law changes, against the time step.
 
     That is a length of the law over the expected slip rate, or the time in which a state relaxes by itself.
     """
@@ -259,7 +259,7 @@ def shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
 
 
 def _expected_slip_rate(model: Model, fault: Fault) -> float:
-    """Stress drop over impedance [m/s], largest of all points.
+    """Return stress drop over impedance [m/s], largest of all points.
 
     It is the slip rate behind a front that radiates S waves into both bodies,
     V = (tau_0 - tau_r) (1 / (rho c_s)+ + 1 / (rho c_s)-), with the residual strength after 1 km of slip at 1 m/s.
@@ -279,7 +279,7 @@ def _expected_slip_rate(model: Model, fault: Fault) -> float:
 
 
 def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
-    """Time [s] in which each state of the law forgets a disturbance at rest; those that do not are left out."""
+    """Return the relaxation time [s] of each state variable of the law at rest, if it relaxes."""
     law, normal, rest = fault.friction, fault.normal_stress_0, np.zeros(len(fault.normal_stress_0))
     state = {name: value for name, value in fault.initial_state().items() if name in law.all_state_fields()}
     later, found = law.advance(state, rest, normal, dt), {}
@@ -292,7 +292,7 @@ def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
 
 
 def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
-    """What positions are, and every patch and barrier of the case in positions and coordinates."""
+    """Yield the meaning of positions, and every patch and barrier of the case in positions and coordinates."""
     face, label = fault.interface, f"faults.{fault.name}"
     yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
     for patch in patches(model.placed[fault.name], label):
@@ -307,7 +307,7 @@ def _range(*ends: float) -> str:
 
 
 def _coordinates(face: Interface, position: float) -> str:
-    """Of a position on a 2D interface."""
+    """Return the coordinates of a position on a 2D interface, as text."""
     slack = 1e-9 * face.line.length
     if not face.line.first - slack <= position <= face.line.last + slack:
         return "beyond the end"
@@ -315,7 +315,7 @@ def _coordinates(face: Interface, position: float) -> str:
 
 
 def _at(lengths: AnyLengths, point: int) -> AnyLengths:
-    """The same at one point; what is not given by point is one number."""
+    """Return the lengths at one point."""
     numbers = {field.name: np.asarray(getattr(lengths, field.name)) for field in fields(lengths)}
     return replace(lengths, **{name: float(value[point] if value.ndim else value) for name, value in numbers.items()})
 
@@ -324,7 +324,7 @@ def _breakdown_rows(
     label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: Model,
     where: str,
 ) -> Iterator[Row]:
-    """S, critical lengths and process zone, for laws that lose strength with slip."""
+    """Yield S ratio, critical lengths and process zone of laws that weaken with slip."""
     if law.drop <= 0:
         why = "does not weaken" if law.residual > 0 else "no strength at the start"
         yield Row(f"{label}: strength drop", law.drop, "Pa", f"{why}; {where}")
@@ -368,7 +368,7 @@ def _breakdown_rows(
 def _rate_rows(
     label: str, law: RateDependence, sigma: float, modulus: float, spacing: float, where: str
 ) -> Iterator[Row]:
-    """Critical stiffness and lengths, for laws that change with the rate of slip."""
+    """Yield critical stiffness and lengths of laws that depend on the slip rate."""
     if sigma <= 0:
         yield Row(f"{label}: L_b", "none", "", "the interface is open there")
         return

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from ruptfx.sliding.interface import SlidingInterface
     from ruptfx.sliding.roughness import Roughness
 
-COARSER = 1.5  # of the spacing of nodes that carry points, over that of those they face
-FAR_COARSER = 4.0  # of the spacing of nodes that are faced, over that of those that carry points
+COARSER = 1.5  # ratio of node spacings of the plus side, which carries the points, and the minus side
+FAR_COARSER = 4.0  # ratio of node spacings of the minus side and the plus side, which carries the points
 STEEP = 0.2
-STIFF = 1.5  # of the stable step without the springs of an interface over that with them
-FEWEST_NODES = 8  # across a contact, and along the shortest wave of a surface
+STIFF = 1.5  # ratio of the stable steps without and with the springs of an interface
+FEWEST_NODES = 8  # least number of nodes across a contact, and along the shortest wave of a surface
 
 
 def surface_rows(
     model: Model, name: str, face: SlidingInterface, stages_end: Sequence[tuple[float, Loads]]
 ) -> Iterator[Row]:
-    """What the surfaces of an interface that slides are like, how far they reach, and how far edges drive them."""
+    """Yield spacing, length and shape of the surfaces of a sliding interface, and its slip by driven edges."""
     label = f"faults.{name}"
     sides = face.geometry.plus, face.geometry.minus
     ratio = sides[0].spacing / sides[1].spacing
@@ -67,7 +67,7 @@ def surface_rows(
 
 
 def spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
-    """Whether springs of an interface that slides are so stiff that bodies chatter on them."""
+    """Yield whether springs of a sliding interface are so stiff that bodies chatter."""
     ways, damping = model.case.stepper.ways, [stage.damping for stage in model.case.stages] + [model.case.damping]
     if "explicit" not in ways or not any(fault.contact.stiffness()):
         return
@@ -87,7 +87,7 @@ def spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
 
 
 def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:
-    """By how much driven edges move the plus side along the interface, and the minus side back, until a time [m]."""
+    """Return the displacement of the plus side relative to the minus side along the interface by driven edges [m]."""
     slip = 0.0
     for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):
         if not len(side.nodes):  # a rigid base
@@ -105,7 +105,7 @@ def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: 
 
 
 def rough_rows(label: str, found: Roughness | None) -> Iterator[Row]:
-    """What theory says of the contact of rough surfaces, and whether nodes resolve that."""
+    """Yield predictions of theory for the contact of rough surfaces, and whether nodes resolve them."""
     if found is None:
         return
     if found.shortest is not None:

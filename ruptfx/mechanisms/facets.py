@@ -60,7 +60,7 @@ class Facets(Mechanism):
 
 
 class IntrinsicFacets(Facets):
-    """Springs of all facets, until they have failed."""
+    """Springs of all facets that have not failed."""
 
     @classmethod
     def present(cls, model: Model) -> bool:
@@ -84,7 +84,7 @@ class ExtrinsicFacets(Facets):
     """Facets that are rigid until their strength: the corners of a connected component move as one.
 
     Mass, damping and force of a component are those of its corners together, so that all of them get the same velocity
-    to the last bit. As facets are inserted components fall apart, and the sums of the new ones are computed.
+    to the last bit. As facets are inserted components separate, and the sums of the new ones are computed.
     """
 
     order = 90

@@ -149,7 +149,7 @@ def _along(shape: Block) -> Callable[[Floats, Floats], Floats]:
 
 
 def _linear(given: Input, shape: Block) -> Field:
-    """Straight lines between points, continued beyond their ends."""
+    """Return straight lines between points, continued beyond their ends."""
     if shape.number("length", 0.0) > 0:
         raise ConversionError("&DIST_LINEAR length: a moving average has no counterpart here")
     if shape.word("file"):
@@ -169,7 +169,7 @@ def _linear(given: Input, shape: Block) -> Field:
 
 
 def _spline(given: Input, shape: Block) -> Field:
-    """The cubic spline with zero slope at both ends."""
+    """Return the cubic spline with zero slope at both ends."""
     from scipy.interpolate import CubicSpline
 
     x_0, y_0 = given.table(shape, 2).T
@@ -178,7 +178,7 @@ def _spline(given: Input, shape: Block) -> Field:
 
 
 def _grid(given: Input, shape: Block) -> Field:
-    """Bilinear interpolation on a grid; the first line of its file gives columns, numbers, origin and spacing."""
+    """Return bilinear interpolation on a grid; the file starts with columns, numbers, origin and spacing."""
     words = given.path(shape).read_text().split()
     try:
         columns, nx, nz = (int(word) for word in words[:3])

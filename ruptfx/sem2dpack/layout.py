@@ -22,7 +22,7 @@ from ruptfx.sem2dpack.mesh import SIDES, Ints, Mesh
 
 @dataclass
 class Layout:
-    """What boundaries, faults, sources and receivers need to know of the mesh.
+    """Data of the mesh for boundaries, faults, sources and receivers.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Layout:
         return FaultLine.of(facets, self._normal(facets), self.order)
 
     def _normal(self, facets: Floats) -> Floats:
-        """Unit normal from the minus to the plus side."""
+        """Return the unit normal from the minus to the plus side."""
         side = facets[:, 1] - facets[:, 0]
         normal = np.stack([side[:, 1], -side[:, 0]], axis=1)
         minus = self._minus()

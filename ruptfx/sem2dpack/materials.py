@@ -16,7 +16,7 @@ REFUSED = {
 
 @dataclass(frozen=True)
 class Medium:
-    """What a tag of the mesh is made of.
+    """Material of a tag of the mesh.
 
     Attributes
     ----------

@@ -103,7 +103,7 @@ def _modulus(model: Model, side: Surface) -> float | None:
 
 
 def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
-    """The sinusoid that the distance of the surfaces is, if it is one; the shortest wavelength of their profiles."""
+    """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
     mesh = model.case.mesh
     if isinstance(mesh, RoughPlates):
         profiles = mesh.upper.profile, mesh.lower.profile

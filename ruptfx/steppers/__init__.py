@@ -1,6 +1,6 @@
 """Time steppers, one per file; the file name is the `kind` in a case.
 
-A stepper never writes files and does not know the duration of the run; `ruptfx.simulation` calls it step by
+A stepper never writes files and does not know the duration of the run; `ruptfx.simulation` requests one step after
 another.
 """
 

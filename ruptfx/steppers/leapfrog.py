@@ -72,7 +72,7 @@ class Leapfrog(Stepper):
 
 
 def what_limits(model: Model, stable: float) -> str:
-    """Whether elements or springs of a mechanism set the stable step, as found without all springs; collective."""
+    """Return a text whether elements or springs of a mechanism limit the stable step; collective."""
     springs = springs_of(model)
     without = stable_time_step(model, []) if springs else stable
     if without < 1.05 * stable:  # within the error of the computed highest frequencies

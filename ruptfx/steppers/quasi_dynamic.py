@@ -41,19 +41,19 @@ HELD = 1e-9  # compliance of a point over the largest one, below which its motio
 
 
 class QuasiDynamic(Stepper):
-    """Equilibrium with radiation damping, slip and state of friction laws in adaptive Runge-Kutta steps.
+    """Quasi-dynamic equilibrium with radiation damping: adaptive Runge-Kutta steps of slip and state.
 
     Bodies are linear, so that a matrix computed once gives the tractions from slip:
 
         tau = tau_0 + tau_F(t) - K s,   ds/dt = V along tau,   dtheta/dt of the law,
         V >= 0,   strength(V, theta) + eta V >= |tau|,   V [strength(V, theta) + eta V - |tau|] = 0
 
-    with eta the impedance of waves that leave both sides (Rice 1993) and theta all state variables of the law. A point
-    of a law with strength at rest sticks up to it; a creeping law has none, and slides at any traction. Steps follow
+    with eta the impedance of waves into both sides (Rice 1993) and theta all state variables of the law. A point
+    with strength at rest sticks below it; a creeping law has none and slides at any traction. The step size follows
     the errors of slip over D_c and of ln theta, the largest of all points, or for laws with other states those of slip
-    over their shortest length and of the friction coefficient; they are of fifth order. While points slide under laws
-    without a direct effect, steps are no longer than some times that of a wave across an element. `quasi_static` takes
-    more steps for cycles, and serves contact that opens and bodies that are not linear.
+    over their shortest length and of the friction coefficient; the order is five. While points slide under laws
+    without a direct effect, steps are limited to a few times that of a wave across an element. `quasi_static` needs
+    more steps for cycles, and handles contact that opens and bodies that are not linear.
     Source: Dormand and Prince (1980).
     """
 
@@ -66,7 +66,7 @@ class QuasiDynamic(Stepper):
     elastic_contact_only: ClassVar[bool] = True
 
     tolerance: Fraction = 1e-4
-    """Error of a step: of slip over D_c, and of the logarithm of the age or, of other states, in the coefficient."""
+    """Tolerance of a step: error of slip over D_c, and of ln(age) or, for other states, of the friction coefficient."""
     first_step: Duration | None = None
     """First time step; default: the step in which the fastest point slips a hundredth of its D_c."""
     largest_step: Duration | None = None
@@ -77,7 +77,7 @@ class QuasiDynamic(Stepper):
 
 
 class QuasiDynamicMotion(SlowMotion):
-    """Steps bound to a model. All ranks know slip and state of all points, each asks the laws of its own."""
+    """Steps bound to a model; all ranks know slip and state of all points, each evaluates the laws of its own."""
 
     def __init__(self, model: Model, stepper: QuasiDynamic) -> None:
         super().__init__(model, True)
@@ -99,7 +99,7 @@ class QuasiDynamicMotion(SlowMotion):
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
         self._make_matrices()
-        end = model.case.duration  # a time that a run which goes on has, too: the same to the last bit
+        end = model.case.duration  # bitwise the same time after a restart
         self._at_end = self._loads(end), self._jump_under(self._loads(end), end)
         self.dt = min(stepper.first_step or self._first_step(), self._greatest)
 
@@ -145,7 +145,7 @@ class QuasiDynamicMotion(SlowMotion):
         return self._jumps.gather({fault.name: ask(fault) for fault in self.model.faults})
 
     def _variables(self, fault: Fault, fields: FaultState) -> np.ndarray:
-        """State variables of a fault, shape (n, states); zero where another fault has more of them."""
+        """Return the state variables of a fault, shape (n, states); zero where another fault has more of them."""
         variables = self._evolutions[fault.name].variables(fields)
         return np.pad(variables, ((0, 0), (0, self._states - variables.shape[1])))
 
@@ -197,7 +197,7 @@ class QuasiDynamicMotion(SlowMotion):
     def _attempt(
         self, time: float, dt: float, start: np.ndarray
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
-        """Slip and state at the end of a step, tractions and slip rates there, and the error over the tolerance."""
+        """Return slip and state, tractions and slip rates at the end of a step, and the error over the tolerance."""
         loaded, later = self._loaded_jump(time), self._loaded_jump(time + dt)
         growth = (later - loaded) / dt  # loads are linear in time over a step
         slopes = np.zeros((len(RK45.B) + 1, *start.shape))
@@ -217,7 +217,7 @@ class QuasiDynamicMotion(SlowMotion):
     def _errors(
         self, fault: Fault, time: float, y: np.ndarray, wrong: np.ndarray, traction: np.ndarray, rate: np.ndarray
     ) -> np.ndarray:
-        """Relative errors of the state variables of a fault, shape (n, states), from those of all points."""
+        """Return relative errors of the state variables of a fault, shape (n, states), from those of all points."""
         shear, evolution = y.shape[1] - self._states, self._evolutions[fault.name]
         end, off, traction, rate = (self._jumps.pick(each, fault.name) for each in (y, wrong, traction, rate))
         here = slice(shear, shear + evolution.columns)
@@ -228,9 +228,9 @@ class QuasiDynamicMotion(SlowMotion):
     def _slope(
         self, time: float, loaded: np.ndarray, growth: np.ndarray, y: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of slip and state; tractions beyond the initial ones, (points, local), and slip rates, (points, tangents).
+        """Return rates of slip and state, tractions beyond the initial ones, and slip rates of all points.
 
-        Shapes (points, tangents + 1), (points, local) and (points, tangents); NaN without a slip rate, or on opening.
+        Shapes (points, tangents + states), (points, local) and (points, tangents); NaN without a rate, or on opening.
         """
         shear = y.shape[1] - self._states
         slip = self._with_normal(y[:, :shear])
@@ -251,7 +251,7 @@ class QuasiDynamicMotion(SlowMotion):
         self, fault: Fault, time: float, variables: np.ndarray, traction: np.ndarray, growth: np.ndarray,
         guess: np.ndarray, held: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Of the points of one fault: slip rate, rates of the state variables, traction and ln V, side by side."""
+        """Return slip rate, rates of the state variables, traction and ln V of the points of one fault, in columns."""
         law, evolution, eta = fault.friction, self._evolutions[fault.name], self.radiation[fault.name]
         state, traction = evolution.state(variables[:, : evolution.columns]), traction.copy()
         pressure, shear = self._stresses(fault, time, traction)
@@ -268,7 +268,7 @@ class QuasiDynamicMotion(SlowMotion):
             self._unbalanced = self._error(fault, time, wrong[0], values)
         rate = np.where(x > SLOWEST, np.exp(x), 0.0 * x)[:, None] * shear / np.where(size > 0, size, 1.0)[:, None]
         if held.any():
-            # Slip follows the bodies there, and the traction is what friction makes of it.
+            # Slip follows the bodies there, and friction gives the traction.
             rate = np.where(held[:, None], growth[:, self._shear], rate)
             speed = np.linalg.norm(rate, axis=1)
             carried = (law.strength(speed, pressure, state) + eta * speed)[:, None] * rate
@@ -342,7 +342,7 @@ class QuasiDynamicMotion(SlowMotion):
     def _solution(
         self, state: State, dt: float, end: np.ndarray, traction: np.ndarray, rate: np.ndarray
     ) -> Solution:
-        """What the step leaves, from slip and state, tractions and slip rates at its end."""
+        """Return the solution of a step from slip and state, tractions and slip rates at its end."""
         model, jumps, time = self.model, self._jumps, state.time + dt
         jump = self._with_normal(end[:, : end.shape[1] - self._states]) + self._compliance * traction
         moved = model.loads.moved(state.displacement, state.time, time)
