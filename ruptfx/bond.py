@@ -155,6 +155,6 @@ def losses(fault: Fault, old: FaultState, new: FaultState, since: float) -> Loss
     shear = np.asarray(fault.contact.dissipated(*shares, *rates)).sum(axis=1) * since
     opened = -0.5 * (old["normal_stress"] + new["normal_stress"]) * (new["opening"] - old["opening"])
     work = opened - (stored(new) - stored(old))
-    work = np.where(fault.interface.touches(np.zeros_like(work)), work, 0.0)  # not where a point lost what it faced
+    work = np.where(fault.interface.touches(np.zeros_like(work)), work, 0.0)  # not where a point lost its partner
     pressed = (old["normal_stress"] > 0) | (new["normal_stress"] > 0)
     return Losses(shear, np.where(pressed, 0.0, work), np.where(pressed, work, 0.0))

@@ -26,7 +26,7 @@ from ruptfx.sliding import Sliding
 from ruptfx.steppers.leapfrog import Leapfrog
 
 FAULT = "faults.main."
-MANY = 6  # number of kinds in one row from which they are not listed
+MANY = 6  # largest number of kinds listed in one row
 BASE: dict[str, type[Part]] = {
     "stepper": Leapfrog, f"{support.PLANE}strain": Case,
     "materials.default": alternatives("ruptfx.materials")["isotropic_elastic"],

@@ -42,7 +42,7 @@ Row = tuple[str, ...]
 
 
 def table(header: Row, rows: list[Row], widths: tuple[int, ...], literal: int = 1) -> nodes.table:
-    """A table whose first columns are code."""
+    """Return a table with code in the first columns."""
     group = nodes.tgroup(cols=len(header))
     group += [nodes.colspec(colwidth=width) for width in widths]
 
@@ -69,6 +69,7 @@ def table(header: Row, rows: list[Row], widths: tuple[int, ...], literal: int = 
 
 
 def section(title: str, identifier: str) -> nodes.section:
+    """Return a section with a title and an identifier for links."""
     block = nodes.section(ids=[nodes.make_id(identifier)], names=[nodes.fully_normalize_name(title)])
     block += nodes.title(title, title)
     return block
@@ -192,7 +193,7 @@ class Bench(Directive):
 
 
 def checks(saved: dict[str, Any]) -> nodes.table:
-    """The saved checks of a benchmark."""
+    """Return the table of saved checks of a benchmark."""
     rows = []
     for row in saved["checks"]:
         values = {key: math.nan if value is None else value for key, value in row.items() if key != "passed"}
@@ -239,6 +240,7 @@ class Time(SphinxRole):
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directives and the role in Sphinx."""
     for directive in (Entries, Commands, Fields, Support, Bench, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())

@@ -177,6 +177,7 @@ class NewtonSolver:
 
 
 def has_mumps() -> bool:
+    """Return whether PETSc was built with MUMPS."""
     return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
 
 

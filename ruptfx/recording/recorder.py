@@ -441,6 +441,7 @@ class Closing(Protocol):
 
 
 def versions() -> dict[str, str]:
+    """Return the versions of ruptfx, DOLFINx and HDF5 for attributes of files."""
     return {
         "ruptfx_version": __version__,
         "dolfinx_version": fem.dolfinx.__version__,
