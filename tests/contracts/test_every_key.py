@@ -7,6 +7,7 @@ one of them changes the state of a few steps, of the stop rules, or for keys of 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from itertools import count
 from pathlib import Path
@@ -49,6 +50,7 @@ NO_NUMBERS = {
     r"stepper\.slow\.\w+": "those of `quasi_static`, which are tried there",
     r"stepper\.(calm_for|slow_below)": "when hybrid steps come back from fast ones, long after the steps here",
     r"stop_when\.\w+": "a rule that must be met",
+    r"attachments\.\w+\.name": "of a group of attachments.h5",
 }
 """Keys that may leave the numbers as they are, and why."""
 IN_PLANES = {"antiplane": {r"faults\.\w+\.contact\.C_n": "required, and nothing moves along the normal"}}
@@ -70,7 +72,8 @@ OF_STEPPERS = {
 }
 STRINGS = {
     "edge": ["upper.left", "upper.top", "matrix.top", "matrix.right", "matrix.left"], "body": ["upper", "lower"],
-    "operator": ["ufl_form"], "name": ["another"], "first": ["lower.left"], "second": ["lower.right"],
+    "direction": ["x", "y"], "operator": ["ufl_form"], "name": ["another"],
+    "first": ["lower.left"], "second": ["lower.right"],
 }  # fmt: skip
 """Other values of text, by the name of the key."""
 EXAMPLES = {"cracks": {"default": {"friction": {"kind": "coulomb", "mu_d": 0.6}}}}
@@ -147,7 +150,10 @@ def _given(cls: type[Part], name: str, schema: Mapping[str, Any], options: list[
         return [[table(inside[0])] if several else table(inside[0])]
     if kinds:
         known = alternatives(f"ruptfx.{kinds}").items()
-        tables = [{"kind": kind, **(EXAMPLES.get(kinds) or _example(found))} for kind, found in known]
+        tables = [
+            {"kind": kind, **each} for kind, found in known
+            for each in ([EXAMPLES[kinds]] if kinds in EXAMPLES else _examples(found))
+        ]  # fmt: skip
         return [[item] for item in tables] if several else tables
     if "patternProperties" in schema or schema.get("type") == "object":
         return [{body: [1.0, 2.0]} for body in ("upper", "lower", "matrix", "fibre", "rock")]
@@ -171,11 +177,14 @@ def _types(annotation: Any) -> Iterator[type]:
         yield from _types(inner)
 
 
-def _example(cls: type[Part]) -> dict[str, Any]:
+def _examples(cls: type[Part]) -> list[dict[str, Any]]:
+    """Return tables of a class: made from types, or its own example on every edge that there may be."""
     try:
-        return table(cls)
+        return [table(cls)]
     except (NotImplementedError, CaseError):
-        return {}
+        text = getattr(cls, "example", "")
+        given = tomllib.loads(f"it = {text}")["it"] if text else {}
+        return [{**given, "edge": edge} for edge in STRINGS["edge"]] if "edge" in given else [given]
 
 
 def keys(part: Part, prefix: str = "") -> Iterator[tuple[str, type[Part], str, Any]]:
@@ -284,3 +293,10 @@ def test_every_key_of_records_changes_a_file_or_is_refused(tmp_path: Path) -> No
     ]})  # fmt: skip
     runs = count()
     assert silent(given, of_records, lambda case: files_of(case, tmp_path / str(next(runs)))) == []
+
+
+@pytest.mark.parametrize("kind", alternatives("ruptfx.attachments"))
+def test_every_key_of_attachments_changes_the_motion_or_is_refused(kind: str) -> None:
+    (each,) = _examples(alternatives("ruptfx.attachments")[kind])[:1]
+    given = merged(base("stress", "leapfrog"), {"attachments": [{"kind": kind, **each}]})
+    assert silent(given, lambda key: key.startswith("attachments."), state_after) == []
