@@ -28,8 +28,9 @@ lint: env ## style, types, import contract
 # Two processes, each with whole files: some need a minute for what their tests share. A thousand models with their
 # factorisations in one process that has run other tests exhaust the communicators of MPI: that file has its own process.
 MANY_MODELS := tests/contracts/test_every_key.py
+SLOWEST := --durations=40 --durations-min=3
 test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore=tests/container --ignore=$(MANY_MODELS)
+	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile $(SLOWEST) --ignore=tests/container --ignore=$(MANY_MODELS)
 	timeout 600 $(BIN)/python -m pytest $(MANY_MODELS)
 	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
@@ -45,12 +46,12 @@ ITERATING := $(addprefix tests/,contracts/test_friction.py contracts/test_implic
     verification/test_implicit_steps.py verification/test_quasi_dynamic.py verification/test_radiation_damping.py \
     verification/test_sliding_implicit.py)
 test-portable: env ## contracts and verification with code for other processors
-	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest -n 2 --dist loadfile $(PORTABLE)
+	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest -n 2 --dist loadfile $(SLOWEST) $(PORTABLE)
 	RUPTFX_MARCH=x86-64-v3 timeout 600 $(BIN)/python -m pytest -n 2 --dist loadfile $(ITERATING)
 
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
 test-slow: env ## the tests that take minutes
-	timeout 1200 $(BIN)/python -m pytest -n 2 --dist load -m slow tests --ignore=tests/contracts/test_bench_figures.py
+	timeout 1200 $(BIN)/python -m pytest -n 2 --dist load $(SLOWEST) -m slow tests --ignore=tests/contracts/test_bench_figures.py
 
 docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html

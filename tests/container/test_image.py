@@ -77,8 +77,9 @@ def test_same_numbers_as_here(tmp_path: Path):
 @pytest.mark.parametrize(
     "tests",
     [
-        "python3 -m pytest -n 2 --dist loadfile -m 'not slow and not docs' --ignore=tests/container "
-        "--ignore=tests/contracts/test_every_key.py tests",
+        # Contracts run every kind of every folder; verification computes with the same parts, and has run here.
+        "python3 -m pytest -n 2 --dist loadfile -m 'not slow and not docs' --ignore=tests/contracts/test_every_key.py "
+        "tests/contracts tests/unit",
         "mpirun -n 2 python3 -m pytest tests/mpi",
     ],
     ids=["one_rank", "two_ranks"],
