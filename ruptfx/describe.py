@@ -57,7 +57,7 @@ TABLES: dict[str, dict[str, type[Part]]] = {
         "study": Study, "axes": Axis, "refine": Refine, "marks": Mark, "search": Search, "search.goals": Goal,
     },
 }
-"""Tables of a case or a study that have no kind, by what asks for them and by their own keys."""
+"""Tables of a case or a study that have no kind, by the topic of `ruptfx describe` and by their keys."""
 TOPICS = (*TABLES, *FOLDERS, "histories", "summary")
 
 

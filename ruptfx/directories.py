@@ -114,7 +114,7 @@ def _case_hash(out: Path, case: CaseFile) -> str | None:
     ----------
     out : Path
     case : case
-        The one that is to go on there.
+        The case to be continued there.
     """
     loaded = {(plugin.path.name, plugin.digest) for plugin in case.plugin_files()}
     try:

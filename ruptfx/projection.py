@@ -272,7 +272,7 @@ class Projected:
     state : dict of ndarray, shape (n,)
         At the time of the traction.
     tangent : Tangent or None
-        Where it was asked for.
+        Derivatives, if requested.
     """
 
     normal_stress: np.ndarray

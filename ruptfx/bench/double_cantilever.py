@@ -7,8 +7,8 @@ that with the force P per thickness
     G = 12 P^2 (a + 0.64 h)^2 / (E h^3),    d = 8 P (a + 0.64 h)^3 / (E h^3).
 
 While the crack grows G is the fracture energy, and P falls with the root of d whatever the length of the crack:
-P^2 d = 8 (G E h^3 / 12)^(3/2) / (E h^3). Plane stress. The ends move slowly; the crack goes on node by node, and what
-the arms vibrate by is averaged over the growth.
+P^2 d = 8 (G E h^3 / 12)^(3/2) / (E h^3). Plane stress. The ends move slowly; the crack advances node by node, and
+vibrations of the arms are averaged over the growth.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 // Forces between triangles that overlap, from the potential phi = 3 min(l_1, l_2, l_3) of either, and friction.  Corners
-// are x, y of three nodes; everything of a pair is done in the order of its cells, so that any rank finds the same bits.
+// are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.
 #include <math.h>
 #include <string.h>
 
@@ -89,7 +89,7 @@ static void push(const struct triangle *a, const struct triangle *b, double modu
     }
 }
 
-// Friction across the force on a; `moved` are displacements since the last time.  Returns what it took.
+// Friction across the force on a; `moved` are displacements since the last time.  Returns the dissipation.
 static double rub(const struct triangle *a, const struct triangle *b, const double *moved_a, const double *moved_b,
                   double stiffness, double friction, const double *centre, double *traction, double *force_a,
                   double *force_b)
@@ -145,7 +145,7 @@ static void cut(struct polygon *p, const struct triangle *t, const double *value
     }
 }
 
-// Integral of the potential of b over what a shares with it.
+// Integral of the potential of b over its overlap with a.
 static double shared(const struct triangle *a, const struct triangle *b)
 {
     static const double inside[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -181,17 +181,17 @@ static double overlap(const struct triangle *a, const struct triangle *b, double
 
 // -- what Python calls ----------------------------------------------------------------------------------------------
 
-// Part of its force that a pair exerts.  It is 1 but where contact begins or ends between two steps: a force that is linear
-// in the depth d works as much as the energy says, over steps of length |done| / force, when it is taken by half at d = 0.
+// Factor of the force of a pair.  It is 1 unless contact begins or ends between two steps: a force that is linear
+// in the depth d does the work of the energy, over steps of length |done| / force, if its factor is a half at d = 0.
 static double share(double energy, double done)
 {
     const double depth = 2 * energy / fabs(done);  // over the way of a step
     return depth < 1 ? 0.5 * (1 + depth) : 1;
 }
 
-// Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the areas at rest.  `held` is the energy E_0
-// of an overlap that is at rest: a pair that overlapped when it became one has (sqrt(E) - sqrt(E_0))^2, and E_0 falls with
-// E.  Counted pairs add what friction took to taken, and what they hold to stored.
+// Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the initial areas.  `held` is the
+// energy E_0 of an initial overlap without forces: such a pair has the energy (sqrt(E) - sqrt(E_0))^2, and E_0 decreases with
+// E.  Counted pairs add frictional dissipation to taken, and their energy to stored.
 void collide(long pairs, const int *pair, const double *x, const double *moved, const double *rest,
              const double *modulus, const double *friction, const double *counted, double *held, double *traction,
              double *force, double *taken, double *stored)
@@ -226,7 +226,7 @@ void collide(long pairs, const int *pair, const double *x, const double *moved, 
     }
 }
 
-// Energies of the overlaps of pairs, as if none were at rest.
+// Energies of the overlaps of pairs, initial overlaps included.
 void overlaps(long pairs, const int *pair, const double *x, const double *rest, const double *modulus, double *energy)
 {
     for (long n = 0; n < pairs; n++) {

@@ -1,11 +1,11 @@
-// Who faces whom: overlaps of facets, and the dual mortar on them. facing.py says what they are; the tests have the
-// same with arrays (tests/reference_facing.py). It writes in front of this file PLUS and MINUS, the orders of both
-// sides, GAUSS, the points of quadrature on a piece, REACH, OVERHANG and SLIVER.
+// Mortar pairing: overlaps of facets, and the dual mortar on them. facing.py defines them; the tests have a NumPy
+// version (tests/reference_facing.py). It writes in front of this file PLUS and MINUS, the orders of both
+// sides, GAUSS, the points of quadrature on an overlap, REACH, OVERHANG and SLIVER.
 #include <math.h>
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
-enum { GROUP = 16 };  // facets that are passed over together where they are too far away
+enum { GROUP = 16 };  // facets that are skipped together if they are too far away
 enum { HIGHEST = PLUS > MINUS ? PLUS : MINUS, SAMPLES = GAUSS > PLUS + 1 ? GAUSS : PLUS + 1 };
 
 INLINE const double *begin_of(const double *x, int order, long facet) { return x + 2 * order * facet; }
@@ -17,7 +17,7 @@ INLINE void middle_of(const double *x, int order, long facet, double middle[2])
     for (int c = 0; c < 2; c++) middle[c] = 0.5 * (a[c] + b[c]);
 }
 
-// Unit vector of a chord; its length.
+// Sets the unit vector of a chord and returns its length.
 INLINE double chord(const double *x, int order, long facet, double along[2])
 {
     const double *a = begin_of(x, order, facet), *b = end_of(x, order, facet);
@@ -26,8 +26,8 @@ INLINE double chord(const double *x, int order, long facet, double along[2])
     return length;
 }
 
-// Pieces: pairs of facets that face each other, and from where to where along the chord of the first one. share: how
-// much of every facet is faced; group: 3 numbers for every GROUP facing facets. Returns their number; those beyond
+// Overlaps: pairs of facets, with start and end along the chord of the first one. share: covered
+// part of every facet; group: 3 numbers for every GROUP facets of the minus side. Returns their number; those beyond
 // capacity are only counted.
 long overlaps(long facets, long others, const double *plus, const double *minus, double *group, long capacity,
               long *own, long *faced, double *low, double *high, double *share)
@@ -103,7 +103,7 @@ INLINE void expand(int order, const double *inverse, const double *values, doubl
 
 #define SETTLED 1e-9  // last step of Newton's method, in reference coordinates
 
-// Where a polynomial that grows along [-1, 1] has a wanted value, by Newton's method. *found: whether there is one.
+// Point where a polynomial that grows along [-1, 1] has a given value, by Newton's method. *found: whether one exists.
 INLINE double between(int order, double at, double wanted, const double *series, int *found)
 {
     *found = 1;
@@ -120,9 +120,9 @@ INLINE double between(int order, double at, double wanted, const double *series,
     return at;
 }
 
-// Sums over pieces, which come facet by facet: rows of w B from column `first` on, w, w times the facing tangent.
+// Sums over overlaps, ordered by facet: rows of w B from column `first` on, w, w times the tangent of the minus side.
 // inverse: values at the nodes to coefficients, of both sides; dual: of psi, in Legendre polynomials; metric: of the
-// facet where nothing has moved; nodal: weights of its nodes.
+// undeformed facet; nodal: weights of its nodes.
 // Returns the first facet on which a point was not found, or -1.
 long couple(long pieces, const double *plus, const double *minus, const long *own, const long *faced, const double *low,
             const double *high, const double *share, const double *plus_inverse, const double *minus_inverse,
@@ -142,7 +142,7 @@ long couple(long pieces, const double *plus, const double *minus, const long *ow
         expand(PLUS, plus_inverse, here, series);
         const int whole = share[e] > 1 - 1e-6;
         const double length = here[PLUS], slack = SLIVER * length;
-        int times[PLUS + 1] = {0};  // a node above a facing vertex belongs to two pieces
+        int times[PLUS + 1] = {0};  // a node above a vertex of the minus side belongs to two overlaps
         for (last = k; last < pieces && own[last] == e; last++)
             for (int a = 0; a <= PLUS; a++) times[a] += here[a] > low[last] - slack && here[a] < high[last] + slack;
         for (long piece = k; piece < last; piece++) {
@@ -181,7 +181,7 @@ long couple(long pieces, const double *plus, const double *minus, const long *ow
                 const double wanted = dot(PLUS, value, series);
                 const double guess = 2 * (wanted - there[0]) / (there[MINUS] - there[0]) - 1;
                 const double eta = between(MINUS, fmin(fmax(guess, -1), 1), wanted, series_there, &found);
-                // Nodes that are not above this piece give nothing, and need no point on it.
+                // Nodes that are not above this overlap contribute nothing, and need no point on it.
                 if (!found && lost < 0 && (whole || given[s][s] != 0)) lost = e;
                 legendre(MINUS, eta, value, slope);
                 const double dx = dot(MINUS, slope, series_x[0]), dy = dot(MINUS, slope, series_x[1]);

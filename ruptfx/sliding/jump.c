@@ -1,5 +1,5 @@
-// The jump of an interface that slides, frame (u+ - B u-), and its transpose. Every row of B and of B' is a run of
-// neighbouring nodes, filled up with zeros; nodes are those of the plus side, then those of the other one.
+// The jump of a sliding interface, frame (u+ - B u-), and its transpose. Every row of B and of B' is a run of
+// neighbouring nodes, padded with zeros; nodes are those of the plus side, then those of the minus side.
 #include <string.h>
 
 enum { RUN = 8 };
@@ -8,14 +8,14 @@ struct facing {
     long n, m;                // points, nodes of the other side
     long columns, width;      // lengths of the rows of B and B': multiples of RUN
     const long *dofs;         // first degree of freedom of every node
-    const long *first;        // of every point: the first node it faces
+    const long *first;        // first node that every point is paired with
     const double *coupling;   // B, n rows
-    const long *facing;       // of every node of the other side: the first point that faces it
+    const long *facing;       // first point that every node of the other side is paired with
     const double *transposed; // B', m rows
-    const double *frame;      // n times 2 x 2, zero where nothing is faced
+    const double *frame;      // n times 2 x 2, zero for points without a partner
     const double *weight;     // n
-    double *across, *back;    // x, y of what is faced, m + columns each, and of the forces on it
-    double *held;             // x, y of the forces at the points that these come from, n + width each
+    double *across, *back;    // x, y of the other side, m + columns each, and of the forces on it
+    double *held;             // x, y of the forces at the points, n + width each
 };
 
 typedef double run __attribute__((vector_size(RUN * sizeof(double)), aligned(8), may_alias));
@@ -63,7 +63,7 @@ static inline __attribute__((always_inline)) void react(const struct facing *f, 
 void jump(const struct facing *f, const double *field, double *local)
 {
     const long *dofs = f->dofs + f->n;
-    // Nodes are far apart in memory: all are asked for before the first is needed.
+    // Nodes are far apart in memory: all are prefetched before the first is needed.
     for (long i = 0; i < f->n + f->m; i++) __builtin_prefetch(field + f->dofs[i]);
     for (long j = 0; j < f->m; j++)
         for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[dofs[j] + c];

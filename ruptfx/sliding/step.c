@@ -1,24 +1,24 @@
-// The step of an interface that slides; behind points.c and jump.c. Rigid contact in sweeps: all points at once,
-// from the velocities that the tractions of the last sweep leave and the fields at the beginning of the step, until
-// tractions settle. The first sweep and the last one, which also writes the fields, are over all points; those between
-// are over blocks of points that share a faced node with one whose tractions have changed.
+// The step of a sliding interface; behind points.c and jump.c. Rigid contact in sweeps: all points at once,
+// from the velocities after the tractions of the last sweep and the fields at the beginning of the step, until
+// tractions converge. The first sweep and the last one, which also writes the fields, are over all points; others
+// are over blocks of points that share a paired node with one whose tractions have changed.
 
 // Arrays: component after component (normal and tangential, or x and y), points filled up to whole blocks with zeros.
 struct sweeps {
-    long most;              // 0: the points do not depend on each other
+    long most;              // largest number of sweeps; 0: the points are not coupled
     double tolerance;
     const double *push;     // velocity per force at the nodes of both sides [m/s/N]
     const double *initial;  // force of the bodies' own initial stress there
     const long *held;       // places of those nodes among the velocities before the step
     double *begun;          // velocities before contact there, but for what `initial` does
-    const double *frame;    // of points: 2 x 2, zero where nothing is faced, and weights
+    const double *frame;    // of points: 2 x 2, zero without a partner, and weights
     const double *offset;   // of the jump
     const double *load;     // shear traction of the nucleation
     double *jump, *before;  // of the displacement, and, where anything acts, of the velocities before the step
     double *traction;       // normal stress and shear traction
     double *rate;           // of the jump
     long parts;             // of RUN nodes of the other side
-    const long *reach;      // of every block of points: the parts it faces, from the first one to before the last one
+    const long *reach;      // of every block of points: range of parts paired with it
     unsigned char *stirred; // parts where forces have changed in this sweep
     long *upto;             // how many parts before each, and in all, changed in the last one
 };
@@ -29,7 +29,7 @@ struct sweeps {
 #define HELD(points, l) ((points).sigma[l] > 0)
 #endif
 
-enum { MOVED = 1, UNSETTLED = 2 };  // how much forces have changed: at all, and beyond the tolerance
+enum { MOVED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
 
 INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
 
@@ -37,7 +37,7 @@ INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES *
     for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
-// What a block does not share with what it faces, in its frame.
+// Quantities of a block without its partners, in its frame.
 INLINE void apart(const struct facing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
 {
     const long points = filled(f);
@@ -125,7 +125,7 @@ INLINE void turn(const struct sweeps *s, unsigned char least)
     memset(s->stirred, 0, s->parts);
 }
 
-// Whether a block faces one of them.
+// Whether a block is paired with one of them.
 INLINE int reached(const struct sweeps *s, long first)
 {
     const long *reach = s->reach + 2 * (first / LANES);
@@ -154,7 +154,7 @@ INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first,
     return most > s->tolerance * largest;
 }
 
-// What the step of a block begins from; in sweeps, rates and `given` tractions that the last one left.
+// Initial values of the step of a block; in sweeps, rates and `given` tractions of the last one.
 INLINE void begin(const struct facing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
                   int count, struct points *points, lanes given[2])
 {
@@ -174,7 +174,7 @@ INLINE void begin(const struct facing *f, const struct sweeps *s, double *fixed,
     }
 }
 
-// Whether nothing presses a block, nor has in the last sweep: it goes on without tractions.
+// Whether a block has no pressure, also in the last sweep: it continues without tractions.
 INLINE int open(const struct times *times, const double *number, struct points *points, const lanes given[2])
 {
     UNPACK_TIMES
@@ -256,7 +256,7 @@ INLINE double start(const struct facing *f, const struct sweeps *s, double *cons
     return scale;
 }
 
-// The velocities and forces that contact leaves.
+// Velocities and forces after contact.
 INLINE void leave(const struct facing *f, const struct sweeps *s, double *velocity, double *force)
 {
     const long points = filled(f), nodes = points + f->m;
@@ -271,7 +271,7 @@ INLINE void leave(const struct facing *f, const struct sweeps *s, double *veloci
         }
 }
 
-// Whether anything acts between a block and what it faces.
+// Whether tractions act between a block and its partners.
 INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
 {
     const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
@@ -281,8 +281,8 @@ INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
     return any != 0;
 }
 
-// Work of the tractions on the rates of the jump, however well they have settled: what friction takes and what impacts
-// do [J]; and the largest slip rate.
+// Work of the tractions on the rates of the jump, converged or not: dissipation by friction and work of impacts
+// [J]; and the largest slip rate.
 INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick, const double *fixed, double *result)
 {
     const long points = filled(f);
@@ -301,7 +301,7 @@ INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick,
 }
 
 // Advance fields, velocities and forces; `before` holds the velocities before the step, `rate` is after sweeps that of
-// the new ones. result as in points.c, [6] and [7] as in work_of; the number of sweeps that settled, 0 if they did not.
+// the new ones. result as in points.c, [6] and [7] as in work_of; returns the sweeps until convergence, 0 without.
 long slide(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
            double *fixed, double *const *field, const double *displacement, const double *before, double *velocity,
            double *force, double *result)
