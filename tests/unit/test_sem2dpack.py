@@ -333,6 +333,51 @@ def test_a_wave_from_below_is_doubled_at_the_surface(tmp_path: Path) -> None:
         np.testing.assert_allclose(top["velocity_z"].values, doubled, atol=1e-2)
 
 
+LINEAR_SLIP = """
+&GENERAL ngll=6, ndof=1, title='Linear slip' /
+&MESH_DEF method='CARTESIAN' /
+&MESH_CART xlim=0d0,100d0, zlim=-500d0,500d0, nelem=2,20, ezflt=-1 /
+&MATERIAL tag=1, kind='ELAST' /
+&MAT_ELASTIC rho=2d3, cp=1.8d3, cs=1d3 /
+&BC_DEF tag=1, kind='ABSORB' /
+&BC_DEF tag=3, kind='ABSORB' /
+&BC_ABSORB let_wave=F /
+&BC_DEF tags=2,4, kind='PERIOD' /
+&BC_DEF tags=5,6, kind='LISFLT' /
+&BC_LSF Ctang=2d-8, Cnorm=1d-8 /
+&TIME TotalTime=2d0, dt=1d-3 /
+&SRC_DEF stf='RICKER', mechanism='WAVE', coord=0d0,0d0 /
+&STF_RICKER f0=2d0, onset=0.6d0, ampli=-1d0 /
+&SRC_WAVE angle=0d0, phase='S' /
+&REC_LINE number=1, first=50d0,250d0, last=50d0,250d0, isamp=2 /
+"""
+
+
+@pytest.mark.fem
+def test_a_wave_passes_a_linear_slip_fault(tmp_path: Path) -> None:
+    """Exact: with [v] = 2 v_in - 2 v and tau = Z v = [u] / C, the wave behind is Z C / 2 dv/dt + v = v_in."""
+    pytest.importorskip("dolfinx")
+    from ruptfx import simulate
+
+    (tmp_path / "Par.toml").write_text(convert(LINEAR_SLIP).text)
+    case = read_case(tmp_path / "Par.toml", ["output.figures=false"])
+    with simulate(case, tmp_path / "run", progress=False) as record:
+        trace = record.instruments["receiver_01"]
+        time, velocity = trace["time"].values, trace["velocity_z"].values
+    relaxation = 2e3 * 1e3 * 2e-8 / 2  # Z C / 2 = 0.02 s
+    fine = np.linspace(0, 2, 200_001)
+    a = (np.pi * 2 * (fine - 0.6 - 0.75)) ** 2
+    wave = (1 - 2 * a) * np.exp(-a)
+    step = fine[1] - fine[0]
+    share = step / (step + 2 * relaxation)  # trapezoidal rule
+    passed = np.zeros_like(wave)
+    for n in range(1, len(wave)):
+        passed[n] = passed[n - 1] + share * (wave[n] + wave[n - 1] - 2 * passed[n - 1])
+    expected = np.interp(time, fine, passed)
+    assert 0.8 < expected.max() < 0.97  # the fault is felt
+    np.testing.assert_allclose(velocity, expected, atol=1e-2)
+
+
 # -- the series of its own output --------------------------------------------------------------------------------------
 
 VERTICAL = """
