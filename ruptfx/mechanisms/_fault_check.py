@@ -166,6 +166,11 @@ def _bond_rows(
         zone = 9 * np.pi / 16 * modulus * energy / strength**2
         yield Row(f"{label}: bond, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
         yield _points_row(f"{label}: points in it", zone, spacing, 5)
+        spring = fault.contact.stiffness()[0 if mode == "I" else 1]
+        if spring:  # softer springs have no equilibrium beyond the strength: they release their energy at once
+            ratio = spring * energy / (law.area * strength**2)
+            note = "softening is the strength over the jump at failure; it must be softer than the springs"
+            yield Row(f"{label}: springs / softening {mode}", ratio, "", note, "ok" if ratio > 1 else "warning")
     tension = float(np.broadcast_to(law.f_t, fault.normal_stress_0.shape)[point])
     if -sigma > tension > 0:
         yield Row(f"{label}: tension / strength", -sigma / tension, "", "it breaks in the first step", "warning")

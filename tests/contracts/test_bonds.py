@@ -257,3 +257,13 @@ def test_check_tells_the_zones_and_what_breaks_at_once() -> None:
     assert rows["faults.main: tension / strength"].value == pytest.approx(1.5)
     assert rows["faults.main: tension / strength"].verdict == "warning"
     assert rows["faults.main: strength at rest"].value == 8e6
+    assert "faults.main: springs / softening I" not in rows
+
+
+def test_check_warns_of_springs_that_are_softer_than_the_softening() -> None:
+    """Softening f_t^2 / (2 G_Ic) is 267 GPa/m, c^2 / (2 G_IIc) 533 GPa/m."""
+    given = bonded({"kind": "compliant", "C_n": 300e9, "C_s": 300e9})
+    rows = {row.quantity: row for row in preflight(given)}
+    for mode, ratio, verdict in (("I", 1.125, "ok"), ("II", 0.5625, "warning")):
+        row = rows[f"faults.main: springs / softening {mode}"]
+        assert row.value == pytest.approx(ratio, rel=1e-9) and row.verdict == verdict
