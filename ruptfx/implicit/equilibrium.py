@@ -21,16 +21,18 @@ solution are the multipliers of the next, until they converge. At the end of a s
 the same, so that the state and checkpoints contain them.
 
 Linear bodies allow steps to be solved on the interfaces only (`condensed`); the full system is solved by PETSc's
-SNES (Newton with line search) and KSP (`solvers`) if bodies are not linear, if it is large, or if the case has PETSc
-options. Its matrix is factorised again only after a change of the step or of the tangent of an interface. The options
-override the defaults: ``petsc_options = { snes_monitor = true, ksp_type = "fgmres" }``; an unused option is an
-error. `snes_rtol` bounds the norm of R over that of the forces in it (`Solution.scale`), `snes_atol` is in newton.
+SNES (Newton with line search) and KSP (`solvers`) if bodies are not linear, if it is large, if the case has PETSc
+options, or if the iteration on interfaces with open points fails. Its matrix is factorised again only after a change of
+the step or of the tangent of an interface. The options override the defaults:
+``petsc_options = { snes_monitor = true, ksp_type = "fgmres" }``; an unused option is an error. `snes_rtol` bounds the
+norm of R over that of the forces in it (`Solution.scale`), `snes_atol` is in newton.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -202,8 +204,15 @@ class Equilibrium:
     ) -> Solution:  # fmt: skip
         """Solve with the present pairing, from a displacement and the tractions of the last solution."""
         residuals: list[float] = []
-        iterations = 0
-        for easing in self.easings:
+        iterations, solver = 0, self._solver
+        times = 2 if self.reaches_open_points(state) else 1
+        for number, easing in enumerate(times * self.easings):
+            if number == len(self.easings):
+                logging.getLogger("ruptfx.run").info(
+                    "no equilibrium at the interfaces alone at %.9g s, step of %.3g s (%s): solved with the whole "
+                    "bodies", state.time + dt, dt, solver.reason,
+                )  # fmt: skip
+                solver = self._fallback
             step = Step(self, state, dt, rates, load, easing)
             if last is not None:
                 step.multipliers = last.faults
@@ -211,10 +220,10 @@ class Equilibrium:
             u[self.driven] = step.driven[self.driven]
             outer = 0
             while outer < MAX_OUTER:
-                converged = self._solver.solve(step, u)
-                outer += self._solver.outer
-                iterations += self._solver.iterations
-                residuals += self._solver.history
+                converged = solver.solve(step, u)
+                outer += solver.outer
+                iterations += solver.iterations
+                residuals += solver.history
                 if not converged:
                     break
                 u = step.displacement
@@ -224,7 +233,23 @@ class Equilibrium:
                         u, step.internal, faults, dt, iterations, outer, residuals, step.scale, self.answers
                     )
                 step.update_multipliers()
-        raise self._failure(step, outer, residuals)
+        raise self._failure(step, solver, outer, residuals)
+
+    def reaches_open_points(self, state: State) -> bool:
+        """Return whether a failed iteration at the interfaces is repeated with the whole bodies; collective.
+
+        While points open and close, the line search at the interfaces can stall where that of the whole system does
+        not. Closed interfaces without equilibrium have none in the whole system either.
+        """
+        if self._followers or not isinstance(self._solver, Condensed):
+            return False
+        is_open = any(bool(np.any(fields["opening"] > 0)) for fields in state.faults.values())
+        return parallel.anywhere(self.model.comm, is_open)
+
+    @cached_property
+    def _fallback(self) -> NewtonSolver:
+        """Solver of the whole bodies, for steps in which the iteration at the interfaces fails."""
+        return NewtonSolver(self.model, self.tangent, {})
 
     def answer(self, state: State, dt: float, u: np.ndarray) -> Solution:
         """Return the response of bodies and faults after `dt` to any displacement, balanced or not; collective.
@@ -269,7 +294,9 @@ class Equilibrium:
         """Return the norm of unbalanced forces by rounding of a displacement [N]; collective."""
         return 100 * float(np.finfo(float).eps) * norm(self.model, self.tangent.diagonal * displacement)
 
-    def _failure(self, step: Step, outer: int, residuals: list[float]) -> ConvergenceError:
+    def _failure(
+        self, step: Step, solver: Condensed | NewtonSolver, outer: int, residuals: list[float]
+    ) -> ConvergenceError:
         """Return the message of a failed solution; collective."""
         model = self.model
         size = np.abs(step.residual[: self._owned])
@@ -286,7 +313,7 @@ class Equilibrium:
         # A point whose law failed comes first, then the largest residual.
         found = model.comm.allgather((step.error is not None, float(size.max(initial=0.0)), told))
         history = ", ".join(f"{value:.3g}" for value in residuals[-12:])
-        reason = self._solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
+        reason = solver.reason if outer < MAX_OUTER else f"tractions still change after {outer} outer iterations"
         return ConvergenceError(
             f"no equilibrium at time {step.time:.6g} s, step of {step.dt:.4g} s: {reason} after "
             f"{len(residuals)} evaluations; residuals {history} N of forces of {step.scale:.3g} N; "

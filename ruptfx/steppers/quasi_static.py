@@ -144,7 +144,7 @@ class QuasiStaticMotion(SlowMotion):
             try:
                 ahead = deferred.solve(state, dt) if state.unseen else None
             except ConvergenceError:
-                if halvings < MOST_HALVINGS:
+                if halvings < MOST_HALVINGS and not self.equilibrium.reaches_open_points(state):
                     return None
                 ahead = None
             if ahead is not None:
