@@ -58,7 +58,7 @@ def insertion_rows(model: Model, cracks: CrackStep, check_every: int, dt: float)
     fastest = max(material.wave_speeds(model.case.plane).c_p for material in model.materials)
     way = check_every * dt * fastest / cracks.edge
     yield Row(
-        "fracture: way of a wave between two looks at the strength", way, "facets",
+        "fracture: distance of a wave between two checks of the strength", way, "facets",
         "" if way <= LATE else f"more than {LATE:g}: facets are inserted late; reduce fracture.check_every",
         "ok" if way <= LATE else "warning",
     )  # fmt: skip
@@ -70,7 +70,7 @@ def spring_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
         stiffer = _young(stiff) / _young(material) - 1
         yield Row(
             f"fracture {name}: stiffness of cells", _young(stiff), "Pa",
-            f"{stiffer:+.1%}, which the springs take off again" if stiffer else
+            f"{stiffer:+.1%}, which compensates the springs" if stiffer else
             f"not compensated: the body is softer by about {_softer(model, cracks, material):.1%}",
             "ok" if stiffer else "warning",
         )  # fmt: skip

@@ -32,9 +32,9 @@ def surface_rows(
     label = f"faults.{name}"
     sides = face.geometry.plus, face.geometry.minus
     ratio = sides[0].spacing / sides[1].spacing
-    coarse = "; the finer side had better carry the points: swap plus and minus" if ratio > COARSER else ""
+    coarse = "; the finer side should carry the points: swap plus and minus" if ratio > COARSER else ""
     if ratio < 1 / FAR_COARSER:
-        coarse = f"; the facing side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not " \
+        coarse = f"; the minus side is {1 / ratio:.2g} times coarser: contacts shorter than its elements are not " \
                  "resolved, refine it"
     spacings = f"{sides[0].spacing:.4g} and {sides[1].spacing:.4g} m{coarse}"
     yield Row(f"{label}: spacing of nodes, plus / minus", ratio, "", spacings, "warning" if coarse else "ok")
@@ -52,16 +52,16 @@ def surface_rows(
     away = f", but edges drive it by {driven:.4g} m: make the body that it slides on longer" if leaves else ""
     yield Row(
         f"{label}: slip until an end leaves", max(0.0, min(margins)), "m",
-        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; what reaches over the end carries nothing{away}",
+        f"to -t {margins[0]:.4g}, to +t {margins[1]:.4g} m; overhanging parts carry no load{away}",
         "warning" if leaves else "ok",
     )  # fmt: skip
     ways = model.case.stepper.ways
     if "implicit" in ways:
-        note = "one that slides farther is repeated in two"
+        note = "longer steps are repeated as two"
         yield Row(f"{label}: largest slip of an implicit step", face.step_limit, "m", note)
     if "explicit" in ways and model.case.impact_speed > 0:
         yield Row(
-            f"{label}: updates of what points face", model.case.impact_speed * model.case.duration / face.limit, "",
+            f"{label}: updates of the pairing", model.case.impact_speed * model.case.duration / face.limit, "",
             f"one in {face.limit:.3g} m of slip, at {model.case.impact_speed:.4g} m/s from the beginning to the end",
         )  # fmt: skip
 

@@ -110,7 +110,7 @@ def test_check_says_how_far_waves_go_between_two_looks_at_the_strength() -> None
         given = {"kind": "on_strength", "check_every": every, "default": {"cohesion": WEAK, "friction": RUBS}}
         return {row.quantity: row for row in preflight(case({"fracture": given, "duration": 1e-6}))}
 
-    name = "fracture: way of a wave between two looks at the strength"
+    name = "fracture: distance of a wave between two checks of the strength"
     often, seldom = rows(1), rows(40)
     assert often[name].verdict == "ok" and seldom[name].verdict == "warning"
     assert seldom[name].value == pytest.approx(40 * often[name].value)

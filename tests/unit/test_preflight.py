@@ -104,9 +104,9 @@ def test_theory_of_two_waves() -> None:
     assert found[": nodes along the shortest wave"].value == pytest.approx(9, rel=1e-2)
     assert found["generalized Rayleigh speed"].verdict == "warning"
     # 10 m/s for 2 us, found again every 2.5 um.
-    assert found[": updates of what points face"].value == pytest.approx(8, rel=1e-2)
+    assert found[": updates of the pairing"].value == pytest.approx(8, rel=1e-2)
     slow = rows(rough({"stepper": {"kind": "quasi_static"}, "faults.main.contact": {"kind": "augmented_lagrangian"}}))
-    assert ": updates of what points face" not in slow
+    assert ": updates of the pairing" not in slow
     assert slow[": largest slip of an implicit step"].value == pytest.approx(25e-6, rel=1e-2)  # half of 50 um
     # Half of the force where waves are in phase by a quarter: amplitudes 10 and 10 i make 14.1 um.
     shifted = rough({"mesh.upper.profile": {**wave(1), "phase": math.pi / 2}})
