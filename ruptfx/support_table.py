@@ -140,6 +140,8 @@ def features() -> Iterator[Feature]:
     yield _alone("mass damping", "damping.mass", Damping)
     yield _of_fault("Kelvin-Voigt damping", "damping.kelvin_voigt", Damping, whole=True)
     yield _alone("stages", "stages", Case)
+    for kind, attachment in alternatives("ruptfx.attachments").items():
+        yield _alone(f"attachment {kind}", "attachments.0", attachment)
     for kind, way in alternatives("ruptfx.cracks").items():
         yield _alone(f"fracture {kind}", "fracture", way)
         yield Feature(f"fracture {kind} beside an interface", {**INTERFACE, "fracture": way}, ("fracture",))

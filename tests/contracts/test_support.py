@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
+import tomllib
 from itertools import product
 from typing import Any, get_args
 
@@ -168,6 +169,17 @@ def test_the_table_says_what_cases_are_refused() -> None:
         assert judged("large rotations", "stepper", stepper) == accepted[f"everywhere, {stepper}, turning"]
         assert judged("collisions potential", "stepper", stepper) == accepted[f"everywhere, {stepper}, meeting"]
     assert seen == {True, False}
+
+
+@pytest.mark.parametrize("kind", ATTACHMENTS := alternatives("ruptfx.attachments"))
+def test_the_table_says_with_which_steppers_attachments_are_refused(kind: str) -> None:
+    attached = tomllib.loads(f"example = {ATTACHMENTS[kind].example}")["example"]
+    found = set()
+    for stepper in STEPPERS:
+        given = {**SMALL, "faults.main.contact": COMPLIANT, "stepper": {"kind": stepper}, "attachments": [attached]}
+        assert judged(f"attachment {kind}", "stepper", stepper) == is_accepted(plates(given))
+        found.add(is_accepted(plates(given)))
+    assert found == {True, False}
 
 
 @pytest.mark.parametrize("plane", get_args(Plane))
