@@ -133,7 +133,8 @@ class CollisionStep:
         inner = np.zeros(count, dtype=int)
         np.add.at(inner, net.cells.ravel(), 1)
         self._outer = inner[: self._owned] < len(FACETS["triangle"])
-        spring = np.array([cracks.fracture.stiffness(material, plane, cracks.edge) for material in materials])
+        young = np.array([float(material.young_modulus_along(np.eye(2)[:1])[0]) for material in materials])
+        spring = cracks.fracture.stiffness(young, cracks.edge)
         both = 2 / (1 / spring[:, None] + 1 / spring)
         self._modulus = np.vectorize(lambda k: collisions.modulus(k, cracks.edge))(both)
         laws, names = cracks.fracture.laws_by_pair(bodies.names), bodies.names

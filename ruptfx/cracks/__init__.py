@@ -12,7 +12,7 @@ it has failed, afterwards friction only.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -95,20 +95,27 @@ class Fracture(Alternative):
         yield from ((f"fracture.pairs.{name}", laws) for name, laws in self.pairs.items())
         yield from ((f"fracture.joints.{name}", laws) for name, laws in self.joints.items())
 
-    def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
+    def stiffness(self, modulus: Any, edge: float) -> Any:
         """Return the contribution of a body to the springs of its facets [Pa/m].
 
         The springs between two bodies have the mean compliance of both.
 
         Parameters
         ----------
+        modulus : float or ndarray
+            Young's modulus of the body along the normals of the facets [Pa].
         edge : float
             Mean length of facets [m].
         """
         raise NotImplementedError
 
-    def of_cells(self, material: Material, plane: Plane, compliance: float) -> Material:
-        """Return the material of cells of a body whose facets add a compliance [1/Pa].
+    def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:
+        """Return the material of cells of a body whose facets add a compliance.
+
+        Parameters
+        ----------
+        edge, length_per_area : float
+            Mean length of facets [m], and length of the bonded ones per area of the bodies [1/m].
 
         Raises
         ------

@@ -145,9 +145,12 @@ class CrackStep:
         self.edge = whole / max(net.total(np.ones(int(owned.sum()))), 1.0)
         bonded = np.array([laws.cohesion is not None for laws in kinds])[kind] & ~net.open
         self.length_per_area = net.total(net.length[owned & bonded]) / net.area
-        of_body = np.array([fracture.stiffness(material, plane, self.edge) for material in materials])
+        of_sides = np.empty(net.bodies.shape)
+        for number, material in enumerate(materials):
+            at, side = np.nonzero(net.bodies == number)
+            of_sides[at, side] = fracture.stiffness(material.young_modulus_along(net.normal[at]), self.edge)
         with np.errstate(divide="ignore"):  # rigid ones have no compliance
-            self.stiffness = (2 / (1 / of_body[net.bodies]).sum(axis=1))[self.order]
+            self.stiffness = (2 / (1 / of_sides).sum(axis=1))[self.order]
         self.corners = net.corners[self.order]
         self.owned = owned[self.order]
         self.half_length = 0.5 * net.length[self.order]
@@ -162,8 +165,7 @@ class CrackStep:
         self._owned_nodes = space.dofmap.index_map.size_local
         self._nodes = self._owned_nodes + space.dofmap.index_map.num_ghosts
         self.cell_materials = [
-            fracture.of_cells(material, plane, self.length_per_area / (2 * stiffness))
-            for material, stiffness in zip(materials, of_body, strict=True)
+            fracture.of_cells(material, plane, self.edge, self.length_per_area) for material in materials
         ]
         self.law_states = {
             name: unit for group in self.groups for name, unit in group.laws.friction.all_state_fields().items()

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from ruptfx.cracks import Fracture
 from ruptfx.materials import Material, Plane
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
-from ruptfx.schema import CaseError
 
 
 class OnStrength(Fracture):
@@ -30,13 +28,8 @@ class OnStrength(Fracture):
     check_every: Annotated[int, Field(ge=1)] = 2
     """Steps between two checks of the strength of tied facets."""
 
-    def stiffness(self, material: Material, plane: Plane, edge: float) -> float:
-        return inf
+    def stiffness(self, modulus: Any, edge: float) -> Any:
+        return inf * modulus
 
-    def of_cells(self, material: Material, plane: Plane, compliance: float) -> Material:
-        if not isinstance(material, IsotropicElastic):
-            raise CaseError(
-                f"fracture.kind = 'on_strength': breaks isotropic bodies, not those of '{material.kind()}'; "
-                "use 'isotropic_elastic'"
-            )
+    def of_cells(self, material: Material, plane: Plane, edge: float, length_per_area: float) -> Material:
         return material

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -62,6 +63,46 @@ class Material(Alternative):
         calls this method.
         """
         return None
+
+    def young_modulus_along(self, direction: np.ndarray) -> np.ndarray:
+        """Young's modulus under tension along directions in the plane [Pa].
+
+        Parameters
+        ----------
+        direction : ndarray, shape (n, 2)
+            Unit vectors.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+        stiffness = tangent_stiffness(self, "solid")
+        compliance = np.linalg.inv([[stiffness[(*row, *column)] for column in pairs] for row in pairs])
+        x, y = direction.T
+        stress = np.stack([x**2, y**2, 0 * x, 0 * x, 0 * x, x * y], axis=1)
+        return np.asarray(1 / np.einsum("ni,ij,nj->n", stress, compliance, stress))
+
+    def spring_share(self, plane: Plane, compliance: Callable[[float], float]) -> float | None:
+        """Largest part of a compliance of the material that springs between its cells have.
+
+        Parameters
+        ----------
+        plane : str
+        compliance : callable
+            Of springs on facets of all directions [1/Pa], from the Young's modulus that they are made for: their strain
+            is that times the stress.
+
+        Returns
+        -------
+        float or None
+            None where `stiffened` knows no material.
+        """
+        return None
+
+    def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> Material:
+        """The material whose compliance is less by that of springs; arguments as of `spring_share`."""
+        raise NotImplementedError
 
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
         """Return the speeds of small waves about the initial state [m/s].

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from math import sqrt
 from typing import TYPE_CHECKING, ClassVar
@@ -127,6 +127,25 @@ class IsotropicElastic(Material):
         if plane == "antiplane":
             return 0.5 * self.shear_modulus * ufl.inner(strain, strain)
         return 0.5 * self.lame_lambda(plane) * ufl.tr(strain) ** 2 + self.shear_modulus * ufl.inner(strain, strain)
+
+    def young_modulus_along(self, direction: np.ndarray) -> np.ndarray:
+        return np.full(len(direction), self.young_modulus)
+
+    def spring_share(self, plane: Plane, compliance: Callable[[float], float]) -> float:
+        lame, shear = self.lame(plane)
+        return 2 * compliance(self.young_modulus) * (lame + shear)
+
+    def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> IsotropicElastic:
+        """1 / (2 mu) and 1 / (2 K), K = lambda + mu, are less by that of the springs."""
+        lame, shear = self.lame(plane)
+        less = compliance(self.young_modulus)
+        stiffer = 0.5 / (0.5 / shear - less)
+        effective = 0.5 / (0.5 / (lame + shear) - less) - stiffer
+        first = 2 * stiffer * effective / (2 * stiffer - effective) if plane == "stress" else effective
+        return self.model_copy(update={
+            "young_modulus": stiffer * (3 * first + 2 * stiffer) / (first + stiffer),
+            "poisson_ratio": first / (2 * (first + stiffer)),
+        })  # fmt: skip
 
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:
         c_s = sqrt(self.shear_modulus / self.density)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -80,6 +81,38 @@ class OrthotropicElastic(Material):
             return np.linalg.inv(self._compliance()[inside])
         stiffness = np.linalg.inv(self._compliance())
         return stiffness if plane == "solid" else stiffness[inside]
+
+    def _of_springs(self, compliance: Callable[[float], float]) -> np.ndarray:
+        """What springs add to the compliances of 11, 22 and 12, shear counted twice [1/Pa]; shape (3,).
+
+        With stiffnesses in proportion to E(n), the modulus along the normal n of a facet, the strain is the mean of
+        n (sigma n) / E(n) over all directions, made symmetric. As 1 / E(n) = s_11 c^4 + (2 s_12 + s_66) c^2 s^2 +
+        s_22 s^4, means of products of cosines and sines give those of n n / E(n): (5 s_11 + 2 s_12 + s_66 + s_22) / 16
+        along the first axis. In isotropic bodies it is 1 / (2 E).
+        """
+        s = self._compliance()
+        mixed = 2 * s[0, 1] + s[5, 5]
+        means = (5 * s[0, 0] + mixed + s[1, 1]) / 16, (s[0, 0] + mixed + 5 * s[1, 1]) / 16
+        first, second = (compliance(1 / (2 * mean)) for mean in means)
+        return np.array([first, second, first + second])
+
+    def spring_share(self, plane: Plane, compliance: Callable[[float], float]) -> float:
+        root = np.sqrt(self._of_springs(compliance))
+        return float(np.linalg.eigvalsh(root[:, None] * self._stiffness(plane) * root).max())
+
+    def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> OrthotropicElastic:
+        """1 / E_1, 1 / E_2 and 1 / G_12 are less by those of the springs; strains across the stress remain."""
+        less = self._of_springs(compliance)
+        given = np.array([self.E_1, self.E_2, self.G_12])
+        stiffer = 1 / (1 / given - less)
+        along_1, along_2 = (stiffer / given)[:2].tolist()
+        G_13, G_23 = self._antiplane()
+        return self.model_copy(update={
+            **dict(zip(("E_1", "E_2", "G_12"), stiffer.tolist(), strict=True)),
+            "E_3": self.E_2 if self.E_3 is None else self.E_3, "G_13": G_13, "G_23": G_23,
+            "nu_12": self.nu_12 * along_1, "nu_23": self.nu_23 * along_2,
+            "nu_13": (self.nu_12 if self.nu_13 is None else self.nu_13) * along_1,
+        })  # fmt: skip
 
     def energy_density(self, strain: Expr, plane: Plane) -> Expr:
         """Return e' C e / 2 [J/m3] with the strain along the axes of the material, shear counted twice."""

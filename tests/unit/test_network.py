@@ -272,10 +272,3 @@ def test_pieces_are_what_tied_facets_connect(part: float, mesh: dict[str, Any]) 
     expected = np.zeros((count, 2))
     np.add.at(expected, label, values.reshape(-1, 2))
     np.testing.assert_allclose(sums.reshape(-1, 2), expected[label], atol=1e-13)
-
-
-def test_other_bodies_than_isotropic_ones_are_refused() -> None:
-    wood = {"kind": "orthotropic_elastic", "E_1": 10e9, "E_2": 1e9, "nu_12": 0.3, "nu_23": 0.3, "G_12": 1e9,
-            "density": 600.0}  # fmt: skip
-    with pytest.raises(CaseError, match=r"fracture.kind = 'on_strength': breaks isotropic bodies"):
-        rigid({"materials": {"default": wood}})

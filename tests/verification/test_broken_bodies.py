@@ -106,6 +106,81 @@ def test_a_patch_has_the_moduli_of_body_and_springs(compensate: bool, alpha: flo
     assert compensate or softer < (0.85 if alpha == 10 else 0.95)
 
 
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize("compensate", [False, True])
+def test_an_orthotropic_patch_has_its_strain_energy(compensate: bool, plane: str) -> None:
+    """Of a laminate whose first axis is 30 degrees from x, E_1 / E_2 = 3, under tension along y and under shear.
+
+    Strain sigma S sigma / 2 per area of free corners in equilibrium under uniform stress, S the compliance of the case,
+    turned; without compensation with that of springs on facets of all directions. The border, whose cells hang on one
+    spring, makes 0.1 %.
+    """
+    pytest.importorskip("gmsh")
+    size, angle = 24e-3, np.deg2rad(30)
+    laminate = {"kind": "orthotropic_elastic", "E_1": 60e9, "E_2": 20e9, "nu_12": 0.3, "nu_23": 0.35, "G_12": 8e9,
+                "density": 1800.0, "angle": float(angle)}  # fmt: skip
+    mesh = {"kind": "specimen", "shape": {"kind": "rectangle", "width": size, "height": size}, "element_size": 1e-3}
+    c, s = np.cos(angle), np.sin(angle)
+    for stress in (np.diag([0.0, 1e6]), np.array([[0.0, 1e6], [1e6, 0.0]])):
+        sides = (("top", (0, 1)), ("bottom", (0, -1)), ("right", (1, 0)), ("left", (-1, 0)))
+        loads = [{"kind": "traction", "edge": f"specimen.{side}", "traction": (stress @ n).tolist()}
+                 for side, n in sides]
+        model = Model(case({
+            "mesh": mesh, "plane": plane, "operator": "ufl_form", "materials.default": laminate,
+            "fracture.default.cohesion": NEVER, "fracture.compensate": compensate, "boundaries": loads,
+        }))  # fmt: skip
+        cracks, material = model.cracks, model.materials[0]
+
+        def stiff(u: np.ndarray, model: Model = model) -> Any:
+            u = np.ascontiguousarray(u.ravel())
+            force = model.internal_force(u)
+            model.cracks.add_spring_force(u, force)
+            return -force + 1e-9 * model.mass * u
+
+        force = model.loads.force(1.0)
+        u, failed = cg(LinearOperator((len(model.mass),) * 2, stiff, dtype=float), force, rtol=1e-10)
+        assert not failed
+        turned = np.array([[c, s], [-s, c]]) @ stress @ np.array([[c, -s], [s, c]])
+        compliance = np.linalg.inv(material._stiffness(plane))
+        if not compensate:
+            # The mean over directions by sums, with the modulus of every direction from that of the material.
+            theta = np.linspace(0, np.pi, 1000, endpoint=False)
+            n = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+            young = material.young_modulus_along(n @ np.array([[c, s], [-s, c]]))
+            added = cracks.length_per_area * cracks.edge / 10 * np.mean(n**2 / young[:, None], axis=0)
+            compliance += np.diag([*added, added.sum()])
+        vector = np.array([turned[0, 0], turned[1, 1], turned[0, 1]])
+        expected = 0.5 * vector @ compliance @ vector * size**2
+        assert 0.5 * float(force @ u) == pytest.approx(expected, rel=3e-3)
+
+
+@pytest.mark.parametrize("way", ["on_strength", "everywhere"])
+def test_a_crack_of_an_orthotropic_body_takes_its_fracture_energy(way: str) -> None:
+    """Two blocks are torn apart along the facets between them, far enough; damping stills the rest."""
+    width, energy = 4e-3, 20.0
+    law = {"kind": "linear", "f_t": STRENGTH, "c": 8e6, "G_Ic": energy, "G_IIc": 60.0}
+    laminate = {"kind": "orthotropic_elastic", "E_1": 60e9, "E_2": 20e9, "nu_12": 0.3, "nu_23": 0.35, "G_12": 8e9,
+                "density": 1800.0}  # fmt: skip
+    given = case({
+        "mesh": {"kind": "triangles", "width": width, "height": 4e-3, "element_size": 1e-3, "divide": 2e-3},
+        "materials": {"default": laminate}, "operator": "ufl_form",
+        "fracture": {"kind": way, "default": {"cohesion": NEVER, "friction": RUBS},
+                     "pairs": {"lower-upper": {"cohesion": law, "friction": RUBS}}},
+        "duration": 10e-6, "boundaries": [
+            {"kind": "driven", "edge": edge, "component": "y", "velocity": sign * 2.0, "ramp": 2e-6}
+            for edge, sign in (("upper.top", 1), ("lower.bottom", -1))],
+    })  # fmt: skip
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    while state.time < given.duration:
+        motion.step(state)
+    assert np.isfinite(state.cracks["time_of_failure"]).sum() == 4
+    found = motion.energies(state)
+    assert found["fracture"] == pytest.approx(energy * width, rel=2e-3)
+    work = found.pop("boundary_work")
+    assert sum(found.values()) == pytest.approx(work, rel=1e-9)
+
+
 @pytest.mark.parametrize("way", ["on_strength", "everywhere"])
 def test_an_event_has_the_kinetic_energy_of_what_is_released(way: str) -> None:
     """Two blocks that one facet bonds are pulled apart until it fails.
