@@ -12,7 +12,7 @@ it has failed, afterwards friction only.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -31,7 +31,8 @@ class CrackLaws(Part):
     cohesion: AnyCohesion | None = None
     """Cohesion of facets until they fail; without it, they are in contact from the start."""
     friction: AnyFriction
-    """Friction of closed facets, in parallel to the cohesion: c left(D) + friction. A law without rates."""
+    """Friction of closed facets, in parallel to the cohesion: c left(D) + friction. The state of a law begins to evolve
+    when a facet yields."""
 
 
 class Fracture(Alternative):
@@ -54,6 +55,8 @@ class Fracture(Alternative):
     """Laws by the names of joints of the mesh: existing lines that are weaker than the bodies."""
     thickness: Length = 1.0
     """Thickness of the bodies, for the energies of events."""
+    profiles_along: Literal["x", "y"] = "x"
+    """The coordinate of facet ends that profiles of the laws' parameters take as their position."""
     unresolved: bool = False
     """Whether to run with process zones much smaller than cells, where strength depends on the mesh."""
 

@@ -21,7 +21,7 @@ from ruptfx.cracks import CrackLaws, Fracture
 from ruptfx.cracks._network import CrackNetwork
 from ruptfx.friction import FrictionLaw
 from ruptfx.materials import Material, Plane
-from ruptfx.projection import parameters_as_symbols
+from ruptfx.projection import TracedLaw, parameters_as_symbols
 from ruptfx.schema import CaseError, Part
 from ruptfx.state import FaultState, State
 from ruptfx.tracing import Expression, constant, depends, record, symbol, to_c
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ruptfx.bodies import Bodies
 
 BALANCED = 1e-6  # largest residual of a damage
+CREEP = 1e-3  # m/s: initial stress may make facets slide slowly
 ENDS = {
     "normal_traction": ("Pa", "normal traction, positive in tension"),
     "shear_traction": ("Pa", "shear traction"),
@@ -61,10 +62,14 @@ class Group:
     ----------
     facets : slice
     laws : CrackLaws
+        Their profiles are evaluated at the ends of the facets, first and second end of one after the other.
+    rated : bool
+        Whether friction depends on the slip rate, or its state changes without slip.
     """
 
     facets: slice
     laws: CrackLaws
+    rated: bool = False
 
 
 class CrackStep:
@@ -101,7 +106,9 @@ class CrackStep:
         Largest residual of this rank in the last step: error of the damage for opening and slip; for rigid
         facets, error of the tractions at a vertex over their size.
     weight, half_length : ndarray, shape (facets,)
-        Tributary length of an end [m], zero where collisions handle the contact, and half of the facet.
+        Length that an end stands for [m], nothing where somebody else cares for the contact, and half of the facet.
+    position : ndarray, shape (facets, 2)
+        Coordinate of the ends at which profiles are evaluated [m].
     initial : ndarray, shape (facets, 2)
         Normal and shear traction of the initial state, in equilibrium with the bodies [Pa].
 
@@ -119,7 +126,7 @@ class CrackStep:
         self.space, self.fracture, self.large_rotations = space, fracture, large_rotations
         self.residual, self._worst = 0.0, 0
         for key, laws in fracture.all_laws():
-            _check(key, laws)
+            _check(key, laws, fracture)
         self.network = net = CrackNetwork(space, bodies, fracture.rigid)
         names = bodies.names
         of_pair = fracture.laws_by_pair(names)
@@ -136,8 +143,9 @@ class CrackStep:
         # Grouped by laws, with neighbours close. Every corner has two facets at most: their order changes no bit.
         self.order = np.lexsort((net.cells.min(axis=1), kind))
         bounds = np.searchsorted(kind[self.order], np.arange(len(kinds) + 1))
+        self.position = net.ends[self.order][..., "xy".index(fracture.profiles_along)]
         self.groups = [
-            Group(slice(int(begin), int(end)), laws)
+            self._group(slice(int(begin), int(end)), laws)
             for laws, begin, end in zip(kinds, bounds[:-1], bounds[1:], strict=True)
         ]
         owned, self._open = net.owned, net.open[self.order]
@@ -174,6 +182,25 @@ class CrackStep:
             self._require_admissible()
         self._prepare(space, bodies, plane)
 
+    def _group(self, facets: slice, laws: CrackLaws) -> Group:
+        """Evaluate the laws of some facets at their ends; collective.
+
+        Raises
+        ------
+        CaseError
+            On all ranks: values that a profile must not have.
+        """
+        error = None
+        try:
+            found = laws.at(self.position[facets].ravel())
+            for name in ("f_t", "c"):
+                if found.cohesion is not None and np.min(getattr(found.cohesion, name), initial=np.inf) <= 0:
+                    error = CaseError(f"fracture: cohesion.{name} is zero somewhere; it must be above zero")
+        except CaseError as caught:
+            found, error = laws, CaseError(f"fracture: {caught}")
+        parallel.raise_on_all(self.network.comm, error)
+        return Group(facets, found, is_rated(laws.friction))
+
     def _require_admissible(self) -> None:
         """Refuse initial stress that facets cannot carry; collective.
 
@@ -185,21 +212,26 @@ class CrackStep:
         error = None
         for group in self.groups:
             facets, laws = group.facets, group.laws
-            normal, shear = self.initial[facets].T
+            normal, shear = np.repeat(self.initial[facets], 2, axis=0).T
             pressure = np.maximum(-normal, 0.0)
             state = laws.friction.initial_state(pressure, np.abs(shear), np.zeros_like(pressure))
-            friction = np.where(pressure > 0, laws.friction.strength(np.zeros_like(pressure), pressure, state), 0.0)
-            bonded = np.where(self._open[facets], 0.0, 1.0) * (laws.cohesion is not None)
-            tensile, cohesion = (0.0, 0.0) if laws.cohesion is None else (laws.cohesion.f_t, laws.cohesion.c)
-            bad = (normal > tensile * bonded) | (np.abs(shear) > cohesion * bonded + friction)
-            if np.any(bad & self.owned[facets]):
-                first = int(np.flatnonzero(bad & self.owned[facets])[0])
-                x = ", ".join(f"{value:.6g}" for value in self.network.ends[self.order[facets]][first].mean(axis=0))
+            # A law that creeps carries what makes it slide slowly.
+            rate = np.full_like(pressure, CREEP if group.rated else 0.0)
+            friction = np.where(pressure > 0, laws.friction.strength(rate, pressure, state), 0.0)
+            bonded = np.where(self._open[facets], 0.0, 1.0).repeat(2) * (laws.cohesion is not None)
+            tensile, cohesion = (
+                bonded * (0.0 if laws.cohesion is None else getattr(laws.cohesion, name)) for name in ("f_t", "c")
+            )
+            bad = (normal > tensile) | (np.abs(shear) > cohesion + friction)
+            bad &= self.owned[facets].repeat(2)
+            if np.any(bad):
+                first = int(np.argmax(bad))
+                x = ", ".join(f"{value:.6g}" for value in self.network.ends[self.order[facets]][first // 2, first % 2])
                 error = CaseError(
                     f"initial_stress.tensor: the facet at ({x}) m would carry {normal[first]:.4g} Pa normal to it "
                     f"(tension is positive) and {abs(shear[first]):.4g} Pa of shear, more than its strength "
-                    f"({tensile * bonded[first]:.4g} Pa and {cohesion * bonded[first] + friction[first]:.4g} Pa); "
-                    "reduce it, or make the facets stronger"
+                    f"({tensile[first]:.4g} Pa and {cohesion[first] + friction[first]:.4g} Pa); reduce it, or make the "
+                    "facets stronger"
                 )
         parallel.raise_on_all(self.network.comm, error)
 
@@ -214,9 +246,10 @@ class CrackStep:
         state["normal_traction"] += self.initial[:, :1]
         state["shear_traction"] += self.initial[:, 1:]
         for group in self.groups:
-            zero = np.zeros(1)
-            for name, value in group.laws.friction.initial_state(zero, zero, zero).items():
-                state[name][group.facets] = value
+            normal, shear = np.repeat(self.initial[group.facets], 2, axis=0).T
+            found = group.laws.friction.initial_state(np.maximum(-normal, 0.0), np.abs(shear), np.zeros_like(shear))
+            for name, value in found.items():
+                state[name][group.facets] = np.broadcast_to(value, len(shear)).reshape(-1, 2)
             if group.laws.cohesion is None:
                 state["damage"][group.facets] = 1.0
         state |= {name: np.full(count, np.nan if unit == "s" else 0.0) for name, (unit, _) in FACETS.items()}
@@ -437,9 +470,20 @@ class _Kernel:
     def __init__(self, cracks: CrackStep, group: Group) -> None:
         facets, self._states = group.facets, [*ENDS, *cracks.law_states]
         self._facets, self._count = facets, facets.stop - facets.start
-        parameters, macros = formulas(group.laws)
-        self._number = np.array([*parameters.values(), 0.0])
+        parameters, macros = formulas(group.laws, group.rated)
+        varied = {name: value for name, value in parameters.items() if isinstance(value, np.ndarray)}
+        self._number = np.array([*(0.0 if name in varied else value for name, value in parameters.items()), 0.0])
         macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
+        macros |= {
+            "RATED": int(group.rated), "NUMBERS": len(parameters) + 1, "VARIED": len(varied),
+            "VARIED_NUMBERS": ", ".join(str(list(parameters).index(name)) for name in varied) or "0",
+        }
+        for name, parameter in (("TENSION", "c_f_t"), ("BOND", "c_c")):
+            place = list(varied).index(parameter) if parameter in varied else None
+            macros[f"{name}_AT_ENDS"] = (
+                f"*(const loose *)(varied + {place} * LANES)" if place is not None
+                else "TENSILE_STRENGTH - none" if name == "TENSION" else "COHESION - none"
+            )  # fmt: skip
         macros |= {f"s_{name}": f"OLD({name})" for name in cracks.law_states}
         macros |= {
             "BONDED": int(group.laws.cohesion is not None), "LARGE_ROTATIONS": int(cracks.large_rotations),
@@ -458,6 +502,10 @@ class _Kernel:
         self._node = np.ascontiguousarray(2 * corners.reshape(2, -1, 2 * width).transpose(1, 0, 2), np.int32)
         self._fixed = np.ascontiguousarray(columns.reshape(len(rows), -1, width).transpose(1, 0, 2))
         self._owned = cracks.owned[facets].astype(float)
+        blocks = -(-self._count // width)
+        ends = np.minimum(np.arange(blocks * 2 * width), max(2 * self._count - 1, 0))
+        columns = np.array([value[ends] for value in varied.values()]).reshape(len(varied), blocks, 2 * width)
+        self._varied = np.ascontiguousarray(columns.transpose(1, 0, 2))
         self.weigh(cracks.weight)
 
     def weigh(self, weight: np.ndarray) -> None:
@@ -473,8 +521,8 @@ class _Kernel:
         cracks = state.cracks
         ends = (ctypes.c_void_p * len(self._states))(*(self._begin(cracks[name]) for name in self._states))
         facets = (ctypes.c_void_p * len(FACETS))(*(self._begin(cracks[name]) for name in FACETS))
-        arrays = (self._node, self._fixed, self._number, self._owned, state.displacement, state.velocity, mass,
-                  state.force)  # fmt: skip
+        arrays = (self._node, self._fixed, self._number, self._varied, self._owned, state.displacement, state.velocity,
+                  mass, state.force)  # fmt: skip
         self._library.update(
             ctypes.c_long(self._count), ctypes.c_double(since), ctypes.c_double(state.time),
             *(ctypes.c_void_p(array.ctypes.data) for array in arrays), ctypes.byref(ends), ctypes.byref(facets),
@@ -488,49 +536,85 @@ class _Kernel:
 # -- laws ------------------------------------------------------------------------------------------------------------
 
 
-def formulas(laws: CrackLaws) -> tuple[Table, Table]:
-    """Return the values of the parameters by the names of their symbols, and the traced formulas as macros."""
+def formulas(laws: CrackLaws, rated: bool = False) -> tuple[Table, Table]:
+    """Return the values of the parameters by the names of their symbols, and the traced formulas as macros.
+
+    A law with rates is that of interfaces with springs (`TracedLaw`), with the mean slip rate of the step as that at
+    its end: of first order in a step which the springs of facets make short.
+    """
     parameters, friction = parameters_as_symbols(laws.friction, "p_")
     state = {name: symbol(f"s_{name}") for name in laws.friction.all_state_fields()}
-    sigma, rate = symbol("normal_stress"), symbol("slip_rate")
-    advanced: Table = record(friction.advance, state, rate, sigma, symbol("since"))
     formulas: dict[str, dict[str, Expression | float]] = {
-        "FRICTION": {"friction": record(friction.strength, constant(0), sigma, state)},
-        "ADVANCE": {f"OLD({name})": value for name, value in advanced.items()},
         "LEFT": {"left": constant(0)}, "DAMAGE": {"damage": constant(1)},
     }  # fmt: skip
-    strengths: Table = {"TENSILE_STRENGTH": "0.0", "COHESION": "0.0"}
+    macros: Table = {"TENSILE_STRENGTH": "0.0", "COHESION": "0.0"}
+    if rated:
+        law = TracedLaw(laws.friction, at_end=True)
+        macros["BEGUN"] = ", ".join([*(f"BEGUN_{name}" for name in law.start), "BEGUN_COUNT"])
+        macros |= {name: f"begun[BEGUN_{name}]" for name in law.start}
+        formulas["BEGIN"] = {f"begun[BEGUN_{name}]": value for name, value in law.start.items()}
+        formulas["STRENGTH"] = {name: law.outputs[name] for name in ("strength", "slope")}
+        formulas["ADVANCE"] = {f"OLD({name})": law.outputs[f"n_{name}"] for name in law.state_names}
+    else:
+        sigma, rate = symbol("normal_stress"), symbol("slip_rate")
+        advanced: Table = record(friction.advance, state, rate, sigma, symbol("since"))
+        formulas["FRICTION"] = {"friction": record(friction.strength, constant(0), sigma, state)}
+        formulas["ADVANCE"] = {f"OLD({name})": value for name, value in advanced.items()}
     if laws.cohesion is not None:
         found, cohesion = parameters_as_symbols(laws.cohesion, "c_")
         parameters |= found
         formulas["LEFT"] = {"left": record(cohesion.left, symbol("damage"))}
         formulas["DAMAGE"] = {"damage": record(cohesion.damage, symbol("opening"), symbol("slip"))}
-        strengths = {"TENSILE_STRENGTH": "c_f_t", "COHESION": "c_c"}
-    return parameters, strengths | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
+        macros |= {"TENSILE_STRENGTH": "c_f_t", "COHESION": "c_c"}
+    return parameters, macros | {name: to_c(outputs, end=" \\\n") for name, outputs in formulas.items()}
 
 
-def _check(key: str, laws: CrackLaws) -> None:
-    """Refuse laws that facets in bodies do not support.
+def is_rated(friction: FrictionLaw) -> bool:
+    """Return whether the strength of a law depends on the slip rate, or its state changes without slip."""
+    state = {name: symbol(f"s_{name}") for name in friction.all_state_fields()}
+    rate, sigma, since = symbol("slip_rate"), symbol("normal_stress"), symbol("since")
+    _, friction = parameters_as_symbols(friction.at(np.zeros(1)), "p_")
+    at_rest: Table = record(friction.advance, state, constant(0), sigma, since)
+    return depends(record(friction.strength, rate, sigma, state), [rate]) or any(
+        at_rest[name] is not held for name, held in state.items()
+    )
+
+
+def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
+    """Refuse laws that facets all over a body cannot have.
 
     Raises
     ------
     CaseError
         Names the key.
     """
-    for name, value in _varying(laws, key):
-        raise CaseError(f"{name} = {value}: varies along an interface, and cracks are everywhere; give a number")
     for name in ("f_t", "c"):
-        if laws.cohesion is not None and getattr(laws.cohesion, name) <= 0:
+        value = None if laws.cohesion is None else getattr(laws.cohesion, name)
+        if value is not None and not callable(value) and value <= 0:
             raise CaseError(f"{key}.cohesion.{name} = 0: must be above zero; facets that hold nothing have no cohesion")
+    for name, value in _varying(laws, key) if fracture.rigid else ():
+        raise CaseError(
+            f"{name} = {value}: varies, and facets of fracture.kind = '{fracture.kind()}' have one number; give a "
+            "number, or use 'everywhere'"
+        )
     friction: FrictionLaw = laws.friction
+    if not is_rated(friction):
+        return
     kind = f"{key}.friction.kind = '{friction.kind()}'"
-    state = {name: symbol(f"s_{name}") for name in friction.all_state_fields()}
-    rate, sigma, since = symbol("slip_rate"), symbol("normal_stress"), symbol("since")
-    if depends(record(friction.strength, rate, sigma, state), [rate]):
-        raise CaseError(f"{kind}: its strength depends on the slip rate; cracks take laws like coulomb, slip weakening")
-    at_rest: Table = record(friction.advance, state, constant(0), sigma, since)
-    if any(at_rest[name] is not held for name, held in state.items()):
-        raise CaseError(f"{kind}: its state changes without slip; cracks take laws like coulomb, slip weakening")
+    if fracture.rigid:
+        raise CaseError(
+            f"{kind}: depends on the slip rate or on time, and facets of fracture.kind = '{fracture.kind()}' take laws "
+            "like coulomb, slip weakening; use 'everywhere'"
+        )
+    pressed = np.full(1, 1e6)
+    given = friction.at(np.zeros(1))
+    first, second = (given.initial_state(pressed, part * pressed, np.zeros(1)) for part in (0.3, 0.5))
+    if any(np.any(first[name] != second[name]) for name in first):
+        keys = [name for name in type(friction).model_fields if name.endswith("_initial")]
+        raise CaseError(
+            f"{kind}: its initial state follows from the shear stress, which facets do not know before they yield; "
+            "give " + " and ".join(f"{key}.friction.{name}" for name in keys)
+        )
 
 
 def _varying(part: Part, key: str) -> Iterator[tuple[str, object]]:

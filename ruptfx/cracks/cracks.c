@@ -1,5 +1,6 @@
 // Tractions of facets and the forces of their cells, LANES ends at a time (two for every facet).  _step.py writes in
-// front of this file lanes.c, BONDED, where states are, and the traced formulas of cohesion and friction.
+// front of this file lanes.c, BONDED, RATED (friction knows rates), where states are, which parameters vary from end to
+// end, and the traced formulas of cohesion and friction.
 #include <math.h>
 #include <string.h>
 
@@ -16,11 +17,30 @@ enum {
     COLUMNS
 };
 
-// An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits.
-struct end { double open, jump, stiffness, damage, inelastic, largest, slip, cohesive, friction; };
+#define OLD(name) state[STATE_##name][l]
+
+#if RATED
+enum { BEGUN };  // of the law, known when the step begins
+
+// What a law with rates takes besides the slip rate.
+struct rated {
+    double *const *state;
+    int l;
+    double since, normal_stress, normal_stress_before, begun[BEGUN_COUNT + 1];
+};
+#endif
+
+// An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits (at rest, of a law with
+// rates).
+struct end {
+    double open, jump, stiffness, damage, inelastic, largest, slip, cohesive, friction;
+#if RATED
+    const struct rated *rated;
+#endif
+};
 
 // What it carries at a given damage, and the damage which that would lead to.
-struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage; };
+struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage, friction; };
 
 INLINE double left_of(const double *number, double damage)
 {
@@ -38,6 +58,53 @@ INLINE double damage_of(const double *number, double opening, double slip)
     return damage;
 }
 
+#if RATED
+#define GIVEN(at) \
+    double *const *const state = (at)->state; \
+    const int l = (at)->l; \
+    const double since = (at)->since, normal_stress = (at)->normal_stress, \
+        normal_stress_before = (at)->normal_stress_before, rate_before = 0, speed_before = 0, extrapolation = 0, \
+        radiation = 0; \
+    (void)state, (void)l, (void)since, (void)normal_stress, (void)normal_stress_before, (void)rate_before, \
+        (void)speed_before, (void)extrapolation, (void)radiation;
+
+// Strength of friction at a slip rate, with the state advanced to it, and its derivative.
+static double friction_at(const struct rated *at, const double *number, double slip_rate, double *derivative)
+{
+    GIVEN(at)
+    const double *const begun = at->begun;
+    (void)number, (void)begun;
+    double strength, slope;
+    STRENGTH
+    *derivative = slope;
+    return strength;
+}
+
+// Slip rate V at which friction and z V are what is left of a trial traction, by the steps of `next_rate` in points.c;
+// no number where there is none. `friction` becomes its strength.
+static double slip_rate_of(const struct rated *at, const double *number, double trial, double z, double *friction)
+{
+    double slope, low = 0, high = trial / z, v = high;
+    *friction = friction_at(at, number, 0, &slope);
+    if (!(trial > *friction) || !(high > 0)) return 0;
+    v = (trial - *friction) / z;
+    for (int iteration = 0; iteration < 100; iteration++) {
+        *friction = friction_at(at, number, v, &slope);
+        const double residual = trial - z * v - *friction;
+        if (fabs(residual) <= 1e-13 * trial) return v;
+        if (residual > 0) low = v;
+        else high = v;
+        if (high - low <= 1e-15 * high) return fabs(residual) <= 1e-9 * trial ? v : NAN;
+        const double steep = slope + z;
+        const double step = steep > 2 * z ? v + v * expm1(residual / (steep * v)) : v + residual / steep;
+        const double least = low > 1e-12 * high ? low : 1e-12 * high;
+        const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(least * high);
+        v = step > low && step < high && iteration % 8 != 7 ? step : middle;
+    }
+    return NAN;
+}
+#endif
+
 static __attribute__((noinline)) struct answer respond(const struct end *end, const double *number, double damage)
 {
     struct answer at;
@@ -51,10 +118,22 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
     }
     at.normal = k * (end->open - at.inelastic);
     at.largest = at.inelastic > end->largest ? at.inelastic : end->largest;
+    at.friction = end->friction;
     at.strength = COHESION * left + end->friction;
     const double trial = k * (end->jump - end->slip), excess = fabs(trial) - at.strength;
+#if RATED
+    const struct rated *const law = end->rated;
+    double more = law->normal_stress > 0 || !(excess > 0) ? 0 : excess / k;
+    if (law->normal_stress > 0 && law->since > 0 && excess > 0) {
+        const double since = law->since;
+        more = since * slip_rate_of(law, number, fabs(trial) - COHESION * left, k * since, &at.friction);
+        at.strength = COHESION * left + at.friction;
+    }
+    at.shear = more > 0 ? copysign(fabs(trial) - k * more, trial) : more == 0 ? trial : more;
+#else
     const double more = excess > 0 ? excess / k : 0;
     at.shear = excess > 0 ? copysign(at.strength, trial) : trial;
+#endif
     at.slip = end->slip + copysign(more, trial);
     at.cohesive = end->cohesive + more;
     at.damage = damage_of(number, at.largest, at.cohesive);
@@ -100,18 +179,45 @@ static __attribute__((noinline)) struct answer settle(const struct end *end, con
 
 // One end by the full law; what it took of the energy is added to taken: friction, fracture, contact [J/m2].
 static __attribute__((noinline)) void yield_end(double since, double open, double jump, double stiffness,
-                                                const double *number, double *const *state, int l, double *taken)
+                                                const double *number, const double *varied, double *const *state,
+                                                int l, double *taken)
 {
+    (void)varied;
+#if VARIED
+    static const int places[] = {VARIED_NUMBERS};
+    double here[NUMBERS];
+    memcpy(here, number, sizeof here);
+    for (int i = 0; i < VARIED; i++) here[places[i]] = varied[i * LANES + l];
+    number = here;
+#endif
     (void)since;
-#define OLD(name) state[STATE_##name][l]
-    struct end end = {open, jump, stiffness, OLD(damage), OLD(inelastic_opening), OLD(largest_opening), OLD(slip),
-                      OLD(cohesive_slip), 0};
+    struct end end = {
+        .open = open, .jump = jump, .stiffness = stiffness, .damage = OLD(damage), .inelastic = OLD(inelastic_opening),
+        .largest = OLD(largest_opening), .slip = OLD(slip), .cohesive = OLD(cohesive_slip),
+    };
     const double normal_stress = open < 0 ? -stiffness * open : 0;
+#if RATED
+    struct rated rated = {
+        .state = state, .l = l, .since = since, .normal_stress = normal_stress,
+        .normal_stress_before = OLD(normal_traction) < 0 ? -OLD(normal_traction) : 0,
+    };
+    {
+        GIVEN(&rated)
+        const double slip_rate = 0;
+        double *const begun = rated.begun;
+        (void)slip_rate, (void)begun;
+        BEGIN
+    }
+    double slope;
+    end.rated = &rated;
+    end.friction = normal_stress > 0 ? friction_at(&rated, number, 0, &slope) : 0;
+#else
     if (normal_stress > 0) {
         double friction;
         FRICTION
         end.friction = friction;
     }
+#endif
     double damage;
     const struct answer at = settle(&end, number, &damage, taken + 3);
     const double before = OLD(normal_traction);
@@ -119,7 +225,12 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);
     const double given_back = 0.5 * (before * end.inelastic * (before > 0) - at.normal * at.inelastic * (at.normal > 0));
     const double slipped = 0.5 * (OLD(shear_traction) + at.shear) * (at.slip - end.slip);
+#if RATED
+    // Strength that falls with the rate is none that cohesion has: what has failed gives all to friction.
+    const double friction_work = end.damage < 1 ? at.friction * fabs(at.slip - end.slip) : slipped;
+#else
     const double friction_work = end.friction * fabs(at.slip - end.slip);
+#endif
     const double rubbed = friction_work < slipped ? friction_work : slipped;
     taken[0] += rubbed;
     taken[1] += slipped - rubbed;
@@ -130,7 +241,16 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     }
     const double slip_rate = since > 0 ? fabs(at.slip - end.slip) / since : 0;
     (void)slip_rate, (void)normal_stress;
+#if RATED
+    {
+        GIVEN(&rated)
+        const double *const begun = rated.begun;
+        (void)begun;
+        ADVANCE
+    }
+#else
     ADVANCE
+#endif
     OLD(normal_traction) = at.normal;
     OLD(shear_traction) = at.shear;
     OLD(inelastic_opening) = at.inelastic;
@@ -192,20 +312,21 @@ INLINE void turn_frames(const lanes minus[2], const lanes plus[2], lanes *nx, la
 #endif
 
 // All bits of the ends that are whole and carry no more than their springs alone may, as almost all do.
-INLINE long_lanes elastic(lanes damage, lanes normal, lanes shear, const double *number)
+INLINE long_lanes elastic(lanes damage, lanes normal, lanes shear, const double *number, const double *varied)
 {
-    (void)number;
-    const lanes none = {0}, tension = TENSILE_STRENGTH - none, cohesion = COHESION - none;
+    (void)number, (void)varied;
+    const lanes none = {0}, tension = TENSION_AT_ENDS, cohesion = BOND_AT_ENDS;
     return (damage <= none) & (normal <= tension) & (shear <= cohesion) & (-shear <= cohesion);
 }
 
 // Tractions at the displacement, and their forces added to `force`; energies of owned facets are added to `energy`, then
 // the largest residual of a damage, and the facet that has it.
 void update(long facets, double since, double time, const int *node, const double *fixed, const double *number,
-            const double *owned, const double *displacement, const double *velocity, const double *mass, double *force,
+            const double *varied, const double *owned, const double *displacement, const double *velocity, const double *mass, double *force,
             double *const *states, double *const *facet, double *energy)
 {
-    for (long first = 0; first < 2 * facets; first += LANES, node += 2 * LANES, fixed += COLUMNS * LANES / 2) {
+    for (long first = 0; first < 2 * facets; first += LANES, node += 2 * LANES, fixed += COLUMNS * LANES / 2,
+              varied += VARIED * LANES) {
         const long rest = 2 * facets - first;
         const int count = rest < LANES ? (int)rest : LANES;
         // The last block has room of its own, so that all blocks take the same way.
@@ -237,7 +358,7 @@ void update(long facets, double since, double time, const int *node, const doubl
 #endif
 #define AT_ENDS(name) (*(loose *)state[STATE_##name])
         lanes normal = k * open, shear = k * jump;
-        const long_lanes fine = elastic(AT_ENDS(damage), normal, shear, number);
+        const long_lanes fine = elastic(AT_ENDS(damage), normal, shear, number, varied);
         long all = -1;
         UNROLL for (int l = 0; l < LANES; l++) all &= fine[l];
         if (all) {
@@ -254,7 +375,7 @@ void update(long facets, double since, double time, const int *node, const doubl
                     continue;
                 }
                 double taken[4] = {0, 0, 0, energy[3]};
-                yield_end(since, open[l], jump[l], k[l], number, state, l, taken);
+                yield_end(since, open[l], jump[l], k[l], number, varied, state, l, taken);
                 const double area = weight[l] * owned[(first + l) / 2];
                 for (int e = 0; e < 3; e++) energy[e] += area * taken[e];
                 if (!(taken[3] <= energy[3])) energy[3] = taken[3], energy[4] = (first + l) / 2;

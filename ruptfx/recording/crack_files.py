@@ -197,8 +197,11 @@ def facets_of(cracks: CrackStep) -> FaultState:
     opening, slip = np.full(len(order), np.nan), np.full(len(order), np.nan)
     for group in cracks.groups:
         if group.laws.cohesion is not None:
-            opening[group.facets] = group.laws.cohesion.opening_at_failure
-            slip[group.facets] = group.laws.cohesion.slip_at_failure
+            for found, of_ends in (
+                (opening, group.laws.cohesion.opening_at_failure), (slip, group.laws.cohesion.slip_at_failure)
+            ):  # fmt: skip
+                both = np.broadcast_to(of_ends, 2 * len(found[group.facets])).reshape(-1, 2)
+                found[group.facets] = both.mean(axis=1)
     return {
         "ends": net.ends[order].reshape(-1, 4), "normal": net.normal[order], "length": net.length[order],
         "bodies": net.bodies[order].astype(float), "joint": net.joint[order].astype(float),

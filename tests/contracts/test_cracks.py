@@ -244,11 +244,13 @@ def test_slip_weakening_friction_goes_on_after_failure() -> None:
 @pytest.mark.parametrize(("key", "value", "said"), [
     ("f_t", 0.0, r"f_t = 0: must be above zero"),
     ("c", {"kind": "boxcar", "inside": 1e6, "outside": 2e6, "center": 0.0, "half_width": 1e-3},
-     "varies along an interface"),
+     r"c = .*: varies, and facets of fracture.kind = 'on_strength'"),
 ])  # fmt: skip
 def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: str) -> None:
     with pytest.raises(CaseError, match=said):
-        Model(case({**PAIR, f"fracture.default.cohesion.{key}": value}))
+        Model(case({
+            **PAIR, "fracture.kind": "on_strength", f"fracture.default.cohesion.{key}": value,
+        }))  # fmt: skip
 
 
 # -- bodies ----------------------------------------------------------------------------------------------------------

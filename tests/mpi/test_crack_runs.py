@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from crack_cases import BRITTLE, block, faulted
+from crack_cases import BRITTLE, WEAK, block, faulted
 from whole_runs import run_of, run_on, starts_jobs, stopped
 
 from ruptfx import fem
@@ -37,7 +37,14 @@ case_file, alone = run_of(*(
     })
     for kind, steps in STEPS.items()
     for mass in (0.0, 1e3)  # nodes are moved on by other loops where masses are damped
-), faulted({
+), block({
+    "fracture.default": {
+        "cohesion": {**WEAK, "f_t": {"kind": "boxcar", "inside": 2e6, "outside": 4e6, "center": 5e-3,
+                                     "half_width": 1e-3}},
+        "friction": {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6,
+                     "theta_initial": 1.0},
+    }, "fracture.profiles_along": "y", "output.checkpoint_steps": 200,
+}), faulted({
     "fracture.default.cohesion": BRITTLE, "mesh.element_size": 0.5e-3, "output.checkpoint_steps": 200,
     "boundaries": [{"kind": "driven", "edge": "upper.top", "component": "x", "velocity": 0.1}],
 }))  # fmt: skip
