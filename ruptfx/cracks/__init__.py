@@ -43,7 +43,7 @@ class Fracture(Alternative):
 
     planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
     """Where bodies break."""
-    isotropic: ClassVar[bool] = True
+    isotropic: ClassVar[bool] = False
     """Whether only bodies of isotropic materials break."""
 
     default: CrackLaws
