@@ -9,7 +9,6 @@ import numpy as np
 
 from ruptfx import parallel
 from ruptfx.check_table import Row
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
 if TYPE_CHECKING:
     from ruptfx.cracks import CrackLaws
@@ -35,12 +34,12 @@ def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
     of_pairs = {"-".join(pair): laws for pair, laws in fracture.laws_by_pair(model.bodies.names).items()}
     of_pairs = {pair: laws for pair, laws in of_pairs.items() if pair in here}
     for pair, laws in (of_pairs | fracture.laws_of_joints(model.bodies.joints)).items():
-        law = laws.cohesion
-        if law is None:
+        if laws.cohesion is None:
             continue
+        law = laws.cohesion.at(cracks.position.ravel())
         modulus = moduli.get(pair, min(young.values()))
         for mode, energy, strength in (("I", law.G_Ic, law.f_t), ("II", law.G_IIc, law.c)):
-            zone = modulus * energy / strength**2
+            zone = float(np.min(modulus * energy / strength**2))
             cells = zone / cracks.edge
             fine, far = cells >= RESOLVED, cells < LOST and not fracture.unresolved
             yield Row(
@@ -50,7 +49,7 @@ def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
                 + f"G_{mode}c" + ("; or say that you know: fracture.unresolved = true" if far else ""),
                 "ok" if fine else "error" if far else "warning",
             )  # fmt: skip
-    yield from _loading(model, of_pairs)
+    yield from _loading(model, of_pairs, cracks.position.ravel())
 
 
 def insertion_rows(model: Model, cracks: CrackStep, check_every: int, dt: float) -> Iterator[Row]:
@@ -76,7 +75,7 @@ def spring_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
+def _loading(model: Model, laws: Mapping[str, CrackLaws], position: np.ndarray) -> Iterator[Row]:
     """Yield the number of wave passages until the impact speed has loaded a body to f_t, f_t / (rho c_p v)."""
     flying = [float(np.linalg.norm(velocity)) for velocity in model.case.initial_velocity.values()]
     speed = max(model.case.impact_speed, *flying, 0.0)
@@ -85,7 +84,7 @@ def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
         for name, material in zip(model.bodies.names, model.materials, strict=True)
     }
     waves = [
-        each.cohesion.f_t / (speed * min(impedance[name] for name in pair.split("-")))
+        float(np.min(each.cohesion.at(position).f_t)) / (speed * min(impedance[name] for name in pair.split("-")))
         for pair, each in laws.items() if speed and each.cohesion is not None
     ]  # fmt: skip
     if waves:
@@ -96,14 +95,15 @@ def _loading(model: Model, laws: Mapping[str, CrackLaws]) -> Iterator[Row]:
 
 
 def _young(material: Material) -> float:
-    assert isinstance(material, IsotropicElastic)  # cracks have no others
-    return material.young_modulus
+    """Return the smaller one of the moduli along the axes of a material, in the plane [Pa]."""
+    angle = getattr(material, "angle", 0.0)
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return float(material.young_modulus_along(axes).min())
 
 
 def _softer(model: Model, cracks: CrackStep, material: Material) -> float:
-    """Return the relative loss of the plane modulus E' by springs, 1 - 1 / (1 + S E' / 2 k)."""
-    assert isinstance(material, IsotropicElastic)
-    lame, shear = material.lame(model.case.plane)
-    modulus = 4 * shear * (lame + shear) / (lame + 2 * shear)
-    stiffness = cracks.fracture.stiffness(material, model.case.plane, cracks.edge)
-    return 1 - 1 / (1 + cracks.length_per_area * modulus / (2 * stiffness))
+    """Return the part of the plane modulus that springs cost, 1 - 1 / (1 + S E / 2 k); anisotropic, of the lower E."""
+    lame = material.lame(model.case.plane)
+    modulus = _young(material) if lame is None else 4 * lame[1] * (lame[0] + lame[1]) / (lame[0] + 2 * lame[1])
+    stiffness = cracks.fracture.stiffness(_young(material), cracks.edge)
+    return float(1 - 1 / (1 + cracks.length_per_area * modulus / (2 * stiffness)))
