@@ -84,7 +84,7 @@ class Material(Alternative):
         return np.asarray(1 / np.einsum("ni,ij,nj->n", stress, compliance, stress))
 
     def spring_share(self, plane: Plane, compliance: Callable[[float], float]) -> float | None:
-        """Largest part of a compliance of the material that springs between its cells have.
+        """Return the largest part of a compliance of the material that springs between its cells have.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class Material(Alternative):
         return None
 
     def stiffened(self, plane: Plane, compliance: Callable[[float], float]) -> Material:
-        """The material whose compliance is less by that of springs; arguments as of `spring_share`."""
+        """Return the material less compliant by the compliance of springs; arguments as of `spring_share`."""
         raise NotImplementedError
 
     def wave_speeds(self, plane: Plane) -> WaveSpeeds:

@@ -83,7 +83,7 @@ class OrthotropicElastic(Material):
         return stiffness if plane == "solid" else stiffness[inside]
 
     def _of_springs(self, compliance: Callable[[float], float]) -> np.ndarray:
-        """What springs add to the compliances of 11, 22 and 12, shear counted twice [1/Pa]; shape (3,).
+        """Return the compliances of springs for 11, 22 and 12, shear counted twice [1/Pa]; shape (3,).
 
         With stiffnesses in proportion to E(n), the modulus along the normal n of a facet, the strain is the mean of
         n (sigma n) / E(n) over all directions, made symmetric. As 1 / E(n) = s_11 c^4 + (2 s_12 + s_66) c^2 s^2 +
