@@ -239,7 +239,7 @@ def test_what_finite_steps_take_closes_the_budget(breaks: bool) -> None:
 @pytest.mark.parametrize(
     "changes, message",
     [
-        ({"plane": "antiplane", "boundaries": []}, "large_rotations: plane = 'antiplane'"),
+        ({"plane": "antiplane", "boundaries": []}, "large_rotations, plane = 'antiplane'"),
         ({"damping.kelvin_voigt": {}}, "large_rotations: damping.kelvin_voigt would resist rotation"),
         ({"stepper": {"kind": "generalized_alpha", "time_step": 1e-8}}, "large_rotations: stepper.kind"),
     ],

@@ -6,10 +6,11 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from small_cases import SETS, merged, plates
+
 from ruptfx import simulate
 from ruptfx.case import parse_case
 from ruptfx.schema import CaseError
-from tests.small_cases import SETS, merged, plates
 
 pytestmark = pytest.mark.fem
 
