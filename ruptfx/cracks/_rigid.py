@@ -28,8 +28,8 @@ from ruptfx.state import FaultState, State
 
 LOG = logging.getLogger("ruptfx.run")
 # Error of the tractions at a vertex over the tractions and the tensile strength there; patch.c asks for 1e-8.
-# Where friction is above 1, a vertex may have no solution in a step: granite with mu_d = 1.27 has errors up to 0.2 in 1 to
-# 70 of 10 000 steps, at single vertices, and goes on.
+# Where friction is above 1, a vertex may have no solution in a step: granite with mu_d = 1.27 has errors up to 0.2 in 1
+# to 70 of 10 000 steps, at single vertices, and goes on.
 CONVERGED = 1e-6
 ALLOWED = 1.0
 REPORTED = (1, 10, 100, 1000, 10_000)  # numbers of steps beyond CONVERGED at which the log says so

@@ -135,7 +135,8 @@ def test_quasi_static_steps_take_it(kind: str) -> None:
     """A step without inertia ends in equilibrium, with its energies, whatever the boundary is."""
     # Both of two tied nodes are driven, or none.
     edges = ["lower.left"] + ["upper.left"] * (with_boundary(kind).boundaries[-1].tied_edges is not None)
-    held = [{"kind": "driven", "edge": edge, "component": name, "velocity": 0.0} for edge in edges for name in ("x", "y")]
+    held = [{"kind": "driven", "edge": edge, "component": name, "velocity": 0.0}
+            for edge in edges for name in ("x", "y")]  # fmt: skip
     slow = with_boundary(kind, {
         "order": 2, "boundaries": [example(kind), *held, {**PUSH, "ramp": 4e-6}], "duration": 4e-6,
         "stepper": SLOW,
