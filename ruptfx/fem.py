@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import signal
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,7 +80,28 @@ def _load() -> None:
     version = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
     if version < (0, 9):
         raise RuptfxError(f"DOLFINx {dolfinx.__version__} is too old: ruptfx needs 0.9 to 0.11")
+    remove_abandoned(_FORMS)
     globals().update(MPI=MPI, PETSc=PETSc, VERSION=version, basix=basix, dolfinx=dolfinx, ufl=ufl)
+
+
+def remove_abandoned(folder: Path, age: float = 300.0) -> None:
+    """Remove the source files of forms whose compilation has ended without a library.
+
+    FFCx creates the source of a form first and its mark `.cached` last; while there is a source without a mark, other
+    processes wait for it and then give up. A process that was killed in between leaves such a source.
+
+    Parameters
+    ----------
+    folder : Path
+    age : float
+        Time after which nobody compiles a source any more [s].
+    """
+    with suppress(OSError):  # no folder yet
+        names = {entry.name for entry in os.scandir(folder)}
+        for name in names:
+            path = folder / name
+            if name.endswith(".c") and f"{name}.cached" not in names and time.time() - path.stat().st_mtime > age:
+                path.unlink(missing_ok=True)
 
 
 def is_loaded() -> bool:
@@ -96,9 +120,10 @@ def finish() -> None:
 # FFCx names a compiled form after its text and flags only. Code for -march=native may crash on another processor that
 # shares the cache (network disk, image): each processor has its own folder.
 _MACHINE = hashlib.sha256(native._processor().encode()).hexdigest()[:12]
+_FORMS = native.cache_directory() / f"forms-{_MACHINE}"
 JIT_OPTIONS = {
     "cffi_extra_compile_args": ["-O3", f"-march={native.target()}"],
-    "cache_dir": str(native.cache_directory() / f"forms-{_MACHINE}"),
+    "cache_dir": str(_FORMS),
     "timeout": 60,  # [s] for another process that compiles the same, on a busy machine
 }
 
