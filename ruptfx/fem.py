@@ -7,6 +7,7 @@ modules that compute can be imported where cases are only read, and without DOLF
 # ruff: noqa: I001
 from __future__ import annotations
 
+import copy
 import ctypes
 import hashlib
 import os
@@ -16,6 +17,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -269,7 +271,9 @@ def matrix(form: Any, coupled: np.ndarray, tied: tuple[np.ndarray, np.ndarray] |
     for pair in pairs:
         pattern.insert(pair, pair)
     pattern.finalize()
-    made: Any = dolfinx.cpp.la.petsc.create_matrix(form.mesh.comm, pattern)
+    never_freed = dolfinx.cpp.la.petsc.create_matrix(form.mesh.comm, pattern)  # DOLFINx counts a reference too many
+    made: Any = copy.copy(never_freed)  # the same matrix
+    never_freed.destroy()  # gives the reference back
     zeros = np.zeros((2 * made.getBlockSize(), 2 * made.getBlockSize()))
     for pair in pairs:  # what is not set at the first assembly is dropped
         made.setValuesBlockedLocal(pair, pair, zeros, addv=PETSc.InsertMode.ADD_VALUES)
@@ -289,6 +293,22 @@ def local_matrix(form: object) -> Any:
     rows = dolfinx.fem.assemble_matrix(form).to_scipy(ghosted=True).tocsr()
     # Remove columns beyond the local unknowns, which are reserved for contributions of other ranks.
     return rows[:, : rows.shape[0]].copy()
+
+
+def callback(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function for PETSc that calls a bound method without keeping its object.
+
+    PETSc objects keep their callbacks where Python's garbage collector does not look: an object that has a solver and
+    is its callback would stay for ever, with its model and their communicators, of which MPI has about two thousand.
+    """
+    weak = WeakMethod(method)
+
+    def call(*arguments: Any) -> Any:
+        alive = weak()
+        assert alive is not None, "a solver outlived the object that it belongs to"
+        return alive(*arguments)
+
+    return call
 
 
 def option_was_read(name: str) -> bool:

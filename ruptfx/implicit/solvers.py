@@ -97,10 +97,10 @@ class NewtonSolver:
         snes: Any = fem.PETSc.SNES()  # its annotations refuse mpi4py's communicators
         self.snes = snes.create(model.comm)
         self.snes.setOptionsPrefix(self._options.prefix)
-        self.snes.setFunction(self._function, matrix.createVecLeft())
-        self.snes.setJacobian(self._differentiate, matrix, matrix)
+        self.snes.setFunction(fem.callback(self._function), matrix.createVecLeft())
+        self.snes.setJacobian(fem.callback(self._differentiate), matrix, matrix)
         self.snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=0.0, max_it=MAX_NEWTON)
-        self.snes.setConvergenceTest(self._converged)
+        self.snes.setConvergenceTest(fem.callback(self._converged))
         self._ksp = self.snes.getKSP()
         self._multigrid = not choose(self._ksp, model, matrix)
         self._ready = False

@@ -106,8 +106,8 @@ class PetscTsMotion:
         matrix = self._equilibrium.tangent.matrix
         self._unit = self._mean_mass()  # times this mass, rows a = a_D of driven edges are as large as the others
         self._u, self._v = matrix.createVecRight(), matrix.createVecRight()
-        self._ts.setI2Function(self._residual, matrix.createVecLeft())
-        self._ts.setI2Jacobian(self._jacobian, matrix, matrix)
+        self._ts.setI2Function(fem.callback(self._residual), matrix.createVecLeft())
+        self._ts.setI2Jacobian(fem.callback(self._jacobian), matrix, matrix)
         self._ts.setSolution2(self._u, self._v)
         self._ts.setMaxSNESFailures(-1)
         snes = self._ts.getSNES()
@@ -124,13 +124,14 @@ class PetscTsMotion:
         self._both = PETSc.Vec().createMPI((2 * n, None), comm=comm)
         self._u, self._v = None, None
         if self._scheme == "rk":
-            self._ts.setRHSFunction(self._rates, self._both.duplicate())
+            self._ts.setRHSFunction(fem.callback(self._rates), self._both.duplicate())
         else:
             first = self._both.getOwnershipRange()[0]
             for name, offset, function in (("position", 0, self._velocity), ("momentum", n, self._acceleration)):
                 part = PETSc.IS().createStride(n, first=first + offset, step=1, comm=comm)
                 self._ts.setRHSSplitIS(name, part)
-                self._ts.setRHSSplitRHSFunction(name, function, PETSc.Vec().createMPI((n, None), comm=comm))
+                rates = PETSc.Vec().createMPI((n, None), comm=comm)
+                self._ts.setRHSSplitRHSFunction(name, fem.callback(function), rates)
         self._ts.setSolution(self._both)
 
     # -- what TS asks for --------------------------------------------------------------------------------------------
