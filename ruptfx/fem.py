@@ -308,6 +308,7 @@ def callback(method: Callable[..., Any]) -> Callable[..., Any]:
         assert alive is not None, "a solver outlived the object that it belongs to"
         return alive(*arguments)
 
+    call.__name__ = method.__name__  # petsc4py keeps one of each name
     return call
 
 

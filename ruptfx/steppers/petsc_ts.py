@@ -85,6 +85,7 @@ class PetscTsMotion:
         self._driven = model.loads.prescribed
         self._state: State
         self._error: ProjectionError | None = None
+        self._scale = 0.0  # of the last forces [N]
         self._ready = False
         defaults: PetscOptions = {"ts_adapt_type": "none", "ts_basicsymplectic_type": "2", "mat_mumps_icntl_14": 50}
         self._options = CaseOptions(stepper.petsc_options, defaults)
@@ -112,6 +113,7 @@ class PetscTsMotion:
         self._ts.setMaxSNESFailures(-1)
         snes = self._ts.getSNES()
         snes.setTolerances(rtol=TOLERANCE, atol=0.0, stol=1e-14, max_it=30)
+        snes.setConvergenceTest(fem.callback(self._converged))
         choose(snes.getKSP(), self.model, matrix)
 
     def _mean_mass(self) -> float:
@@ -148,7 +150,9 @@ class PetscTsMotion:
         The error of the law is stored.
         """
         try:
-            return self._equilibrium.answer(self._state, time - self._state.time, u)
+            solution = self._equilibrium.answer(self._state, time - self._state.time, u)
+            self._scale = solution.scale
+            return solution
         except ProjectionError as error:
             self._error = error
             return None
@@ -183,6 +187,15 @@ class PetscTsMotion:
         if solution is None:
             return  # the residual is not a number either, and SNES gives up
         self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit)
+
+    def _converged(self, snes: fem.PETSc.SNES, _: int, norms: tuple[float, float, float]) -> int | None:
+        """Test the residual against the forces, which balance before anything moves, and the update."""
+        rtol, atol, stol, _ = snes.getTolerances()
+        moved, step, left = norms
+        reasons = fem.PETSc.SNES.ConvergedReason
+        if left <= max(rtol * self._scale, atol):
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.CONVERGED_SNORM_RELATIVE if 0 < step < stol * moved else None
 
     def _velocity(self, _: object, __: float, v: fem.PETSc.Vec, out: fem.PETSc.Vec) -> None:
         out.array[:] = v.array_r
