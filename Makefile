@@ -1,7 +1,7 @@
 # Everything runs in .venv, which `env` makes; no step needs anything but a Python 3.12 or newer and a C compiler.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help env demo test test-portable test-slow lint bench docker clean pictures
+.PHONY: help env demo test verify test-portable lint bench docker clean pictures
 
 BIN := .venv/bin
 # One thread per rank; Open MPI: as many ranks as asked for, as any user.
@@ -25,33 +25,34 @@ lint: env ## style, types, import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Two processes, each with whole files: some need a minute for what their tests share. A thousand models with their
-# factorisations in one process that has run other tests exhaust the communicators of MPI: that file has its own process.
-MANY_MODELS := tests/contracts/test_every_key.py
-SLOWEST := --durations=40 --durations-min=3
-test: lint ## lint, all tests on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1800 $(BIN)/python -m pytest -n 2 --dist loadfile $(SLOWEST) --ignore=tests/container --ignore=$(MANY_MODELS)
-	timeout 600 $(BIN)/python -m pytest $(MANY_MODELS)
+# Two processes, each with whole files: some need a minute for what their tests share.
+EVERY_KEY := tests/contracts/test_every_key.py
+FILES := -n 2 --dist loadfile --durations=40 --durations-min=3
+TESTS := -n 2 --dist load --durations=40 --durations-min=3
+test: lint ## lint, tests of parts, contracts and faults on 1 rank, the MPI tests on 2 ranks, the demo at small size
+	timeout 1500 $(BIN)/python -m pytest $(FILES) $(addprefix --ignore=,tests/container tests/verification $(EVERY_KEY))
 	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
+# Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
+verify: env ## exact solutions and other codes, every key of a case, and the tests that take minutes
+	timeout 1200 $(BIN)/python -m pytest $(FILES) tests/verification
+	timeout 900 $(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
+	timeout 1200 $(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py
+
 # Code for other vectors, and other kernels of the BLAS, round otherwise. All contracts and verification for the oldest
 # x86-64, and for AVX2 what iterates or chooses its steps. Left out: what draws pictures, and lumped models, which are not
 # compiled here.
-PORTABLE := tests/contracts tests/verification --ignore=$(MANY_MODELS) $(addprefix --ignore=tests/,contracts/test_bench_figures.py \
+PORTABLE := tests/contracts tests/verification --ignore=$(EVERY_KEY) $(addprefix --ignore=tests/,contracts/test_bench_figures.py \
     contracts/test_lumped.py contracts/test_movies.py verification/test_mode_map_page.py)
 ITERATING := $(addprefix tests/,contracts/test_friction.py contracts/test_implicit_contact.py verification/test_condensed.py \
     verification/test_implicit_steps.py verification/test_quasi_dynamic.py verification/test_radiation_damping.py \
     verification/test_sliding_implicit.py)
 test-portable: env ## contracts and verification with code for other processors
-	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest -n 2 --dist loadfile $(SLOWEST) $(PORTABLE)
+	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest $(FILES) $(PORTABLE)
 	RUPTFX_MARCH=x86-64-v3 timeout 600 $(BIN)/python -m pytest -n 2 --dist loadfile $(ITERATING)
-
-# Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
-test-slow: env ## the tests that take minutes
-	timeout 1200 $(BIN)/python -m pytest -n 2 --dist load $(SLOWEST) -m slow tests --ignore=tests/contracts/test_bench_figures.py
 
 docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
