@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -247,6 +248,80 @@ def two_columns(path: Path, first: str, units: Units) -> tuple[list[float], list
     column, values = zip(*rows, strict=True)
     require_increasing(column, lines, path)
     return list(column), list(values)
+
+
+def named_histories(
+    path: Path, wanted: Mapping[str, tuple[Sequence[str], str]], only: str | None = None
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Read times [s] from the first column of a CSV file, and the columns whose header names a wanted quantity.
+
+    Parameters
+    ----------
+    path : Path
+    wanted : mapping of str to (sequence of str, str)
+        Names that the header may have for a quantity, in lower case, and its unit. Other columns are ignored.
+    only : str, optional
+        The wanted quantity in a file of two columns, whatever its header.
+
+    Returns
+    -------
+    times : ndarray, shape (n,)
+    columns : dict of str to ndarray, shape (n,)
+        The quantities found, in their units.
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not finite, times that do not increase, an unknown unit, or one of another kind.
+    """
+    above: list[tuple[int, list[str]]] = []
+    rows: list[tuple[int, list[str]]] = []
+    for line, content in enumerate(text_of(path).splitlines(), 1):
+        words = content.lstrip("#").strip().split(";" if ";" in content else ",")
+        if not content.strip() or content.startswith("#") or not (rows or is_number(words[0])):
+            above.append((line, words))
+        else:
+            rows.append((line, words))
+    if len(rows) < 2 or len(rows[0][1]) < 2:
+        raise ValueError(f"{path}: at least two lines with a time and a value are needed, found {len(rows)}")
+    count = len(rows[0][1])
+    headers = [(line, cells) for line, cells in above if len(cells) == count]
+    places = {only: 1} if only is not None and count == 2 else {}
+    for _line, cells in headers:
+        for column, cell in enumerate(cells[1:], 1):
+            for name, (aliases, unit) in wanted.items():
+                if name not in places and _called(cell, aliases, unit):
+                    places[name] = column
+    times, found = _column(rows, headers, 0, "s", path), {}
+    require_increasing(times, [line for line, _ in rows], path)
+    for name, column in places.items():
+        found[name] = _column(rows, headers, column, wanted[name][1], path)
+    return times, found
+
+
+def _called(cell: str, aliases: Sequence[str], unit: str) -> bool:
+    """Return whether the header of a column has one of the names, with or without a unit."""
+    plain = cell.strip().strip("\"'").strip()
+    names = [plain]
+    if found := _BRACKETED.fullmatch(plain):
+        names.append(found[1])
+    else:
+        with suppress(ValueError):  # a unit of another kind: the column is another quantity, or has no unit
+            names.append(name_and_factor(plain, unit)[0])
+    return any(name.strip().lower() in aliases for name in names)
+
+
+def _column(
+    rows: Sequence[tuple[int, list[str]]], headers: Sequence[tuple[int, list[str]]], column: int, unit: str, path: Path
+) -> np.ndarray:
+    scale: Fraction | None = None
+    for line, cells in headers:
+        where = f"line {line} of {path}, column {column + 1}"
+        scale = scale or _name_and_factor(cells[column], unit, where)[1]
+    short = next((line for line, words in rows if len(words) <= column), None)
+    if short is not None:
+        raise ValueError(f"line {short} of {path}: has fewer columns than the lines above it")
+    return np.array([number(words[column], path, line) for line, words in rows]) * float(scale or 1)
 
 
 def with_file_read(values: object, info: ValidationInfo, key: str, first: str, units: Units) -> object:

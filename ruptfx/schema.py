@@ -62,8 +62,7 @@ class CaseError(RuptfxError):
                 lines.append(f"{key}: {item['msg']}")
             else:
                 # A table is known by its key.
-                value = "" if isinstance(item["input"], Mapping | BaseModel) else f" = {item['input']!r}"
-                shown = value if len(value) < 80 else value[:77] + "..."
+                shown = "" if isinstance(item["input"], Mapping | BaseModel) else f" = {shown_value(item['input'])}"
                 reason = item["msg"].removeprefix("Value error, ")
                 lines.append(f"{key}{shown}: {reason[0].lower()}{reason[1:]}")
         return cls("\n".join(dict.fromkeys(lines)))
@@ -77,6 +76,27 @@ def shown_key(key: object) -> str:
 
 
 MAX_DEPTH = 40
+
+
+def shown_value(value: object) -> str:
+    """Return a value as text of at most 80 characters."""
+    shown = repr(value)
+    return shown if len(shown) < 80 else shown[:77] + "..."
+
+
+def dotted_keys(value: object, key: str = "") -> Iterator[str]:
+    """Yield the dotted keys of the values below a part or a table; entries of lists of tables have numbers."""
+    if isinstance(value, Part):
+        items = [(name, getattr(value, name)) for name in type(value).model_fields]
+    elif isinstance(value, Mapping):
+        items = list(value.items())
+    elif isinstance(value, list) and value and all(isinstance(each, Part | Mapping) for each in value):
+        items = [(str(number), each) for number, each in enumerate(value)]
+    else:
+        yield key
+        return
+    for name, item in items:
+        yield from dotted_keys(item, f"{key}.{name}".lstrip("."))
 
 
 def check_tables(table: Mapping[str, object]) -> None:
@@ -208,6 +228,16 @@ class Part(BaseModel, metaclass=_Reworded):
                 hints = "; ".join(f"unknown key '{shown_key(key)}', {nearest(key, known)}" for key in unknown)
                 raise PydanticCustomError("unknown_key", "{hints}", {"hints": hints})
         return values
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in type(self).model_fields:
+            super().__setattr__(name, value)
+            return
+        key = f"'{name}'" if hasattr(self, "changed") else f"'TABLE.{name}'"
+        raise CaseError(
+            f"{name} = {shown_value(value)}: cases do not change; write  case = case.changed({key}, "
+            f"{shown_value(value)})  for another one" + ", with the dotted key as after --set" * ("." in key)
+        )
 
     def __dir__(self) -> list[str]:
         """Return the own keys and methods for completion, without those of pydantic."""

@@ -8,7 +8,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,9 +24,30 @@ screen = console()
 errors = console(stderr=True)
 
 CaseFile = Annotated[Path, typer.Argument(help="Case file (TOML).", show_default=False)]
+
+
+def keys(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the keys of the named case that begin with the typed text, for completion; also those not given in it."""
+    from ruptfx.case import read_case, read_toml
+    from ruptfx.schema import dotted_keys
+
+    path = context.params.get("case")
+    if path is None or "=" in incomplete:
+        return []
+    found = set[str]()
+    with suppress(RuptfxError):
+        table = read_toml(Path(path))
+        found.update(dotted_keys(table))
+        if "plugins" not in table:  # whose code must not run at a Tab
+            found.update(dotted_keys(read_case(path)))
+    return sorted(f"{key}=" for key in found if key.startswith(incomplete))
+
+
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", help='KEY=VALUE, e.g. faults.main.initial_stress.normal="30 MPa"; repeatable.'),
+    typer.Option(
+        "--set", help='KEY=VALUE, e.g. faults.main.initial_stress.normal="30 MPa"; repeatable.', autocompletion=keys
+    ),
 ]
 EXIT_ERROR = RuptfxError.exit_code
 
@@ -90,6 +111,37 @@ def _name_plugin(path: Path) -> Iterator[list[str]]:
     finally:
         sys.stderr.write("".join(f": {text}" for text in told) + "\n")
         sys.stderr.flush()
+
+
+def runs(incomplete: str) -> list[str]:
+    """Return run and study directories that begin with the typed text, and folders that lead to some."""
+    parent, _, start = incomplete.rpartition("/")
+    folder = Path(parent or ("/" if incomplete.startswith("/") else "."))
+    found = []
+    with suppress(OSError):
+        for path in sorted(folder.iterdir()):
+            if path.name.startswith(start) and not path.name.startswith(".") and path.is_dir():
+                shown = incomplete[: len(incomplete) - len(start)] + path.name
+                if _is_run(path):
+                    found.append(shown)
+                elif any(map(_is_run, path.iterdir())):
+                    found.append(shown + "/")
+    return [each for one in found for each in (runs(one) if one.endswith("/") and len(found) == 1 else [one])]
+
+
+def _is_run(path: Path) -> bool:
+    return any((path / name).is_file() for name in ("case.toml", "study.json"))
+
+
+def runs_and_files(incomplete: str) -> list[str]:
+    """Return the same with CSV files."""
+    parent, _, start = incomplete.rpartition("/")
+    found = runs(incomplete)
+    with suppress(OSError):
+        for path in sorted(Path(parent or ".").iterdir()):
+            if path.name.startswith(start) and path.suffix.lower() in (".csv", ".txt", ".dat"):
+                found.append(incomplete[: len(incomplete) - len(start)] + path.name)
+    return found
 
 
 def completed_from(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

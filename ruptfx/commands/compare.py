@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ruptfx.commands._shared import reported, screen
+from ruptfx import RuptfxError
+from ruptfx.commands._shared import reported, runs, runs_and_files, screen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,34 +18,103 @@ if TYPE_CHECKING:
     from ruptfx.record import Record
 
 UNINTERESTING = {"wall_time", "node_updates_per_second", "ranks", "host_cores", "versions", "case_hash", "title"}
+NOISE = 1e-3
+"""Relative difference of two results up to which they count as equal."""
+ROUNDING = {"energy_closure": 1e-9}
+"""Size of a result up to which it is an error of rounding."""
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="A run directory.", show_default=False)],
-    second: Annotated[Path, typer.Argument(help="Another one.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Figure of both runs.")] = Path("comparison.png"),
+    first: Annotated[Path, typer.Argument(help="A run directory.", autocompletion=runs, show_default=False)],
+    second: Annotated[
+        Path, typer.Argument(help="Another one, or a CSV file with measured signals.", autocompletion=runs_and_files,
+                             show_default=False)
+    ],
+    out: Annotated[Path, typer.Option(help="Figure of both.")] = Path("comparison.png"),
+    instrument: Annotated[
+        str | None, typer.Option(help="Instrument of the run that measured signals are compared with.")
+    ] = None,
+    channel: Annotated[str | None, typer.Option(help="Only this channel, such as extension_2.")] = None,
+    most_shift: Annotated[
+        str | None, typer.Option(help="Largest time shift that is tried, as '5 us'; default a quarter of the record.")
+    ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Also numbers that agree.")] = False,
 ) -> None:
-    """Compare two runs: differences of the cases, the numbers of both, and one figure.
+    """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
+
+    Of two runs, first what differs in the cases, then results that differ by more than 0.1 %. Of measured signals:
+    misfit and best time shift; units are read from the header of the file.
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
+
+    Example: ruptfx compare runs/impact gauge.csv --instrument G1
     """
     with reported():
+        if second.is_file():
+            from ruptfx.commands._measured import show
+
+            if most_shift is not None and not (_seconds(most_shift) > 0):
+                raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
+            show(first, second, instrument, channel, None if most_shift is None else _seconds(most_shift), out)
+            return
+        if instrument or channel or most_shift:
+            raise RuptfxError(f"{second}: no file; --instrument, --channel and --most-shift are for measured signals")
         from ruptfx.record import Record
-        from ruptfx.summary_fields import unit
 
         with Record(first) as one, Record(second) as other:
-            table = Table("", str(first), str(second), "unit", "difference", box=None, pad_edge=False)
-            for key, (a, b) in differences(one.case, other.case).items():
-                table.add_row(key, _shown(a), _shown(b), "", _change(a, b))
-            table.add_section()
-            for key in {**(one.summary or {}), **(other.summary or {})}:
-                a, b = ((record.summary or {}).get(key) for record in (one, other))
-                if key not in UNINTERESTING and not (a is None and b is None):
-                    table.add_row(key, _shown(a), _shown(b), unit(key), _change(a, b))
-            screen.print(table)
+            changed = differences(one.case, other.case)
+            screen.print("The cases differ in" if changed else "The cases are the same.", style="bold")
+            table = Table("", str(first), str(second), "difference", box=None, pad_edge=False)
+            for key, (a, b) in changed.items():
+                table.add_row(key, _shown(a), _shown(b), _change(a, b))
+            if changed:
+                screen.print(table)
+            _show_results(one, other, verbose)
             out.parent.mkdir(parents=True, exist_ok=True)
             overlay(one, other).savefig(out, dpi=150)
             screen.print(f"Picture: {out}", soft_wrap=True)
+
+
+def _seconds(text: str) -> float:
+    from ruptfx.quantities import parse
+
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return parse(text, "s")
+    except ValueError as error:
+        raise RuptfxError(f"--most-shift {text}: {error}") from None
+
+
+def _show_results(one: Record, other: Record, verbose: bool) -> None:
+    """Print the results of two runs that differ by more than noise; with `verbose` all of them."""
+    from ruptfx.summary_fields import unit
+
+    table = Table("", one.path.name, other.path.name, "unit", "difference", box=None, pad_edge=False)
+    equal = 0
+    for key in {**(one.summary or {}), **(other.summary or {})}:
+        a, b = ((record.summary or {}).get(key) for record in (one, other))
+        if key in UNINTERESTING or (a is None and b is None):
+            continue
+        if is_noise(key, a, b):
+            equal += 1
+            if not verbose:
+                continue
+        table.add_row(key, _shown(a), _shown(b), unit(key), _change(a, b))
+    if table.row_count:
+        screen.print("The results" if verbose else "The results differ in", style="bold")
+        screen.print(table)
+    if equal and not verbose:
+        screen.print(f"{equal} results agree to {100 * NOISE:g} %; --verbose shows them.", soft_wrap=True)
+
+
+def is_noise(key: str, a: object, b: object) -> bool:
+    """Return whether two results of a run are equal up to noise: 0.1 %, or sizes that are errors of rounding."""
+    if isinstance(a, bool) or isinstance(b, bool) or not (isinstance(a, int | float) and isinstance(b, int | float)):
+        return a == b
+    return abs(a - b) <= max(NOISE * max(abs(a), abs(b)), ROUNDING.get(key, 0.0))
 
 
 def differences(one: object, other: object, key: str = "") -> dict[str, tuple[object, object]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from ruptfx.commands._shared import reported, screen
+from ruptfx.commands._shared import reported, runs, screen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +27,7 @@ class Format(StrEnum):  # older Typers know no Literal
 
 
 def export(
-    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
     format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk or vtkhdf.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
 ) -> None:

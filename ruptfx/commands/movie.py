@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import completed_from, reported, screen
+from ruptfx.commands._shared import completed_from, reported, runs, screen
 
 
 class Format(StrEnum):  # older Typers know no Literal
@@ -26,7 +26,7 @@ def films() -> list[str]:
 
 
 def movie(
-    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
     what: Annotated[
         str,
         typer.Option(help="fringes, max_shear, slip_rate or velocity.", autocompletion=completed_from(films)),

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import errors, reported, screen
+from ruptfx.commands._shared import errors, reported, runs, screen
 
 
 def plot(
-    run: Annotated[Path, typer.Argument(help="Run or study directory.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
     format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
 ) -> None:

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported
+from ruptfx.commands._shared import reported, runs
 from ruptfx.commands.run import run as run_command
 
 
 def resume(
-    run: Annotated[Path, typer.Argument(help="Run directory.", show_default=False)],
+    run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
     duration: Annotated[str | None, typer.Option(help="Extend the run to this, as '90 us', or a number in s.")] = None,
     ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no summary.")] = False,

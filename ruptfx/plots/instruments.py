@@ -8,6 +8,7 @@ from textwrap import fill
 import numpy as np
 from matplotlib.figure import Figure
 
+from ruptfx.analysis.measured import channel_label
 from ruptfx.figure_style import known_unit, letter, new_figure, remark, scale, styled
 from ruptfx.plots._panels import without
 from ruptfx.record import Files
@@ -51,7 +52,8 @@ def instruments(record: Files) -> Figure:
         for channel, line in zip(channels, values, strict=True):
             # An extension along x equals the strain xx: line styles keep both visible.
             style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
-            ax.plot(data["time"].values / t_size, line / size, style, label=channel.replace("_", " "))
+            label = channel_label(channel, data[channel].attrs)
+            ax.plot(data["time"].values / t_size, line / size, style, label=label)
         ax.set_ylabel(f"{fill(_common(channels), LABEL)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -19,6 +20,9 @@ from typer.testing import CliRunner, Result
 
 from ruptfx.analysis.emission import read_catalogue
 from ruptfx.cli import app
+from ruptfx.commands._shared import keys, runs_and_files
+from ruptfx.commands._shared import runs as run_directories
+from ruptfx.commands.compare import is_noise
 from ruptfx.commands.new import cases
 from ruptfx.record import Record
 
@@ -135,10 +139,32 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     text = said(result)
     # 6 MPa and 12 MPa: twice as much.
     assert result.exit_code == 0 and "faults.main.initial_stress.normal 6e+06 1.2e+07 +100 %" in text
-    assert "peak_slip_rate" in text and "wall_time" not in text
+    assert text.startswith("The cases differ in") and text.index("initial_stress.normal") < text.index("results")
+    # Nothing slips in either: results that agree are counted, and shown on request.
+    assert "peak_slip_rate" not in text and "results agree to 0.1 %" in text and "wall_time" not in text
+    everything = said(ruptfx("compare", runs / "one", runs / "two", "--verbose", "--out", tmp_path / "both.png"))
+    assert "peak_slip_rate" in everything and "wall_time" not in everything
     assert imread(tmp_path / "both.png").std() > 0.02
     same = said(ruptfx("compare", runs / "one", runs / "one", "--out", tmp_path / "same.png"))
-    assert "%" not in same and "differs" not in same
+    assert same.startswith("The cases are the same.") and "differ" not in same
+    assert is_noise("tip_speed", 1000.0, 1000.9) and not is_noise("tip_speed", 1000.0, 1002.0)
+    assert is_noise("energy_closure", 1e-15, 5e-13) and not is_noise("energy_closure", 1e-15, 1e-6)
+    assert not is_noise("mode", "crack", "pulse") and not is_noise("tip_speed", None, 3.0)
+    stray = said(ruptfx("compare", runs / "one", runs / "two", "--instrument", "G1"))
+    assert "no file; --instrument" in stray
+
+
+def test_completion_of_runs_and_keys(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(runs.parent)
+    (runs / "measured.csv").write_text("t,v\n")
+    assert run_directories(f"{runs.name}/") == [f"{runs.name}/one", f"{runs.name}/two"]
+    assert run_directories(f"{runs.name}/o") == [f"{runs.name}/one"] and run_directories("nothing") == []
+    assert runs_and_files(f"{runs.name}/") == [f"{runs.name}/{name}" for name in ("one", "two", "measured.csv")]
+    context = SimpleNamespace(params={"case": runs / "one.toml"})
+    assert keys(context, "faults.main.initial_stress.n") == ["faults.main.initial_stress.normal="]
+    # Also keys that the case does not give.
+    assert keys(context, "output.bulk_i") == ["output.bulk_interval="] and keys(context, "duration=") == []
+    assert keys(SimpleNamespace(params={}), "d") == []
 
 
 def test_export_tables(runs: Path, tmp_path: Path) -> None:

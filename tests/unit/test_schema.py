@@ -104,7 +104,7 @@ def test_find() -> None:
 
 def test_parts_are_strict_and_frozen() -> None:
     law = Coulomb(mu_d=0.5)
-    with pytest.raises(Exception, match="frozen"):
+    with pytest.raises(CaseError, match="do not change"):
         law.mu_d = 0.6
     for wrong in ("0.5", None, True, float("nan")):
         with pytest.raises(CaseError, match="mu_d"):
