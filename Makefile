@@ -1,7 +1,7 @@
 # Everything runs in .venv, which `env` makes; no step needs anything but a Python 3.12 or newer and a C compiler.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help env demo test verify test-portable lint bench docker clean pictures
+.PHONY: help env demo test verify test-portable lint docs docs-test bench docker clean pictures
 
 BIN := .venv/bin
 # One thread per rank; Open MPI: as many ranks as asked for, as any user.
@@ -54,10 +54,14 @@ test-portable: env ## contracts and verification with code for other processors
 	RUPTFX_MARCH=x86-64 OPENBLAS_CORETYPE=Haswell timeout 1200 $(BIN)/python -m pytest $(FILES) $(PORTABLE)
 	RUPTFX_MARCH=x86-64-v3 timeout 600 $(BIN)/python -m pytest -n 2 --dist loadfile $(ITERATING)
 
-docs: env ## the site in docs/_build/html, offline, and every code block of its pages run
+docs: env ## build the site in docs/_build/html, offline
+	@echo "Building the site ..."
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
-	timeout 840 $(BIN)/python -m pytest -m docs tests/docs
 	@echo "Open docs/_build/html/index.html"
+
+# Every page runs in a directory of its own. Tests of the site share one built site and hence one process.
+docs-test: env ## run the code blocks of all pages, and open every page of the site in a browser
+	timeout 840 $(BIN)/python -m pytest -m docs -n 2 --dist loadgroup --durations=20 --durations-min=3 tests/docs
 
 pictures: env ## renew the pictures of the site from runs of the demos, and their numbers
 	$(BIN)/python docs/make_pictures.py

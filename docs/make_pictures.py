@@ -287,7 +287,7 @@ def study(name: str, picture: str, file: str = "mode_map", folder: Path = DEMOS 
 
 COMMANDS = (
     *(Command(f"bench {name} --fine --out bench", {name: name})
-      for name in ("tpv205", "time_order", "self_similar", "smooth_rupture", "bp1")),
+      for name in ("tpv205", "time_order", "self_similar", "smooth_rupture", "bp1", "lamb", "westergaard", "spall")),
     Command("bench smooth_sliding --fine --out bench", {"sliding_test": "smooth_sliding"}),
     Command("bench fibre --out bench", {"fibre_bench": "fibre"}),
     *(Command(f"{name}.py", {name: name})

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,10 @@ import pytest
 BROWSER = next((b for b in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if b), None)
 browser = pytest.mark.skipif(BROWSER is None, reason="no chromium or google-chrome is installed")
 websocket = pytest.importorskip("tornado.websocket")
+
+
+class NavigatedError(Exception):
+    """The tab opened another page before it answered."""
 
 
 class Tab:
@@ -30,6 +35,8 @@ class Tab:
         while True:
             message = json.loads(await asyncio.wait_for(self._socket.read_message(), 30))
             if message.get("id") == self._number:
+                if "navigated" in message.get("error", {}).get("message", ""):
+                    raise NavigatedError
                 assert "error" not in message, message
                 return message["result"]
             self.events.append(message)
@@ -45,8 +52,10 @@ class Tab:
 
     async def until(self, condition: str) -> None:
         for _ in range(300):
-            if await self.value(condition):
-                return
+            # A page that is left while it is asked gives no answer; the next one does.
+            with suppress(NavigatedError):
+                if await self.value(condition):
+                    return
             await asyncio.sleep(0.1)
         raise AssertionError(f"never true: {condition}")
 

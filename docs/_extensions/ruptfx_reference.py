@@ -4,17 +4,22 @@
 - ``{ruptfx-commands}``: every command with its arguments and options.
 - ``{ruptfx-fields}``: the fields of interface.h5.
 - ``{ruptfx-support} TOPIC``: which features work with which steppers, contact methods, planes or materials.
-- ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`.
-- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: steps, phases, aims or checks.
+- ``{ruptfx-bench} FOLDER``: tables of saved results of `ruptfx bench`, after one of a row for each benchmark.
+- ``{ruptfx-problems} FILE``: the verification problems of a TOML file, each with picture, source, error and verdict.
+- ``{ruptfx-speed} FILE TABLE``: one of the tables of `ruptfx bench speed`: rates, steps, phases, aims or checks.
 - ``{ruptfx-time}`DEMO` ``, in a line: the time of a demo that `ruptfx bench demo_times` found.
 """
 
 from __future__ import annotations
 
 import ast
+import fnmatch
 import inspect
 import json
 import math
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +33,7 @@ from ruptfx import bench, describe, support_table
 from ruptfx.bench import _speed_tables, demo_times
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
+from ruptfx.quantities import with_prefix
 
 
 def paragraph(text: str) -> nodes.paragraph:
@@ -38,19 +44,28 @@ def paragraph(text: str) -> nodes.paragraph:
     return block
 
 
-Row = tuple[str, ...]
+Cell = str | nodes.Element
+Cells = tuple[Cell, ...]
 
 
-def table(header: Row, rows: list[Row], widths: tuple[int, ...], literal: int = 1) -> nodes.table:
-    """Return a table with code in the first columns."""
+def table(
+    header: tuple[str, ...],
+    rows: list[Cells],
+    widths: tuple[int, ...],
+    literal: int = 1,
+    classes: tuple[str, ...] = (),
+) -> nodes.table:
+    """Return a table with code in the first columns; cells are text or nodes."""
     group = nodes.tgroup(cols=len(header))
     group += [nodes.colspec(colwidth=width) for width in widths]
 
-    def row(cells: tuple[str, ...], code: int) -> nodes.row:
+    def row(cells: Cells, code: int) -> nodes.row:
         line = nodes.row()
         for place, cell in enumerate(cells):
             entry = nodes.entry()
-            if cell and place < code:
+            if isinstance(cell, nodes.Element):
+                entry += cell
+            elif cell and place < code:
                 block = nodes.paragraph()
                 block += nodes.literal(cell, cell)
                 entry += block
@@ -63,7 +78,7 @@ def table(header: Row, rows: list[Row], widths: tuple[int, ...], literal: int = 
     head += row(header, 0)
     body += [row(cells, literal) for cells in rows]
     group += [head, body]
-    whole = nodes.table(classes=["colwidths-given"])
+    whole = nodes.table(classes=["colwidths-given", *classes])
     whole += group
     return whole
 
@@ -168,7 +183,7 @@ class Support(Directive):
 
 
 class Bench(Directive):
-    """Saved results of `ruptfx bench`, a table for each problem; the argument is their folder."""
+    """Saved results of `ruptfx bench`: a summary, then a table for each problem; the argument is their folder."""
 
     required_arguments = 1
 
@@ -179,30 +194,131 @@ class Bench(Directive):
             raise self.error(f"no saved results in {folder}")
         for path in found:
             self.state.document.settings.env.note_dependency(str(path))
-        return [self._problem(path.stem, json.loads(path.read_text())) for path in found]
+        saved = {path.stem: json.loads(path.read_text()) for path in found}
+        physics = {name: each for name, each in saved.items() if name not in bench.OF_THE_MACHINE}
+        return [summary(physics), *(self._problem(name, each) for name, each in saved.items())]
 
     @staticmethod
     def _problem(name: str, saved: dict[str, Any]) -> nodes.section:
         block = section(name, f"bench-{name}")
-        text = ast.get_docstring(ast.parse((Path(bench.__file__).parent / f"{name}.py").read_text())) or ""
-        block += paragraph(" ".join(text.partition("\n\n")[0].split()))
+        block += paragraph(about(name))
         command = f"ruptfx bench {name}" + " --fine" * saved["fine"]
         block += paragraph(f"`{command}`, {saved['seconds']:.0f} s on the machine of these results")
         block += checks(saved)
         return block
 
 
+def about(name: str) -> str:
+    """Return the first paragraph of the docstring of a benchmark."""
+    text = ast.get_docstring(ast.parse((Path(bench.__file__).parent / f"{name}.py").read_text())) or ""
+    return " ".join(text.partition("\n\n")[0].split())
+
+
+def linked(name: str, text: str, page: str = "") -> nodes.paragraph:
+    """Return a link to the results of a benchmark."""
+    block = nodes.paragraph()
+    block += nodes.reference(text, text, refuri=f"{page}#{nodes.make_id(f'bench-{name}')}", internal=True)
+    return block
+
+
+def checks_of(saved: dict[str, Any]) -> list[bench.Check]:
+    """Return the saved checks of a benchmark; numbers that could not be computed are NaN."""
+    return [
+        bench.Check(**{key: math.nan if value is None else value for key, value in row.items() if key != "passed"})
+        for row in saved["checks"]
+    ]
+
+
+def use(check: bench.Check) -> float:
+    """Return the part of the tolerance that an error uses: infinite for NaN; -1 or infinite for one-sided checks."""
+    slack = check.tolerance * (abs(check.expected) if check.relative else 1.0)
+    if check.relation != "within" or slack == 0:
+        return -1.0 if check.passed else math.inf
+    part = abs(check.found - check.expected) / slack
+    return part if math.isfinite(part) else math.inf
+
+
+def passed(found: list[bench.Check]) -> str:
+    """Return how many checks pass, as text."""
+    good = sum(check.passed for check in found)
+    return f"{good} of {len(found)}" + (", missed" if good < len(found) else "")
+
+
+def summary(saved: dict[str, dict[str, Any]]) -> nodes.table:
+    """Return a table with a row for each benchmark: source, checks, largest used part of a tolerance, time."""
+    rows: list[Cells] = []
+    for name, each in saved.items():
+        found = checks_of(each)
+        cited = dict.fromkeys(check.source for check in found if any(year in check.source for year in ("(1", "(2")))
+        sources = list(cited) or list(dict.fromkeys(check.source for check in found if check.source))
+        largest = max(map(use, found))
+        part = "above 100 %" if math.isinf(largest) else f"{100 * largest:.0f} %" if largest >= 0 else ""
+        rows.append((linked(name, name), "; ".join(sources[:2]), passed(found), part, f"{each['seconds']:.0f} s"))
+    header = ("benchmark", "expected values from", "checks passed", "largest error over its tolerance", "time")
+    return table(header, rows, (16, 44, 14, 16, 10), literal=0)
+
+
 def checks(saved: dict[str, Any]) -> nodes.table:
-    """Return the table of saved checks of a benchmark."""
+    """Return the table of saved checks of a benchmark; of checks that are repeated for several runs the worst."""
+    groups: dict[bench.Check, list[bench.Check]] = {}
+    for check in checks_of(saved):
+        groups.setdefault(replace(check, found=0.0), []).append(check)
     rows = []
-    for row in saved["checks"]:
-        values = {key: math.nan if value is None else value for key, value in row.items() if key != "passed"}
-        check = bench.Check(**values)
-        verdict = "pass" if check.passed else "fails"
-        numbers = f"{check.expected:.6g}", f"{check.found:.6g}", check.limit
-        rows.append((check.quantity, *numbers, check.unit, check.source, verdict))
+    for group in groups.values():
+        check = max(group, key=use)
+        name = check.quantity + (f" (worst of {len(group)} runs)" if len(group) > 1 else "")
+        numbers = f"{check.expected:.5g}", f"{check.found:.5g}", check.limit
+        rows.append((name, *numbers, check.unit, check.source, "pass" if check.passed else "fails"))
     header = ("quantity", "expected", "found", "tolerance", "unit", "source", "")
     return table(header, rows, (30, 11, 11, 10, 7, 25, 6), literal=0)
+
+
+def error_of(check: bench.Check) -> str:
+    """Return the error of a check, or its one-sided bound, with the tolerance."""
+    if check.relation != "within":
+        return f"{check.found:.3g} ({check.relation} {check.expected:.3g})"
+    error = abs(check.found - check.expected)
+    if check.relative:
+        return f"{100 * error / abs(check.expected):.2g} % (allowed {100 * check.tolerance:.3g} %)"
+    if check.unit == "1" and check.expected == 0:
+        return f"{100 * error:.2g} % (allowed {100 * check.tolerance:.3g} %)"
+    if check.unit == "1":
+        return f"{error:.2g} (allowed {check.tolerance:.3g})"
+    if check.unit in ("m", "s"):
+        return f"{with_prefix(error, check.unit)} (allowed {with_prefix(check.tolerance, check.unit)})"
+    return f"{error:.2g} {check.unit} (allowed {check.tolerance:.3g} {check.unit})"
+
+
+class Problems(Directive):
+    """Verification problems of a TOML file beside the folder of results: picture, problem, source, error, verdict."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        path = Path(self.state.document.settings.env.srcdir, self.arguments[0])
+        self.state.document.settings.env.note_dependency(str(path))
+        return [table(("", "problem", "compared with", "error", "checks passed"), list(self._rows(path)),
+                      (18, 24, 26, 20, 12), literal=0, classes=("problems",))]  # fmt: skip
+
+    def _rows(self, path: Path) -> Iterator[Cells]:
+        for problem in tomllib.loads(path.read_text())["problems"]:
+            name = problem["benchmark"]
+            results = path.with_name("results") / f"{name}.json"
+            self.state.document.settings.env.note_dependency(str(results))
+            found = checks_of(json.loads(results.read_text()))
+            chosen = [check for check in found if fnmatch.fnmatchcase(check.quantity, problem["quantity"])]
+            if not chosen:
+                raise self.error(f"{name}: no check is named like '{problem['quantity']}'")
+            picture = nodes.reference(refuri=f"benchmarks.html#{nodes.make_id(f'bench-{name}')}", internal=True)
+            picture += nodes.image(uri=problem["picture"], alt=problem["title"])
+            shown = nodes.paragraph()
+            shown += picture
+            error = f"{problem['what']}: {error_of(max(chosen, key=use))}"
+            yield shown, linked(name, problem["title"], "benchmarks.html"), problem["source"], error, passed(found)
+
+
+RATES = (600_000, 1_000_000)  # nodes of the rows of the short table
+SHAPES = {"affine": "parallel edges", "general": "any edges"}
 
 
 class Speed(Directive):
@@ -220,6 +336,14 @@ class Speed(Directive):
             others = path.with_name("mode_map.json")
             found = [saved, *([json.loads(others.read_text())] if others.exists() else [])]
             return [table(_speed_tables.AIMS, _speed_tables.aim_rows(*found), (40, 10, 15, 10, 10), literal=0)]
+        if self.arguments[1] == "rates":
+            rows = [
+                (f"{row['dim']}D, order {row['order']}, {SHAPES[row['geometry']]}", f"{row['nodes'] / 1e6:.2g} million",
+                 f"{row['node_updates_per_second_per_core'] / 1e6:.0f} million")
+                for row in saved["rows"]
+                if "order" in row and row["ranks"] == 1 and (row["asked"] in RATES or row["geometry"] == "general")
+            ]  # fmt: skip
+            return [table(("elements", "nodes", "node updates per second and core"), rows, (50, 20, 30), literal=0)]
         if self.arguments[1] == "steps":
             header, rows = _speed_tables.STEPS, _speed_tables.step_rows(saved["rows"])
         else:
@@ -241,7 +365,7 @@ class Time(SphinxRole):
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directives and the role in Sphinx."""
-    for directive in (Entries, Commands, Fields, Support, Bench, Speed):
+    for directive in (Entries, Commands, Fields, Support, Bench, Problems, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -13,7 +13,7 @@ from browser import Tab, browser, visit
 from page_blocks import ROOT
 
 pytest.importorskip("sphinx")
-pytestmark = [pytest.mark.docs, browser]
+pytestmark = [pytest.mark.docs, pytest.mark.xdist_group("site")]
 
 INSIDE = """[...document.querySelectorAll('a[href]')].map(a => a.href)
     .filter(h => h.startsWith('SITE/') && /\\.html(#|$)/.test(h))"""
@@ -28,6 +28,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@browser
 def test_every_page_opens_and_every_link_leads_to_its_place(site: Path, tmp_path: Path) -> None:
     """From the first page along all links; a link to a section leads to an element of that name."""
     links = INSIDE.replace("SITE", site.as_uri())
@@ -65,6 +66,7 @@ def test_formulas_are_set_and_no_latex_is_left(site: Path) -> None:
     assert set_["weak_form"] > 10 and set_["cracks"] > 5 and set_["sliding"] > 2 and set_["notation"] > 20
 
 
+@browser
 def test_the_bar_is_one_line_and_nothing_is_cut(site: Path, tmp_path: Path) -> None:
     """At 1280 px the navigation bar is as high as one line; at 400 px no page is wider than the screen."""
 
@@ -82,6 +84,7 @@ def test_the_bar_is_one_line_and_nothing_is_cut(site: Path, tmp_path: Path) -> N
     visit(site / "index.html", tmp_path / "profile", act)
 
 
+@browser
 def test_clicks_and_search(site: Path, tmp_path: Path) -> None:
     async def act(tab: Tab) -> None:
         # A card of the first page, then a page of its sidebar.
