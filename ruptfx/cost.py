@@ -21,9 +21,9 @@ import numpy as np
 from ruptfx import RuptfxError, fem, painter
 from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
-from ruptfx.fields import DERIVED, FIELDS, OF_SLIDING, stress_entries
+from ruptfx.fields import stress_entries
 from ruptfx.recording.bulk_fields import BulkFields
-from ruptfx.recording.crack_files import SNAPSHOTS
+from ruptfx.recording.mechanisms import Records, records_of
 from ruptfx.recording.recorder import Recorder
 from ruptfx.recording.sampling import Samples
 from ruptfx.recording.schedule import count
@@ -43,9 +43,9 @@ PER_NODE = {1: 130.0, 2: 245.0}
 # Python; of a plain panel of a figure over that of the start of the figure process (`ruptfx bench command_cost`).
 START, ANALYSIS, PANEL = 40.0, 1.0, 0.085
 PACES = 5  # parts of that piece, of which the median is used
-# Memory of the figure process [bytes]: imports, additional for each pixel of the bodies, additional with fracture.
-DRAWS, PIXEL, CRACKS = 125e6, 180.0, 160e6
-PICTURE, GRAINS = 0.2e6, 1.1e6  # bytes of a figure file, and additional bytes of all figures with fracture
+# Memory of the figure process [bytes]: imports, additional for each pixel of the bodies.
+DRAWS, PIXEL = 125e6, 180.0
+PICTURE = 0.2e6  # bytes of a figure file
 BYTES = {"double": 8, "single": 4}
 
 
@@ -80,8 +80,8 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
         Processor time of this program at the start and end of building the model [s]. The time before is that of
         start-up, in a program without other work.
     """
-    case, pace = model.case, _pace()
-    figures = work_of_figures(case) if case.output.figures else {}
+    case, pace, parts = model.case, _pace(), records_of(model)
+    figures = _work_of_figures(case, parts) if case.output.figures else {}
     draws = painter.start_up() if figures else None
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
@@ -98,12 +98,12 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
     memory = largest_memory()
     if draws is not None:
         total += (1 + PANEL * sum(figures.values())) * draws()
-        memory += DRAWS + CRACKS * (case.fracture is not None)
+        memory += DRAWS + sum(each.memory for each in parts)
         if "wavefield" in figures or "fringes" in figures:
             size = np.ptp(model.coordinates, axis=0)[:2]
             memory += PIXEL * PIXELS**2 * size.min() / size.max()
-    disk = _bytes_of_files(model, steps) + len(figures) * PICTURE
-    disk += bool(figures) * (case.fracture is not None) * GRAINS
+    disk = _bytes_of_files(model, parts, steps) + len(figures) * PICTURE
+    disk += bool(figures) * sum(each.pictures for each in parts)
     return Cost(step, total, memory, disk)
 
 
@@ -167,25 +167,17 @@ def _once(action: Callable[[], object]) -> float:
     return _each(action, 0.0, 1)
 
 
-def _bytes_of_files(model: Model, steps: int | None) -> float:
-    """Return the bytes of interface.h5, bulk.h5 (uncompressed), instruments.h5 and, as text, energy.csv."""
+def _bytes_of_files(model: Model, parts: list[Records], steps: int | None) -> float:
+    """Return the bytes of the files of mechanisms, bulk.h5 (uncompressed), instruments.h5 and, as text, energy.csv."""
     case = model.case
     records, snapshots = counts(case, steps)
-    numbers = 0.0
-    for fault in model.faults:
-        recorded = [field for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())) if field.recorded]
-        names = [name for field in recorded for name in field.names(fault.tangents)]
-        numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
-    numbers += records * sum(each.numbers_per_record() for each in model.attachments)
+    numbers = float(sum(each.numbers(records, snapshots) for each in parts))
     for instrument, channels in measured(model, 0.0) if case.instruments else []:
         numbers += case.duration / instrument.interval * (1 + len(channels))
     dim, c = model.coordinates.shape[1], model.components
     columns = {"velocity": c, "displacement": c, "stress": len(stress_entries(case.plane, c)), "fringe": 1}
     of_snapshot = sum(columns[name] for name in case.output.bulk_fields) * BYTES[case.output.bulk_precision]
     mesh = 8 * (dim + 2**dim)  # points, and about as many cells between them
-    if model.cracks is not None:
-        # Once per facet: ends, line, normal, length, bodies; per snapshot: its fields, the status with one byte.
-        numbers += int(model.cracks.owned.sum()) * (10 + snapshots * (len(SNAPSHOTS) - 1 + 1 / 8))
     of_energies = 20 * (len(model.energy_columns) + 2) * records
     return 8 * numbers + model.total_nodes * (snapshots * of_snapshot + mesh) + of_energies
 
@@ -205,15 +197,11 @@ def counts(case: Case, steps: int | None) -> tuple[int, int]:
     return 1 + min(records, steps), min(snapshots, steps)
 
 
-def work_of_figures(case: Case) -> dict[str, int]:
+def _work_of_figures(case: Case, parts: list[Records]) -> dict[str, int]:
     """Return the figures of such a run (at most), each with its cost in plain panels."""
     work = {"energy_budget": 4}
-    if case.faults:
-        work |= {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
-    if any(fault.sliding is not None for fault in case.faults.values()):
-        work |= {"contact": 1, "forces": 3, "surfaces": 5}
-    if case.fracture is not None:
-        work |= {"cracks": 6, "emission": 12}
+    for each in parts:
+        work |= each.figures
     if case.plane != "solid" and "velocity" in case.output.bulk_fields:
         work["wavefield"] = 7
     if case.plane != "solid" and "fringe" in case.output.bulk_fields and case.output.plate_thickness is not None:

@@ -28,8 +28,8 @@ from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.meshes.rough_plates import RoughPlates
 from ruptfx.model import Model
 from ruptfx.record import Record
-from ruptfx.recording.forces import SLIDING
 from ruptfx.simulation import simulate
+from ruptfx.sliding.contact_states import SLIDING
 
 WINDOW, DROP = 0.6e-6, 0.05  # s that forces are averaged over, and what counts as a drop, over the normal force
 DEMO = Path(ruptfx.__file__).with_name("demos") / "sliding_start.toml"

@@ -38,8 +38,8 @@ from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
 from ruptfx.record import Record
-from ruptfx.recording.forces import SLIDING
 from ruptfx.simulation import simulate
+from ruptfx.sliding.contact_states import SLIDING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

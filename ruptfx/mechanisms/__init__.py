@@ -141,6 +141,15 @@ class Mechanism:
         """Yield the rows of `ruptfx check` on this mechanism."""
         return iter(())
 
+    # -- records -----------------------------------------------------------------------------------
+
+    def add_resistance(self, state: State, force: Floats) -> None:
+        """Add the forces of which the reactions at edges are the sums with those of the elements, at a record [N]."""
+
+    def counted(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the nodes of an edge without those that stand for others among them."""
+        return nodes
+
     # -- explicit steps ----------------------------------------------------------------------------
 
     def nodes(self) -> NDArray[np.bool_]:

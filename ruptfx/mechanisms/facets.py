@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks.on_strength import OnStrength
-from ruptfx.mechanisms import Mechanism, Rows, Springs
+from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
@@ -21,7 +21,12 @@ if TYPE_CHECKING:
 
 
 class Facets(Mechanism):
-    """State and energies of facets, which `model.cracks` computes."""
+    """State and energies of facets, which `model.cracks` computes.
+
+    Attributes
+    ----------
+    cracks : CrackStep
+    """
 
     order = 0
     rounds_as_kernel = True
@@ -33,30 +38,36 @@ class Facets(Mechanism):
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         assert model.cracks is not None
-        self._cracks = model.cracks
+        self.cracks = model.cracks
 
     def begin(self, state: State) -> None:
-        state.cracks = self._cracks.initial_state()
+        state.cracks = self.cracks.initial_state()
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         before = 0.5 * state.lag * state.velocity
-        energies["interface_elastic"] += self._cracks.stored(state.cracks, before, state.at_faults()[1])
-        energies["boundary_work"] += self._cracks.preload_work(state.displacement - before)
+        energies["interface_elastic"] += self.cracks.stored(state.cracks, before, state.at_faults()[1])
+        energies["boundary_work"] += self.cracks.preload_work(state.displacement - before)
 
     def springs(self) -> list[Springs]:
-        return [Springs("the springs of fracture", plural=True, add_with_elements=self._cracks.add_spring_force)]
+        return [Springs("the springs of fracture", plural=True, add_with_elements=self.cracks.add_spring_force)]
 
     def check(self, plan: Plan) -> Iterator[Row]:
         from ruptfx.mechanisms import _facet_check as rows
 
-        return rows.facet_rows(self.model, self._cracks)
+        return rows.facet_rows(self.model, self.cracks)
 
     def saved(self, state: State) -> Mapping[str, Rows]:
-        return {"cracks": self._cracks.gather(state.cracks)}
+        return {"cracks": self.cracks.gather(state.cracks)}
 
     def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
         for name, values in state.cracks.items():
-            values[:] = read(f"cracks/{name}")[self._cracks.number]
+            values[:] = read(f"cracks/{name}")[self.cracks.number]
+
+    def add_resistance(self, state: State, force: Floats) -> None:
+        self.cracks.add_force(state.cracks, force)
+
+    def counted(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        return self.cracks.counted(nodes)
 
 
 class IntrinsicFacets(Facets):
@@ -70,14 +81,14 @@ class IntrinsicFacets(Facets):
         from ruptfx.mechanisms import _facet_check as rows
 
         yield from super().check(plan)
-        yield from rows.spring_rows(self.model, self._cracks)
+        yield from rows.spring_rows(self.model, self.cracks)
 
     def add_first(self, state: State, kick: Kick) -> None:
         with deducting_dissipation(state):
-            self._cracks(state, self.model.mass, kick.clock.since)
+            self.cracks(state, self.model.mass, kick.clock.since)
 
     def account(self, state: State, kick: Kick) -> None:
-        self._cracks.require_balance(state.time)
+        self.cracks.require_balance(state.time)
 
 
 class ExtrinsicFacets(Facets):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ruptfx import parallel
 from ruptfx.fault import Fault
 from ruptfx.fault_step import FaultStep
+from ruptfx.fields import DERIVED, FIELDS, Field
 from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.sliding.step import SlidingStep
-    from ruptfx.state import State
+    from ruptfx.state import FaultState, State
 
 
 SLIDING = 0.92
@@ -98,6 +99,17 @@ class Faults(Mechanism):
             for fields in (state.faults[fault.name], state.points.get(fault.name, {})):
                 for name, values in fields.items():
                     values[:] = read(f"faults/{fault.name}/{name}")[fault.interface.number]
+
+    def recorded_fields(self) -> tuple[Field, ...]:
+        """Return the fields of the points of a fault that files have, besides the state of the friction law."""
+        return (*FIELDS, *DERIVED)
+
+    def recorded(self, fault: Fault, state: State) -> FaultState:
+        """Return the fields at the points of this rank, at the time of a record."""
+        fields = state.faults[fault.name] | state.points.get(fault.name, {})
+        face = fault.interface
+        _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
+        return fields | dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
 
     def nodes(self) -> NDArray[np.bool_]:
         found = super().nodes()

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ruptfx.fault import Fault
-from ruptfx.fields import TAKEN_IN_SLIDING
+from ruptfx.fields import OF_SLIDING, TAKEN_IN_SLIDING, Field
 from ruptfx.mechanisms import Floats
 from ruptfx.mechanisms.faults import Faults
+from ruptfx.sliding.contact_states import sliding_fields
 from ruptfx.sliding.follower import Follower
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.step import SlidingStep
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from ruptfx.check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
-    from ruptfx.state import State
+    from ruptfx.state import FaultState, State
 
 
 class SlidingFaults(Faults):
@@ -41,6 +42,13 @@ class SlidingFaults(Faults):
     def begin(self, state: State) -> None:
         super().begin(state)
         state.energy |= {f"{fault.name}.{name}": 0.0 for fault in self.faults for name in TAKEN_IN_SLIDING}
+
+    def recorded_fields(self) -> tuple[Field, ...]:
+        return (*super().recorded_fields(), *OF_SLIDING)
+
+    def recorded(self, fault: Fault, state: State) -> FaultState:
+        least, then = self.model.case.output.rupture_threshold, state.at_faults()[1]
+        return super().recorded(fault, state) | sliding_fields(fault, state.faults[fault.name], then, least)
 
     def _check_surfaces(self, fault: Fault, plan: Plan) -> Iterator[Row]:
         from ruptfx.mechanisms import _sliding_check as rows

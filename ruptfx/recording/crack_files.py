@@ -13,6 +13,7 @@ import numpy as np
 from ruptfx.cracks._step import CrackStep
 from ruptfx.state import FaultState
 
+NAMES = ("cracks.h5", "cracks.xdmf", "events.h5")
 SNAPSHOTS = {
     "status": ("1", "0 whole, 1 damaged, 2 failed"), "damage": ("1", "damage, mean of both ends"),
     "opening": ("m", "inelastic opening, mean of both ends"), "slip": ("m", "inelastic slip, mean of both ends"),

@@ -49,11 +49,10 @@ class EdgeSums:
         model = self._model
         _, displacement = state.at_faults()
         force, counted = model.internal_force(displacement), self._nodes
-        if model.cracks is None:
-            counted = [nodes[nodes < model.owned_nodes] for nodes in counted]
-        else:
-            model.cracks.add_force(state.cracks, force)
-            counted = [model.cracks.counted(nodes) for nodes in counted]
+        for each in model.mechanisms:
+            each.add_resistance(state, force)
+            counted = [each.counted(nodes) for nodes in counted]
+        counted = [nodes[nodes < model.owned_nodes] for nodes in counted]
         rows = np.stack([displacement.reshape(-1, 2), -force.reshape(-1, 2)], axis=1)
         sums = [np.append(rows[nodes].sum(axis=0).ravel(), len(nodes)) for nodes in counted]
         totals = parallel.total(model.comm, np.array(sums).reshape(-1, 5))

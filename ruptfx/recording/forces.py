@@ -6,12 +6,11 @@ import numpy as np
 
 from ruptfx import Table, fem, parallel
 from ruptfx.fault import Fault
-from ruptfx.fields import OF_SLIDING
+from ruptfx.sliding.contact_states import OPEN, SLIDING, STICKING, UNCOVERED, contact_states
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
-from ruptfx.state import FaultState, State
+from ruptfx.state import State
 
-OPEN, STICKING, SLIDING, UNCOVERED = range(len(OF_SLIDING[0].meanings))
 PARTS = ("sticking", "sliding", "open", "uncovered")
 WORKS = {"friction_work": ("frictional_dissipation",), "impact_work": ("impact", "facing")}  # sums of energies
 COLUMNS = ("normal_force", "shear_force", *PARTS, *WORKS)
@@ -103,22 +102,3 @@ class ForceMeans:
             mine = [ranks[self._comm.rank]]
         for name, sums in self._sums.items():
             sums[:] = np.sum([rank[name] for rank in mine], axis=0) if mine else 0.0
-
-
-def contact_states(fault: Fault, state: FaultState, threshold: float) -> np.ndarray:
-    """Return the contact state of every point, as its index among the meanings of `contact`."""
-    face = fault.interface
-    assert isinstance(face, SlidingInterface)
-    closed, moves = state["normal_stress"] != 0, np.abs(state["mean_slip_rate"]) > threshold
-    return np.select([~face.covered, ~closed, ~moves], [UNCOVERED, OPEN, STICKING], SLIDING)
-
-
-def sliding_fields(
-    fault: Fault, state: FaultState, displacement: np.ndarray, threshold: float
-) -> dict[str, np.ndarray]:
-    """Return fields of a sliding interface for the file in addition to the state of its points, at the same time."""
-    face = fault.interface
-    assert isinstance(face, SlidingInterface)
-    faced, here, there = face.places(displacement)
-    values = [contact_states(fault, state, threshold).astype(float), faced, *here.T, *there.T]
-    return {field.name: value for field, value in zip(OF_SLIDING, values, strict=True)}

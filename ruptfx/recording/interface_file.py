@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import h5netcdf
@@ -9,7 +10,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
+from ruptfx.fields import MONITORS, Field
 from ruptfx.recording.growing_file import GrowingFile
 
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
@@ -26,13 +27,16 @@ class InterfaceFile(GrowingFile):
         Position along the interface and coordinates [m].
     attributes : dict
         Global attributes of the file.
-    kept : int, optional
+    kept : int or None
         Number of records to keep in an existing file; later ones are removed.
+    fields : iterable of Field
+        Fields of its points besides the state of the friction law.
     """
 
     def __init__(
-        self, path: Path, fault: Fault, place: np.ndarray, attributes: Table, kept: int | None = None
-    ) -> None:
+        self, path: Path, fault: Fault, place: np.ndarray, attributes: Table, kept: int | None,
+        fields: Iterable[Field],
+    ) -> None:  # fmt: skip
         super().__init__(path)
         self._waiting: list[tuple[float, dict[str, np.ndarray]]] = []
         if self.resumed:
@@ -47,7 +51,7 @@ class InterfaceFile(GrowingFile):
             text = f"position along the interface: {fault.interface.line.meaning}" if key == "position" else key
             _variable(file, key, ("position",), "m", text, values)
         _variable(file, "time", ("time",), "s", "time")
-        for field in (*FIELDS, *DERIVED, *(OF_SLIDING if fault.slides else ())):
+        for field in fields:
             for name in field.names(fault.tangents) if field.recorded else ():
                 _variable(file, name, ("time", "position"), field.unit, field.long_name, meanings=field.meanings)
         for name, unit in fault.state_fields().items():

@@ -13,22 +13,14 @@ from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import h5py
-import numpy as np
 
 from ruptfx import RuptfxError, Table, __version__, fem, parallel, run_files
-from ruptfx.fault import Fault
-from ruptfx.fields import DERIVED
-from ruptfx.interface import Interface
-from ruptfx.nucleation import first_begun
-from ruptfx.recording import edge_sums, forces
-from ruptfx.recording.attachments_file import AttachmentsFile
 from ruptfx.recording.bulk_fields import BulkFields, Topology
-from ruptfx.recording.crack_files import CrackFiles, facets_of
 from ruptfx.recording.instruments_file import InstrumentsFile
-from ruptfx.recording.interface_file import InterfaceFile
+from ruptfx.recording.mechanisms import Opening, records_of
 from ruptfx.recording.sampling import Samples
 from ruptfx.recording.schedule import Schedule, end_of
 from ruptfx.recording.table_file import TableFile
@@ -36,9 +28,9 @@ from ruptfx.recording.writer import Writer
 from ruptfx.stopwatch import phase, phases
 
 if TYPE_CHECKING:
-    from ruptfx.mechanisms import Rows
     from ruptfx.model import Model
     from ruptfx.recording.checkpoint import Checkpoint, Keeper
+    from ruptfx.recording.mechanisms import Records
     from ruptfx.state import State
     from ruptfx.steppers import Motion
 
@@ -55,7 +47,8 @@ class Recorder:
     Records are made at multiples of an interval, each after the first step that reaches its time. The first state
     and that at the end of the duration are recorded, too. All fields of a record belong to its time:
     for interfaces that of the traction, in explicit runs one step before the present displacement;
-    for bodies and energies that of the velocity, half a step before it.
+    for bodies and energies that of the velocity, half a step before it. Data of mechanisms are in files of their own
+    (`ruptfx.recording.mechanisms`).
 
     Parameters
     ----------
@@ -75,10 +68,6 @@ class Recorder:
         # Index of the next time: bulk snapshots and means start after time zero.
         self.next = {"interface": 0, "bulk": 1, "forces": 1}
         self.counts = {"interface": 0, "bulk": 0, "forces": 0}  # numbers of records in the files
-        self.means: forces.ForceMeans | None = None
-        if case.output.forces_interval is not None:
-            sliding = [fault for fault in model.faults if fault.slides]
-            self.means = forces.ForceMeans(model.comm, sliding, case.output.rupture_threshold)
         self.last = {"interface": -1.0, "bulk": 0.0, "forces": 0.0}  # times of the last records [s]
         self._ending = False
         self.largest_work = 0.0
@@ -86,19 +75,17 @@ class Recorder:
         self.log = logging.getLogger("ruptfx.run")
         self._bulk = BulkFields(model)
         self.samples = Samples(model, motion.dt, self._bulk.initial_stress_at)
-        self._files: dict[str, InterfaceFile] = {}
-        self._forces: dict[str, TableFile] = {}
+        self.parts = records_of(model)
         self._instruments: InstrumentsFile | None = None
-        self._cracks: CrackFiles | None = None
-        self._attachments: AttachmentsFile | None = None
-        self._edges: TableFile | None = None
-        self._edge_sums = None if model.cracks is None else edge_sums.EdgeSums(model)
         self._writer = Writer()
 
     @property
     def keepers(self) -> dict[str, Keeper]:
         """Return the objects of the recorder with data for checkpoints, itself among them."""
-        return {"recorder": self, "samples": self.samples, **({} if self.means is None else {"means": self.means})}
+        found: dict[str, Keeper] = {"recorder": self, "samples": self.samples}
+        for each in self.parts:
+            found |= each.keepers()
+        return found
 
     def table(self) -> Table:
         """Return all data that change, for a checkpoint."""
@@ -123,12 +110,11 @@ class Recorder:
 
     def __enter__(self) -> Recorder:
         with phase("gathering"):
-            places = [_positions(self.model.comm, fault.interface) for fault in self.model.faults]
             topology = self._bulk.topology()
-            nodes = [each.positions() for each in self.model.attachments]
-            facets = None if self.model.cracks is None else self.model.cracks.gather(facets_of(self.model.cracks))
+            for each in self.parts:
+                each.gather()
         try:
-            self.meet(lambda: self._open(places, facets, nodes) if self.model.comm.rank == 0 else None)
+            self.meet(lambda: self._open() if self.model.comm.rank == 0 else None)
             self.meet(lambda: self._open_bulk(topology))
         except BaseException:
             self._writer.close()
@@ -147,7 +133,7 @@ class Recorder:
         """
         return None if self._resume is None else int(self._resume.manifest["memory"]["recorder"]["counts"][what])
 
-    def _open(self, places: list[np.ndarray], facets: dict[str, np.ndarray] | None, nodes: list[Rows]) -> None:
+    def _open(self) -> None:
         if self._resume:
             for part in self.out.glob("bulk.*.h5"):  # parts of ranks that may no longer exist
                 part.unlink()
@@ -167,79 +153,34 @@ class Recorder:
             "time in s, that of the velocities in explicit runs, half a step after the record of the interface; "
             "energies in J (in 2D per metre of thickness, but around an axis), closure relative to the largest work"
         ), self._kept("interface"))  # fmt: skip
-        case = self.model.case
-        for fault, place in zip(self.model.faults, places, strict=True):
-            name = "interface.h5" if len(places) == 1 else f"interface_{fault.name}.h5"
-            attributes, kept = self._attributes(fault, place), self._kept("interface")
-            self._files[fault.name] = InterfaceFile(self.out / name, fault, place, attributes, kept)
-            if fault.slides:
-                name = "forces.csv" if len(places) == 1 else f"forces_{fault.name}.csv"
-                means = self.means is not None
-                remark, kept = forces.remark(means), self._kept("forces" if means else "interface")
-                self._forces[fault.name] = TableFile(self.out / name, forces.COLUMNS, remark, kept)
         if self.samples.instruments:
             self._instruments = InstrumentsFile(self.out / "instruments.h5", self.samples.instruments, {
                 "case_hash": self.model.case.hash, "initial_stress": self._bulk.initial_stress_from,
                 "record": "all numbers of a sample are of its time, linear between the steps", **versions(),
             })  # fmt: skip
-        if nodes:
-            attached = list(zip(case.attachments, self.model.attachments, nodes, strict=True))
-            about = {"case_hash": case.hash, "record": "all fields of a record are those of its time", **versions()}
-            self._attachments = AttachmentsFile(self.out / "attachments.h5", attached, about, self._kept("interface"))
-        if facets is not None and self._edge_sums is not None and case.fracture is not None:
-            bodies, thickness = self.model.bodies, case.fracture.thickness
-            joints, kept = list(bodies.joints), self._kept("bulk")
-            self._cracks = CrackFiles(self.out, facets, bodies.names, joints, thickness, kept)
-            columns, kept = self._edge_sums.columns, self._kept("interface")
-            self._edges = TableFile(self.out / "edges.csv", columns, edge_sums.REMARK, kept)
+        opening = Opening(self.out, self._kept, {"case_hash": self.model.case.hash, **versions()})
+        for each in self.parts:
+            each.open(opening)
 
     def _names(self) -> list[str]:
         """Return the names of the files that this run writes, except for the case."""
-        model, several = self.model, len(self.model.faults) > 1
-        suffixes = [f"_{fault.name}" if several else "" for fault in model.faults]
+        size = self.model.comm.size
         names = ["run.log", "energy.csv", run_files.SUMMARY, "bulk.h5", "bulk.xdmf"]
-        names += [f"bulk.{rank}.h5" for rank in range(model.comm.size)] if model.comm.size > 1 else []
-        names += [f"interface{suffix}.h5" for suffix in suffixes]
-        names += [f"forces{suffix}.csv" for fault, suffix in zip(model.faults, suffixes, strict=True) if fault.slides]
+        names += [f"bulk.{rank}.h5" for rank in range(size)] if size > 1 else []
         names += ["instruments.h5"] if self.samples.instruments else []
-        names += ["attachments.h5"] if model.attachments else []
-        return names + ([] if model.cracks is None else ["cracks.h5", "cracks.xdmf", "events.h5", "edges.csv"])
+        return names + [name for each in self.parts for name in each.names()]
 
     def settle(self) -> list[Path]:
         """Write all data in memory; return the history files of this rank, which may then be copied."""
         files = self._bulk.settle()
         if self.model.comm.rank == 0:
-            for file in self._files.values():
-                file.settle()
-            files += [file.path for file in self._files.values()]
-            files += [table.path for table in (self._energies, *self._forces.values())]
+            files.append(self._energies.path)
             if self._instruments is not None:
                 self._instruments.settle()
                 files.append(self._instruments.path)
-            if self._attachments is not None:
-                self._attachments.settle()
-                files.append(self._attachments.path)
-            if self._cracks is not None and self._edges is not None:
-                files += [*self._cracks.settle(), self._edges.path]
+            for each in self.parts:
+                files += each.settle()
         return files
-
-    def _attributes(self, fault: Fault, place: np.ndarray) -> Table:
-        case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
-        # The end of the interface next to a driven edge, or the left end.
-        right = any(edge.endswith(".right") for edge in case.driven_edges)
-        of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
-        onset, center = first_begun(fault.nucleation)
-        return {
-            "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
-            "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
-            "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
-            "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
-            "loaded_end": float(place[-1 if right else 0, 0]), "case_hash": case.hash, "complete": 0,
-            "nucleation_time": onset, "nucleation_position": center,
-            "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
-            "laws of contact and friction there",
-            **versions(),
-        }  # fmt: skip
 
     @phase("writing")
     def _write(self, action: Callable[[], None]) -> None:
@@ -298,10 +239,10 @@ class Recorder:
         self.counts[what] += 1
 
     def observe(self, state: State) -> None:
-        """Read instruments and means at the start and at every step."""
+        """Read instruments and what mechanisms record at the start and at every step."""
         self.samples.observe(state)
-        if self.means is not None:
-            self.means.observe(state)
+        for each in self.parts:
+            each.observe(state)
 
     def collect(self) -> None:
         """Append complete samples to their file; collective."""
@@ -325,49 +266,33 @@ class Recorder:
                 self.collect()
         if self._reached("interface", state):
             self._passed("interface", state)
-            with phase("gathering"):
-                fields = {fault.name: self.gather_fault(fault, state) for fault in self.model.faults}
-                comm, least = self.model.comm, self.model.case.output.rupture_threshold
-                slide = [] if self.means is not None else [fault for fault in self.model.faults if fault.slides]
-                sums = {fault.name: forces.row(comm, fault, state, least) for fault in slide}
-                attached = [each.record(state) for each in self.model.attachments]
+            rows = self._read("interface", state)
             with phase("energies"):
                 energy = self._motion.energies(state)
-            edges = None if self._edge_sums is None else self._edge_sums.row(state)
-            now = state.fault_time
             if self.model.comm.rank == 0:
-                rates = [v for each in fields.values() for name, v in each.items() if name.startswith("slip_rate")]
-                self.peak_slip_rate = float(max((np.abs(rate).max() for rate in rates), default=0.0))
+                self.peak_slip_rate = max((each.largest_slip_rate(data) for each, _, data in rows), default=0.0)
                 row = self._balance(state, energy)
-                self._write(lambda: self._append(now, fields, row, sums, edges, attached))
-        if self.means is not None and self._reached("forces", state):
+                self._write(lambda: self._append(rows, row))
+        if "forces" in self._schedules and self._reached("forces", state):
             self._passed("forces", state)
-            with phase("gathering"):
-                middle, means = self.means.take()
+            means = self._read("forces", state)
             if self.model.comm.rank == 0:
-                self._write(lambda: self._append_forces(middle, means))
+                self._write(lambda: self._append(means))
         if self._reached("bulk", state):
             self._passed("bulk", state)
             with phase("gathering"):
                 snapshot = self._bulk.gather(state)
-                cracks = None if self.model.cracks is None else self.model.cracks.gather(state.cracks)
+            data = self._read("bulk", state)
             time = state.time - 0.5 * state.lag
             self._writer.drain()  # one snapshot in memory is enough
             self._write(lambda: self._bulk.append(time, snapshot))
-            if self._cracks is not None and cracks is not None:
-                files, at_facets, tractions = self._cracks, cracks, state.fault_time
-                self._write(lambda: files.append(tractions, at_facets))
+            if self.model.comm.rank == 0:
+                self._write(lambda: self._append(data))
 
-    def gather_fault(self, fault: Fault, state: State) -> dict[str, np.ndarray]:
-        """Return every field of a fault in order along the interface, on rank 0; needs an up-to-date displacement."""
-        fields = state.faults[fault.name] | state.points.get(fault.name, {})
-        face = fault.interface
-        _, jump = face.split(face.jump(state.displacement) - state.lag * face.rate(state.velocity))
-        fields |= dict(zip(DERIVED[0].names(fault.tangents), jump.T, strict=True))
-        if fault.slides:
-            least = self.model.case.output.rupture_threshold
-            fields |= forces.sliding_fields(fault, state.faults[fault.name], state.at_faults()[1], least)
-        return parallel.gather_fields(self.model.comm, face.number, face.owned, fields)
+    @phase("gathering")
+    def _read(self, schedule: str, state: State) -> list[tuple[Records, float, Any]]:
+        """Return the records of the mechanisms that are due, each with its time and data; collective."""
+        return [(each, *each.read(state)) for each in self.parts if each.schedule == schedule]
 
     def _balance(self, state: State, energy: dict[str, float]) -> list[float]:
         """Return a row of the energy table: its time [s], the energies [J] and the energy error."""
@@ -376,23 +301,12 @@ class Recorder:
         closure = lost / self.largest_work if self.largest_work > 0 else 0.0
         return [state.time - 0.5 * state.lag, *energy.values(), closure]
 
-    def _append(
-        self, time: float, faults: dict[str, dict[str, np.ndarray]], energies: list[float],
-        sums: dict[str, list[float]], edges: list[float] | None, attached: list[Rows],
-    ) -> None:  # fmt: skip
-        """Append fields and forces of the interfaces at one time [s], and a row of the energy table at another."""
-        self._append_forces(time, sums)
-        if self._edges is not None and edges is not None:
-            self._edges.append(time, edges)
-        if self._attachments is not None:
-            self._attachments.append(time, attached)
-        for name, fields in faults.items():
-            self._files[name].append(time, fields)
-        self._energies.append(energies[0], energies[1:])
-
-    def _append_forces(self, time: float, rows: dict[str, list[float]]) -> None:
-        for name, values in rows.items():
-            self._forces[name].append(time, values)
+    def _append(self, rows: list[tuple[Records, float, Any]], energies: list[float] | None = None) -> None:
+        """Append records of mechanisms, and a row of the energy table."""
+        for each, time, data in rows:
+            each.append(time, data)
+        if energies is not None:
+            self._energies.append(energies[0], energies[1:])
 
     @phase("writing")
     def __exit__(
@@ -409,15 +323,14 @@ class Recorder:
             self._close(error)
 
     def _complete(self) -> None:
-        for file in self._files.values():
-            file.complete()
+        for each in self.parts if self.model.comm.rank == 0 else []:
+            each.complete()
 
     def _close(self, error: BaseException | None) -> None:
         """Close all files; files with failed writes remain open, since HDF5 would fail on closing them."""
-        files: list[Closing] = [*self._files.values(), *self._forces.values(), self._bulk]
+        files: list[Closing] = [*self.parts, self._bulk]
         if self._instruments is not None:
             files.append(self._instruments)
-        files += [file for file in (self._cracks, self._edges, self._attachments) if file is not None]
         if self.model.comm.rank == 0:
             files.append(self._energies)
             if error is not None:
@@ -447,9 +360,3 @@ def versions() -> dict[str, str]:
         "dolfinx_version": fem.dolfinx.__version__,
         "hdf5_version": h5py.version.hdf5_version,
     }
-
-
-def _positions(comm: fem.MPI.Comm, face: Interface) -> np.ndarray:
-    """Position along an interface and coordinates of its points [m] on rank 0, shape (points, 1 + dim)."""
-    columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
-    return np.column_stack([*parallel.gather_fields(comm, face.number, face.owned, columns).values()])

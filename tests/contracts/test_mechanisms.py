@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,14 +14,16 @@ from crack_cases import case as broken
 from small_cases import case, march
 
 import ruptfx.steppers.leapfrog as leapfrog
-from ruptfx import preflight, spectrum
+from ruptfx import cost, preflight, spectrum
 from ruptfx.case import parse_case
 from ruptfx.mechanisms import Mechanism, kinds, mechanisms_of
 from ruptfx.model import Model
-from ruptfx.recording import checkpoint
+from ruptfx.recording import checkpoint, recorder
+from ruptfx.recording import mechanisms as records
 from ruptfx.steppers.leapfrog import LeapfrogMotion
 
 pytestmark = pytest.mark.fem
+kinds_before = records.kinds()
 MASS, STIFFNESS = 0.01, 5e7  # kg/m, N/m2: soft enough for the stable step of the bodies
 
 
@@ -55,10 +58,77 @@ def test_one_class_per_name_in_calling_order() -> None:
 
 def test_the_stepper_names_none() -> None:
     source = Path(leapfrog.__file__).read_text(encoding="utf-8").partition("class LeapfrogMotion")[2]
-    words = {word.lower() for word in re.findall(r"[A-Za-z]+", source)}
     names = {"faults", "sliding", "cracks", "facets", "collisions", "rotations", "viscosity", "ties", "loads"}
-    assert not words & names
+    assert not words_of(source) & names
     assert "isinstance(model.operator" in source and source.count("isinstance") == 1
+
+
+@pytest.mark.parametrize("module", [recorder, cost, checkpoint], ids=lambda module: module.__name__)
+def test_records_costs_and_checkpoints_name_none(module: ModuleType) -> None:
+    source = Path(module.__file__ or "").read_text(encoding="utf-8")
+    names = {"sliding", "slides", "crack", "cracks", "facets", "collisions", "rotations", "ties", "fracture"}
+    assert not words_of(source) & (names | {"attachments", "edge_sums", "interface_file"})
+
+
+def words_of(source: str) -> set[str]:
+    return {word.lower() for word in re.findall(r"[A-Za-z_]+", source)}
+
+
+def test_every_file_of_a_mechanism_is_found_and_named_once() -> None:
+    found = records.kinds()
+    assert len(found) >= 5 and all(issubclass(each.of, Mechanism) for each in found)
+    for model in (Model(broken({})), Model(case({}))):
+        parts = records.records_of(model)
+        names = [name for each in parts for name in each.names()]
+        assert names and len(set(names)) == len(names)
+        assert {type(each) for each in parts} == {
+            kind for kind in found if any(isinstance(each, kind.of) for each in model.mechanisms)
+        }  # fmt: skip
+
+
+class Counted(records.Records):
+    """Counts the records of a point mass."""
+
+    of = PointMass
+    made: ClassVar[list[float]] = []
+
+    def names(self) -> list[str]:
+        return ["counted.txt"]
+
+    def open(self, opening: records.Opening) -> None:
+        (opening.out / "counted.txt").touch()
+
+    def read(self, state: Any) -> tuple[float, float]:
+        return state.fault_time, state.step * self.model.total_nodes
+
+    def append(self, time: float, data: float) -> None:
+        self.made.append(time * data)
+
+    def settle(self) -> list[Path]:
+        return []
+
+    def close(self) -> None:
+        pass
+
+    def numbers(self, records: int, snapshots: int) -> float:
+        return 1e6 * records
+
+
+def test_a_new_mechanism_is_recorded_and_costed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder writes what a mechanism of another file declares; the estimate of the disk counts it."""
+    given = case({"duration": 1e-6, "output.interface_interval": 2e-7, "output.figures": False})
+
+    def cost_of(model: Model) -> cost.Cost:
+        return cost.rehearse(model, given.stepper.bind(model), 50, 0.0, 0.0)
+
+    model = Model(given)
+    plain = cost_of(model)
+    monkeypatch.setattr(records, "kinds", lambda: (*kinds_before, Counted))
+    model.mechanisms = [*mechanisms_of(model), PointMass(model)]
+    with_mass = cost_of(model)
+    rows, _ = cost.counts(given, 50)
+    assert with_mass.disk - plain.disk == pytest.approx(8e6 * rows, rel=1e-6)
+    assert len(Counted.made) >= 2 and Counted.made[-1] > Counted.made[0] == 0
 
 
 @pytest.mark.parametrize("module", [preflight, checkpoint, spectrum])

@@ -13,8 +13,8 @@ from whole_runs import assert_goes_on_with_the_same_bits, run_of, run_on, stoppe
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.record import Record
-from ruptfx.recording.forces import contact_states
 from ruptfx.simulation import simulate
+from ruptfx.sliding.contact_states import contact_states
 
 pytestmark = pytest.mark.fem
 

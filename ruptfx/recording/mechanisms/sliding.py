@@ -1,0 +1,67 @@
+"""Forces between sliding bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ruptfx.mechanisms.sliding import SlidingFaults
+from ruptfx.recording import forces
+from ruptfx.recording.mechanisms import Opening, Records
+from ruptfx.recording.mechanisms.faults import file_name
+from ruptfx.recording.table_file import TableFile
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+    from ruptfx.recording.checkpoint import Keeper
+    from ruptfx.state import State
+
+
+class ForceRecords(Records):
+    """`forces.csv`, or `forces_NAME.csv`: at every record of the interfaces, or means over an interval of their own."""
+
+    of = SlidingFaults
+    figures = {"contact": 1, "forces": 3, "surfaces": 5}
+
+    def __init__(self, model: Model, mechanisms: Sequence[SlidingFaults]) -> None:
+        super().__init__(model, mechanisms)
+        (mechanism,) = mechanisms
+        self._faults, self._threshold = mechanism.faults, model.case.output.rupture_threshold
+        self._tables: dict[str, TableFile] = {}
+        self._means: forces.ForceMeans | None = None
+        if model.case.output.forces_interval is not None:
+            self.schedule = "forces"
+            self._means = forces.ForceMeans(model.comm, self._faults, self._threshold)
+
+    def names(self) -> list[str]:
+        return [file_name(self.model, fault, "forces", "csv") for fault in self._faults]
+
+    def keepers(self) -> Mapping[str, Keeper]:
+        return {} if self._means is None else {"means": self._means}
+
+    def open(self, opening: Opening) -> None:
+        remark, kept = forces.remark(self._means is not None), opening.kept(self.schedule)
+        for fault, name in zip(self._faults, self.names(), strict=True):
+            self._tables[fault.name] = TableFile(opening.out / name, forces.COLUMNS, remark, kept)
+
+    def observe(self, state: State) -> None:
+        if self._means is not None:
+            self._means.observe(state)
+
+    def read(self, state: State) -> tuple[float, dict[str, list[float]]]:
+        if self._means is not None:
+            return self._means.take()
+        rows = {f.name: forces.row(self.model.comm, f, state, self._threshold) for f in self._faults}
+        return state.fault_time, rows
+
+    def append(self, time: float, data: dict[str, list[float]]) -> None:
+        for name, values in data.items():
+            self._tables[name].append(time, values)
+
+    def settle(self) -> list[Path]:
+        return [table.path for table in self._tables.values()]
+
+    def close(self) -> None:
+        for table in self._tables.values():
+            table.close()
