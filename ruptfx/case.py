@@ -198,7 +198,8 @@ class Case(CaseFile):
     mesh: AnyMesh
     """Shape, size and elements of the bodies."""
     materials: dict[Name, AnyMaterial]
-    """Materials by body; `default` is for the bodies not listed."""
+    """Materials by body; `default` is for the bodies not listed. A name stands for constants, such as `pmma`; see
+    `ruptfx describe materials`."""
     faults: dict[Name, FaultCase] = {}
     """Interfaces by name; that of generated meshes is `main`."""
     fracture: AnyFracture | None = None

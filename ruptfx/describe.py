@@ -21,6 +21,7 @@ from ruptfx import RuptfxError, summary_fields
 from ruptfx.boundaries._history import Ricker, Sampled
 from ruptfx.case import Case, Damping, FaultCase, KelvinVoigt, Output, case_schema
 from ruptfx.initial_stress import InitialStress
+from ruptfx.materials._library import LIBRARY, in_words
 from ruptfx.places import Place
 from ruptfx.schema import (
     Alternative,
@@ -123,8 +124,20 @@ def entries(topic: str) -> Iterator[Entry]:
             yield Entry(kind, _marked(first_line(described)), _details(described), {}, [])
     else:
         yield from _with_held(alternatives(f"ruptfx.{topic}") | CLASSES.get(topic, {}))
+        if topic == "materials":
+            yield _library()
         for kind, reason in broken(f"ruptfx.{topic}").items():
             yield Entry(kind, "", "", {}, [], reason)
+
+
+def _library() -> Entry:
+    """Return the materials that a case may name."""
+    keys = [Key(name, "", "", "", in_words(name)) for name in LIBRARY]
+    details = (
+        "materials.upper = \"pmma\" stands for its constants, and a table may replace some of them:\n"
+        "materials.upper = { name = \"pmma\", density = \"1180 kg/m3\" }. The resolved case contains the numbers."
+    )
+    return Entry("by name", "Materials of the library, isotropic elastic.", details, {}, keys)
 
 
 def entries_of(what: str) -> Iterator[Entry]:

@@ -468,6 +468,13 @@ def alternative(package: str) -> Any:
     ]
 
 
+def by_name(folder: str, names: list[str]) -> Table:
+    """Return the JSON schema of an alternative of a folder, a name, or a table with a key `name`."""
+    name = {"enum": names, "description": "Whose constants are used where the table gives none."}
+    named = {"type": "object", "properties": {"name": name}, "required": ["name"]}
+    return {"anyOf": [{_FOLDER: folder}, {"enum": names}, named]}
+
+
 def json_schema(root: type[Part], packages: list[str]) -> Table:
     """Return the JSON schema of a case, with one ``oneOf`` under ``$defs`` per folder of alternatives."""
     schema = root.model_json_schema()

@@ -32,10 +32,14 @@ def new(
             autocompletion=completed_from(cases),
         ),
     ] = "impact",
+    materials: Annotated[
+        str | None,
+        typer.Option(help="One of the library for all bodies, or one each from top to bottom: pmma,aluminium."),
+    ] = None,
 ) -> None:
     """Write a commented, runnable case as a template for your own.
 
-    Example: ruptfx new mine --from bimaterial
+    Example: ruptfx new mine --from bimaterial --materials pmma,aluminium
     """
     from ruptfx.schema import nearest
 
@@ -49,10 +53,50 @@ def new(
         taken = [path for path in (case, *(case.parent / file.name for file in files)) if path.exists()]
         if taken:
             raise RuptfxError(f"{taken[0]}: exists already; choose another name, or remove it")
-        case.parent.mkdir(parents=True, exist_ok=True)
         text = source.read_text().replace(f"demos/{from_}.toml", str(case))
+        if materials is not None:
+            text = with_materials(text, materials.replace(",", " ").split(), from_)
+        case.parent.mkdir(parents=True, exist_ok=True)
         case.write_text(text)
         for file in files:
             shutil.copy(file, case.parent)
         screen.print(f"{case}: try  ruptfx check {case}", soft_wrap=True)
 
+
+
+def with_materials(text: str, names: list[str], demo: str) -> str:
+    """Return the text of a case with materials of the library instead of its own.
+
+    Raises
+    ------
+    RuptfxError
+        An unknown material, a demo without materials, or more materials than bodies.
+    """
+    from ruptfx.case import load_toml
+    from ruptfx.materials._library import LIBRARY, in_words
+    from ruptfx.schema import nearest
+
+    for name in names:
+        if name not in LIBRARY:
+            raise RuptfxError(f"--materials {name}: {nearest(name, list(LIBRARY))}")
+    tables = load_toml(text)
+    given = tables.get("materials")
+    if not isinstance(given, dict):
+        raise RuptfxError(f"--materials: the demo {demo} has no bodies with materials")
+    bodies = {"two_plates": ("upper", "lower")}.get(tables["mesh"]["kind"], tuple(given))
+    if len(names) == 1:
+        chosen = [("default", names[0])]
+    elif len(names) == len(bodies):
+        chosen = list(zip(bodies, names, strict=True))
+    else:
+        raise RuptfxError(f"--materials: give one for all bodies, or one for each of {', '.join(bodies)}")
+    lines = ["[materials]"]
+    for body, name in chosen:
+        lines.append(f'{body} = "{name}"'.ljust(34) + f" # {in_words(name)}")
+    first = re.search(r"^\[materials\b", text, re.MULTILINE)
+    assert first is not None
+    # A table ends where the next one begins; comments directly above a table belong to it.
+    without = re.sub(r"^\[materials\.[^\]]+\][^\n]*\n(?:(?!\[|#).*\n)*", "", text, flags=re.MULTILINE)
+    changed = without[: first.start()] + "\n".join(lines) + "\n\n" + without[first.start() :]
+    load_toml(changed)
+    return changed

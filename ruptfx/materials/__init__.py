@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from pydantic import BeforeValidator, WithJsonSchema
 
 from ruptfx import RuptfxError
+from ruptfx.materials._library import LIBRARY, constants_of
 from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent_stiffness
-from ruptfx.schema import Alternative, alternative
+from ruptfx.schema import Alternative, alternative, by_name
 from ruptfx.units import Density, FringeConstant
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
@@ -155,4 +157,6 @@ if TYPE_CHECKING:
     from ruptfx.fem import Expr
     AnyMaterial = Material
 else:
-    AnyMaterial = alternative("ruptfx.materials")
+    AnyMaterial = Annotated[
+        alternative("ruptfx.materials"), BeforeValidator(constants_of), WithJsonSchema(by_name("materials", [*LIBRARY]))
+    ]

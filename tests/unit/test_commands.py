@@ -89,6 +89,41 @@ def test_new_knows_its_demos(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("demo", cases())
+def test_new_replaces_materials(demo: str, tmp_path: Path) -> None:
+    """All else stays; one material for all bodies, which is what the case then has."""
+    from ruptfx.case import Case, read_case
+
+    result = ruptfx("new", tmp_path / "mine", "--from", demo, "--materials", "steel")
+    before = read_case(ROOT / "demos" / f"{demo}.toml")
+    if not isinstance(before, Case):
+        assert "no bodies with materials" in said(result) and not list(tmp_path.iterdir())
+        return
+    case = read_case(tmp_path / "mine.toml")
+    assert isinstance(case, Case) and list(case.materials) == ["default"]
+    assert case.materials["default"].density == 7850.0 and case.materials["default"].wave_speeds("strain").c_s == (
+        pytest.approx(3235.0)
+    )
+    tables = [each.table() for each in (before, case)]
+    for table in tables:
+        del table["materials"]
+        table["mesh"].pop("file", None)  # copied with the case
+    assert tables[0] == tables[1]
+
+
+def test_new_with_a_material_for_each_body(tmp_path: Path) -> None:
+    from ruptfx.case import Case, read_case
+
+    for demo in ("impact", "bimaterial"):  # with a default, and with a table for each
+        assert ruptfx("new", tmp_path / demo, "--from", demo, "--materials", "pmma,aluminium").exit_code == 0
+        case = read_case(tmp_path / f"{demo}.toml")
+        assert isinstance(case, Case) and list(case.materials) == ["upper", "lower"]
+        assert [each.density for each in case.materials.values()] == [1170.0, 2700.0]
+    assert "did you mean 'pmma'?" in said(ruptfx("new", tmp_path / "x", "--materials", "pmna"))
+    three = said(ruptfx("new", tmp_path / "x", "--materials", "pmma,steel,granite"))
+    assert "one for each of upper, lower" in three and not (tmp_path / "x.toml").exists()
+
+
 @fem
 @pytest.mark.parametrize("demo", ["gmsh", "antiplane", "rate_state"])
 def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None:
