@@ -23,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import toml_examples
 import typer
 from docutils import nodes
 from docutils.parsers.rst import Directive
@@ -90,23 +91,53 @@ def section(title: str, identifier: str) -> nodes.section:
     return block
 
 
+PAGES = {"faults": "case.html#interfaces", "output": "case.html#output", "stop_when": "case.html#early-end",
+         "damping": "case.html#damping"}  # fmt: skip
+"""Pages of topics that have none of their own name."""
+
+
+def bounds(text: str) -> Cell:
+    """Return the bounds of a key, with links to the pages of the topics that they name."""
+    block = nodes.paragraph()
+    for number, part in enumerate(text.split(", ") if text else []):
+        block += nodes.Text(", " if number else "")
+        topic = "profiles" if part == "may be a profile" else part.removeprefix("see ")
+        if part not in ("may be a profile", f"see {topic}"):
+            block += nodes.Text(part)
+            continue
+        shown = part.removeprefix("see ")
+        block += nodes.reference(shown, shown, refuri=PAGES.get(topic, f"{topic}.html"), internal=True)
+    return block
+
+
 def entry_section(topic: str, entry: describe.Entry) -> nodes.section:
     """One kind or table."""
     block = section(entry.name, f"{topic}-{entry.name}")
     block += paragraph(entry.summary)
     block += [paragraph(" ".join(part.split())) for part in entry.details.split("\n\n") if part.strip()]
     for label, text in entry.labels.items():
+        if label == "example":
+            continue
         line = paragraph("")
         line += nodes.strong(label, label.capitalize())
         line += nodes.Text(": ")
-        line += nodes.literal(text, text) if label in ("formula", "example", "state") else nodes.Text(text)
+        line += nodes.literal(text, text) if label in ("formula", "state") else nodes.Text(text)
         block += line
+    if topic in describe.FOLDERS or topic in describe.CLASSES:
+        text, demo = toml_examples.example(topic, entry)
+        if text:
+            line = paragraph("")
+            line += nodes.strong("Example", "Example")
+            line += paragraph(f", from `demos/{demo}`:" if demo else ":").children
+            block += line
+            block += nodes.literal_block(text, text, language="toml")
     if entry.keys:
-        rows = [(key.name, key.unit, key.bounds, key.default, key.description) for key in entry.keys]
+        rows = [(key.name, key.unit, bounds(key.bounds), key.default, key.description) for key in entry.keys]
         if topic == "summary":
             block += table(("field", "unit", "what it is"), [(r[0], r[1], r[4]) for r in rows], (30, 10, 60))
         else:
-            block += table(("key", "unit", "bounds", "default", "what it is"), rows, (16, 8, 14, 14, 48))
+            header = ("key", "unit", "bounds", "default", "what it is")
+            block += table(header, rows, (16, 8, 14, 14, 48), classes=("keys",))
     return block
 
 

@@ -1,0 +1,64 @@
+"""Reference pages: every kind has an example that its class accepts, and no default in words of Python."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+
+import pytest
+from page_blocks import ROOT
+
+from ruptfx import describe
+from ruptfx.schema import alternatives
+
+sys.path.insert(0, str(ROOT / "docs" / "_extensions"))
+import toml_examples
+
+KINDS = [(topic, name) for topic in (*describe.FOLDERS, "histories") for name in describe.names_of(topic)]
+
+
+def tables_of(found: object, kind: str) -> Iterator[dict[str, object]]:
+    """Yield the tables of a kind at any depth."""
+    if isinstance(found, dict):
+        if found.get("kind") == kind:
+            yield found
+        for inner in found.values():
+            yield from tables_of(inner, kind)
+    if isinstance(found, list):
+        for inner in found:
+            yield from tables_of(inner, kind)
+
+
+@pytest.mark.parametrize(("topic", "kind"), KINDS, ids=[".".join(each) for each in KINDS])
+def test_a_kind_has_an_example_that_it_accepts(topic: str, kind: str) -> None:
+    entry = next(entry for entry in describe.entries(topic) if entry.name == kind)
+    text, demo = toml_examples.example(topic, entry)
+    assert text and (not demo or (ROOT / "demos" / demo).is_file())
+    found = tomllib.loads(text)
+    if topic == "operators":
+        assert found == {"operator": kind}
+        return
+    of_files = alternatives(f"ruptfx.{topic}") if topic in describe.FOLDERS else {}
+    cls = (of_files | describe.CLASSES.get(topic, {}))[kind]
+    if kind == "a point as center":
+        text = text.partition("center = ")[2].splitlines()[0]
+        cls.model_validate(tomllib.loads(f"center = {text}")["center"])
+        return
+    table = next(tables_of(found, kind))
+    required = {name for name, field in cls.model_fields.items() if field.is_required()} - {"kind"}
+    assert required <= table.keys()
+    cls.model_validate({key: value for key, value in table.items() if key != "kind" or key in cls.model_fields})
+
+
+def test_defaults_are_words_of_toml() -> None:
+    keys = [key for topic in describe.TOPICS for entry in describe.entries(topic) for key in entry.keys]
+    assert len(keys) > 300
+    wrong = [key for key in keys if re.search(r"\b(False|True|None|inf|nan)\b|'|<|\w\(", key.default)]
+    assert not wrong
+
+
+def test_values_are_written_as_toml() -> None:
+    values = {"a": [1.0, 2e-6, 3], "b": {"c": "6 MPa", "d": True}, "e": -1e5}
+    assert tomllib.loads(f"x = {toml_examples.as_toml(values)}")["x"] == values
