@@ -15,7 +15,7 @@ from ruptfx.meshes import FACETS, Base, MeshSource, RawMesh
 from ruptfx.schema import nearest
 
 if TYPE_CHECKING:
-    from ruptfx.meshes._lattice import Lattice
+    from ruptfx.meshes import AnyLattice
 
 Facets = tuple[np.ndarray, np.ndarray]  # facets of both sides, vertex by vertex
 VERTICES = {cell: 1 + max(max(facet) for facet in facets) for cell, facets in FACETS.items()}
@@ -127,41 +127,19 @@ def distribute(
     lattice = source.lattice()
     ordinary = not sliding and not neighbours
     if lattice is not None and ordinary and 2 * comm.size <= lattice.columns:  # a few columns are not worth it
-        ties = _ties_of(lattice, tied or {})
-        if ties is not None:
+        shifts = lattice.ties(tied or {})
+        if shifts is not None:
+            ties = [Tie(key, *edges, shifts[key]) for key, edges in (tied or {}).items()]
             return _from_parts(comm, lattice, ties)
     return _from_root(comm, source, tied or {}, sliding, neighbours)
 
 
-def _ties_of(lattice: Lattice, tied: Mapping[str, tuple[str, str]]) -> list[Tie] | None:
-    """Return the ties of both ends of a body, or of the uppermost and the lowest edge; None for others."""
-    size = {
-        "x": np.array([np.ptp(lattice.x), 0.0]),
-        "y": np.array([0.0, max(y[-1] for y in lattice.levels.values()) - min(y[0] for y in lattice.levels.values())]),
-    }
-    ties = []
-    for key, (first, second) in tied.items():
-        here, there = (lattice.sides.get(edge, (-1, "")) for edge in (first, second))
-        if here[0] == there[0] and {here[1], there[1]} == {"left", "right"}:
-            ties.append(Tie(key, first, second, size["x"] if there[1] == "right" else -size["x"]))
-        elif {here[1], there[1]} == {"top", "bottom"} and {first, second} <= set(lattice.sides) - set(_facing(lattice)):
-            ties.append(Tie(key, first, second, size["y"] if there[1] == "top" else -size["y"]))
-        else:
-            return None
-    return ties
-
-
-def _facing(lattice: Lattice) -> list[str]:
-    """Return the sides of interfaces."""
-    return [f"{name}.{side}" for name in (*lattice.interfaces, *lattice.one_sided) for side in ("plus", "minus")]
-
-
-def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies:
+def _from_parts(comm: fem.MPI.Comm, lattice: AnyLattice, ties: list[Tie]) -> Bodies:
     """Return the mesh of a lattice: every rank makes its own cells, and an equal share of the vertices.
 
     There are no ghost cells: a rank with a vertex of an interface owns one of the pairs there.
     """
-    along = {lattice.sides[tie.first][1] for tie in ties}
+    along = {tie.first.rpartition(".")[2] for tie in ties}
     cells = lattice.part(comm.rank, comm.size, bool(along & {"left", "right"}), bool(along & {"top", "bottom"}))
     first, last = lattice.vertices * np.array([comm.rank, comm.rank + 1]) // comm.size
     points = lattice.points(np.arange(first, last))
@@ -169,10 +147,10 @@ def _from_parts(comm: fem.MPI.Comm, lattice: Lattice, ties: list[Tie]) -> Bodies
     def partitioner(*_: object) -> object:
         return _destinations(np.full(len(cells), comm.rank, np.int32), np.arange(len(cells) + 1, dtype=np.int32))
 
-    mesh = fem.create_mesh(comm, cells.astype(np.int64), points, "quadrilateral", partitioner)
+    mesh = fem.create_mesh(comm, cells.astype(np.int64), points, lattice.cell, partitioner)
     facets, tags = _tag_facets(mesh, list(lattice.sides), lattice.side_of)
     tags |= {f"{name}.minus": tags[f"{name}.plus"] for name in lattice.one_sided}
-    body = lattice.body_of(mesh.geometry.input_global_indices[fem.geometry_dofmap(mesh)[:, 0]])
+    body = lattice.body_of_cells(mesh.geometry.input_global_indices[fem.geometry_dofmap(mesh)])
     interfaces = [*lattice.interfaces, *lattice.one_sided]
     return Bodies(mesh, lattice.bodies, body.astype(np.int32), facets, tags, interfaces, lattice.one_sided, ties)
 

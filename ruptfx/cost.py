@@ -38,7 +38,7 @@ SECONDS, FEWEST = 0.5, 6  # steps of the rehearsal: sufficient processor time [s
 LIBRARIES = 160e6  # bytes of a rank before it has a mesh (`ruptfx bench memory`)
 # Bytes per node of a model in its first step, by components of the motion: lower bound of a run. Two components
 # as measured by `ruptfx bench memory` with 8 million nodes, less a tenth.
-PER_NODE = {1: 130.0, 2: 245.0}
+PER_NODE = {1: 130.0, 2: 245.0, 3: 245.0}
 # Largest processor time of the start of the program, and of the analysis at its end, over that of a fixed piece of
 # Python; of a plain panel of a figure over that of the start of the figure process (`ruptfx bench command_cost`).
 START, ANALYSIS, PANEL = 40.0, 1.0, 0.085
@@ -228,8 +228,7 @@ def need_memory(case: Case, comm: fem.MPI.Comm) -> None:
     here = comm.Split_type(fem.MPI.COMM_TYPE_SHARED).size if comm.size > 1 else 1
     if lattice is None or there is None:
         return
-    p, components = case.order, 1 if case.plane == "antiplane" else 2
-    nodes = sum((lattice.columns * p + 1) * (rows * p + 1) for rows in lattice.rows)
+    components, nodes = {"antiplane": 1, "solid": 3}.get(case.plane, 2), lattice.nodes(case.order)
     least = here * LIBRARIES + nodes * PER_NODE[components] * here / comm.size
     if least > there:
         raise RuptfxError(

@@ -74,8 +74,8 @@ class Fault:
 
     def load(self, time: float) -> np.ndarray:
         """Return the shear traction that nucleations add along the first tangent [Pa], shape (n,)."""
-        position = self.interface.position
-        return sum((item.shear_traction(position, time) for item in self.nucleation), np.zeros_like(position))
+        places = self.interface.locations
+        return sum((item.shear_traction(places, time) for item in self.nucleation), np.zeros(len(places)))
 
     def driving_shear(self, time: float) -> np.ndarray:
         """Return the initial shear traction plus that of nucleations [Pa], shape (n, tangents)."""

@@ -33,6 +33,9 @@ class InitialStress(Part):
     shear: VaryingStress | None = None
     """Shear traction along the (first) tangent; default is that of a rate-and-state law whose slip rate and
     state are both given, else zero."""
+    rake: Annotated[float, Field(ge=-180, le=180)] | None = None
+    """Direction of `shear` on a surface in degrees, from the first tangent (strike) to the second (down dip); default
+    is 0."""
     tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
     """Uniform stress of the bodies instead, the same for all interfaces that give it, tension positive: xx, yy, xy, in
     3D xx, yy, zz, xy, yz, xz."""
@@ -41,6 +44,8 @@ class InitialStress(Part):
     def _one_way(self) -> InitialStress:
         if (self.normal is None) == (self.tensor is None):
             raise ValueError("give either normal (and shear) or tensor")
+        if self.rake is not None and self.shear is None:
+            raise ValueError(f"rake = {self.rake:g}: the direction of shear, which is not given; give shear, too")
         if self.tensor is not None and (self.shear is not None or len(self.tensor) not in (3, 6)):
             raise ValueError("tensor has 3 components (xx, yy, xy), 6 in 3D, and stands alone")
         return self
@@ -68,19 +73,24 @@ class InitialStress(Part):
         if tensor is not None:
             local = np.einsum("ikc,cd,id->ik", face.frame, tensor, face.frame[:, 0])
             return -local[:, 0], local[:, 1:]
-        given = self.at(face.position)
-        normal = evaluate(given.normal, face.position)
+        given = self.at(face.locations)
+        normal = evaluate(given.normal, face.locations)
         rate = law.given_slip_rate()
         carried = None
         if rate is not None:
             state = law.initial_state(normal, np.zeros_like(normal), np.zeros_like(normal))
             carried = law.strength(rate, normal, state) + np.zeros_like(normal)
         if self.shear is not None:
-            shear[:, 0] = evaluate(given.shear, face.position)
+            shear[:, 0] = evaluate(given.shear, face.locations)
             if carried is not None and np.any(np.abs(np.abs(shear[:, 0]) - carried) > 1e-6 * normal):
                 keys = [f"friction.{name}" for name in type(law).model_fields if name.endswith("_initial")]
                 others = " and ".join(keys)
                 raise CaseError(f"initial_stress.shear: {others} carry another; give two of the three")
         elif carried is not None:
             shear[:, 0] = carried
+        if self.rake is not None:
+            if face.tangents < 2:
+                raise CaseError(f"initial_stress.rake = {self.rake:g}: in 2D shear has one direction; leave it out")
+            angle = np.deg2rad(self.rake)
+            shear = shear[:, :1] * np.array([np.cos(angle), np.sin(angle)])
         return normal, shear

@@ -88,6 +88,9 @@ class Interface:
         Definition of the positions.
     other_side : str
         `meshed`, or without a minus side (`minus` is then `plus`): `rigid`, `antisymmetric`, `symmetric`.
+    across : ndarray, shape (n,), or None
+        Of a surface: second position, along the second tangent of the mean normal, zero at its first edge [m]. On a
+        vertical or dipping fault with the x axis along strike this is the distance down dip.
     """
 
     points: np.ndarray
@@ -101,6 +104,12 @@ class Interface:
     total: int
     line: Line
     other_side: str = "meshed"
+    across: np.ndarray | None = None
+
+    @property
+    def locations(self) -> np.ndarray:
+        """Positions at which profiles are evaluated [m]: shape (n,) along a line, (n, 2) on a surface."""
+        return self.position if self.across is None else np.stack([self.position, self.across], axis=1)
 
     @property
     def one_sided(self) -> bool:
@@ -242,6 +251,32 @@ class Interface:
         return float(position[best] + part[best] * (position[best + 1] - position[best])), feet[best]
 
 
+    def nearest_of_surface(self, comm: fem.MPI.Comm, point: np.ndarray) -> np.ndarray:
+        """Return both positions [m] of a point near a surface, shape (2,); collective.
+
+        They are those of the nearest node plus the distances from it along the tangents there, exact on a plane.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks, if the point is farther than a hundredth of the extent from the surface, or beyond its rim.
+        """
+        frame = self.frame.reshape(len(self.frame), -1)
+        rows = np.column_stack([self.number, self.locations, self.points, frame])[self.owned]
+        rows = parallel.share_rows(comm, rows)
+        rows = rows[np.argsort(rows[:, 0])]
+        points = rows[:, 3:6]
+        best = int(np.argmin(np.linalg.norm(points - point, axis=1)))
+        normal, *tangents = rows[best, 6:].reshape(3, 3)
+        away, most = abs(float((point - points[best]) @ normal)), FARTHEST * np.ptp(points, axis=0).max()
+        found = rows[best, 1:3] + np.stack(tangents) @ (point - points[best])
+        low, high = rows[:, 1:3].min(axis=0) - most, rows[:, 1:3].max(axis=0) + most
+        if away > most or np.any(found < low) or np.any(found > high):
+            here, there = (", ".join(f"{value:.6g}" for value in each) for each in (point, points[best]))
+            raise RuptfxError(f"({here}) m is not on the interface, whose nearest node is ({there}) m")
+        return np.asarray(found)
+
+
 def build_interface(nodes: Nodes, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
@@ -296,7 +331,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     # The last digits depend on the cell a coordinate was computed from, hence on the partition.
     extent = parallel.largest(comm, np.abs(coordinates).max(initial=0))
     points = _rounded(places["plus"], extent)
-    position, number, total, line = _order(comm, points, owned, normal)
+    position, across, number, total, line = _order(comm, points, owned, normal)
     if ends:  # the interface extends beyond its last points by half of their tributary length
         first, last = (
             parallel.largest(comm, np.where(number == place, 0.5 * ends["plus"].weight, 0.0).max(initial=0.0))
@@ -321,6 +356,7 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     return Interface(
         points[order], position[order], number[order], plus[order].astype(np.int64), minus[order].astype(np.int64),
         frame[order], weight[order], owned[order], total, line, other_side,
+        None if across is None else across[order],
     )  # fmt: skip
 
 
@@ -457,8 +493,8 @@ def local_frame(normal: np.ndarray) -> np.ndarray:
 
 def _order(
     comm: fem.MPI.Comm, points: np.ndarray, owned: np.ndarray, normal: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int, Line]:
-    """Return position and global index of points, the number of all points, and the definition of positions."""
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, int, Line]:
+    """Return positions along and across and global index of points, number of all points, definition of positions."""
     everything = parallel.share_rows(comm, np.hstack([points, normal])[owned])
     places, normals = np.split(everything, 2, axis=1)
     mean = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
@@ -477,7 +513,12 @@ def _order(
     else:
         measure, position = "first tangent", (places - origin) @ along
     line = Line(measure, origin, float(position[0]), float(position[-1]))
+    across = None
+    if len(along) == 3:
+        down = places @ local_frame(mean[None])[0, 2]
+        across = _rounded(down - down.min(), extent)
     if len(points) == 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64), len(places), line
+        none = np.zeros(0)
+        return none, None if across is None else none, np.zeros(0, dtype=np.int64), len(places), line
     _, number = closest(points, places)
-    return position[number], number, len(places), line
+    return position[number], None if across is None else across[number], number, len(places), line

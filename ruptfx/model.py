@@ -262,13 +262,13 @@ class Model:
         self.placed[name] = fault
         error = None
         try:
-            law, contact = fault.friction.at(face.position), fault.contact.at(face.position)
+            law, contact = fault.friction.at(face.locations), fault.contact.at(face.locations)
             normal, shear = fault.initial_stress.tractions(face, law)
             for nucleation in fault.nucleation:
-                nucleation.at(face.position)  # refuses bad profiles before the first step
-                law = nucleation.weaken(law, face.position)
-            cohesion = None if fault.cohesion is None else fault.cohesion.at(face.position)
-            gap = None if fault.gap is None else evaluate(fault.at(face.position).gap, face.position)
+                nucleation.at(face.locations)  # refuses bad profiles before the first step
+                law = nucleation.weaken(law, face.locations)
+            cohesion = None if fault.cohesion is None else fault.cohesion.at(face.locations)
+            gap = None if fault.gap is None else evaluate(fault.at(face.locations).gap, face.locations)
             if gap is not None and np.any((gap > 0) & (normal > 0)):
                 raise CaseError("gap: where it is open, initial_stress.normal must be zero")
         except CaseError as caught:  # of a profile, at the points of this rank
@@ -306,13 +306,13 @@ class Model:
                 f"table of the case; and if it was written for 0.1, shift them by {left:g} m: {shifted(given, left)}"
             )
 
-    def _position_of(self, face: Interface, key: str, place: Place) -> float:
+    def _position_of(self, face: Interface, key: str, place: Place) -> float | np.ndarray:
         """Return the position [m] of the point of an interface that is nearest to a given one; collective."""
-        if len(face.line.origin) == 3:
-            raise CaseError(
-                f"{key}: a point; in 3D a center is a position ({face.line.meaning}), and its patch a strip across"
-            )
+        if (place.z is None) != (len(face.line.origin) == 2):
+            raise CaseError(f"{key}: a point of a surface has x, y and z, of a line x and y")
         try:
+            if place.z is not None:
+                return face.nearest_of_surface(self.comm, np.array([place.x, place.y, place.z]))
             return face.nearest(self.comm, np.array([place.x, place.y]))[0]
         except RuptfxError as error:
             raise CaseError(f"{key} = {error}") from None

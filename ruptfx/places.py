@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from ruptfx import Table
@@ -23,6 +24,8 @@ class Place(Part):
     """Coordinate along x."""
     y: Annotated[float, Unit("m")]
     """Coordinate along y."""
+    z: Annotated[float, Unit("m")] | None = None
+    """Coordinate along z, in three dimensions."""
 
 
 class _Along:
@@ -52,7 +55,22 @@ else:
 AnyPart = TypeVar("AnyPart", bound=Part)
 
 
-def located(part: AnyPart, locate: Callable[[str, Place], float], key: str) -> AnyPart:
+def distance(places: np.ndarray, center: Any) -> np.ndarray:
+    """Return the distance of points of an interface from a center [m], shape (n,).
+
+    Over a surface a center that is one number is a position along strike: its patch is a strip across the surface.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n,) along a line or (n, 2) on a surface [m]
+    center : float, or ndarray of shape (2,)
+    """
+    if np.ndim(center):
+        return np.linalg.norm(places - center, axis=1)
+    return np.abs((places if places.ndim == 1 else places[:, 0]) - center)
+
+
+def located(part: AnyPart, locate: Callable[[str, Place], Any], key: str) -> AnyPart:
     """Return the part with every point replaced by its position.
 
     Parameters
@@ -108,11 +126,14 @@ class Patch:
     kind : str
     ends : list of float
         First and last position [m]; one value for a single position.
+    over_surface : bool
+        True if the center is a point of a surface; else its patch is a strip across it.
     """
 
     key: str
     kind: str
     ends: list[float]
+    over_surface: bool = False
 
 
 def patches(part: Part, key: str) -> Iterator[Patch]:
@@ -125,8 +146,10 @@ def patches(part: Part, key: str) -> Iterator[Patch]:
             if isinstance(value, list):
                 yield Patch(where, kind, [value[0], value[-1]])
             else:
+                point = np.ndim(value) > 0
+                value = float(np.ravel(value)[0])  # of a point on a surface: along strike
                 reach = found[_Reach][0] if found[_Reach] else 0.0
-                yield Patch(where, kind, [value - reach, value + reach] if reach else [value])
+                yield Patch(where, kind, [value - reach, value + reach] if reach else [value], point)
 
 
 def shifted(given: list[tuple[str, list[float]]], shift: float) -> str:

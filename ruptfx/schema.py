@@ -175,7 +175,7 @@ class Bound:
                 self._type.validate_python(float(values[place]))
             except ValidationError as error:
                 reason = error.errors()[0]["msg"]
-                where = f"position {position[place]:.6g} m"
+                where = f"position {', '.join(f'{x:.6g}' for x in np.atleast_1d(position[place]))} m"
                 raise CaseError(
                     f"{key} = {values[place]:.6g} at {where}: {reason[0].lower()}{reason[1:]}; change the profile"
                 ) from None
@@ -249,15 +249,15 @@ class Part(BaseModel, metaclass=_Reworded):
 
         Parameters
         ----------
-        position : ndarray, shape (n,)
-            Position along the interface [m].
+        position : ndarray, shape (n,) or (n, 2)
+            Positions along a line or on a surface [m].
         """
         changes: Table = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if callable(value):
                 try:
-                    changes[name] = value(position)
+                    changes[name] = getattr(value, "over", value)(position)
                 except CaseError as error:
                     raise CaseError(f"{type(self).__name__}.{name}: {error}") from None
                 for bound in (item for item in _marks(field) if isinstance(item, Bound)):

@@ -12,8 +12,9 @@ from ruptfx.analysis import fracture
 from ruptfx.check_table import Row
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
-from ruptfx.places import patches
+from ruptfx.places import distance, patches
 from ruptfx.plausibility import row_of, slow_records
+from ruptfx.profiles import evaluate
 from ruptfx.profiles.constant import Constant
 from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
@@ -89,11 +90,11 @@ def _judged_points(
     """
     face = fault.interface
     begins = _nucleation_position(model, fault, rest)
-    middle = 0.5 * (face.line.first + face.line.last) if begins is None else begins
-    distance = np.abs(face.position - middle)
-    allowed = ~rest.slips if not rest.slips.all() else np.ones(len(distance), dtype=bool)
+    middle = 0.5 * (face.line.first + face.line.last) if face.across is None else face.locations.mean(axis=0)
+    away = distance(face.locations, middle if begins is None else begins)
+    allowed = ~rest.slips if not rest.slips.all() else np.ones(len(away), dtype=bool)
     if isinstance(lengths, RateDependence):
-        scores = [np.broadcast_to(lengths.weakening, distance.shape)]
+        scores = [np.broadcast_to(lengths.weakening, away.shape)]
     else:
         scores = [rest.shear / np.maximum(rest.strength, 1e-300), -rest.strength]
     best = allowed
@@ -101,22 +102,22 @@ def _judged_points(
         most = np.max(np.nan_to_num(score[best], nan=-np.inf))
         close = score >= most - 1e-9 * abs(most)
         best = best & (close if np.any(best & close) else True)  # numbers that overflow tell no point from another
-    weakest = int(np.argmin(np.where(best, distance, np.inf)))
-    start = weakest if begins is None else int(np.argmin(np.where(allowed, distance, np.inf)))
+    weakest = int(np.argmin(np.where(best, away, np.inf)))
+    start = weakest if begins is None else int(np.argmin(np.where(allowed, away, np.inf)))
     return start, weakest
 
 
-def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | None:
-    """Return the position where a rupture starts [m]: of a nucleation, or of points that slip at once; else None."""
-    position = fault.interface.position
+def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | np.ndarray | None:
+    """Return the place where a rupture starts [m]: of a nucleation, or of points that slip at once; else None."""
+    places = fault.interface.locations
     for nucleation in model.placed[fault.name].nucleation:
         center = getattr(nucleation, "center", None)
-        if isinstance(center, float):
+        if isinstance(center, float | np.ndarray):
             return center
-        added = np.abs(nucleation.shear_traction(position, model.case.duration))
+        added = np.abs(nucleation.shear_traction(places, model.case.duration))
         if added.any():
-            return float(position[added >= added.max() * (1 - 1e-9)].mean())
-    return float(position[rest.slips].mean()) if rest.slips.any() and not rest.slips.all() else None
+            return np.asarray(places[added >= added.max() * (1 - 1e-9)].mean(axis=0))
+    return np.asarray(places[rest.slips].mean(axis=0)) if rest.slips.any() and not rest.slips.all() else None
 
 
 def _rows_at(
@@ -127,6 +128,8 @@ def _rows_at(
     face, label = fault.interface, f"faults.{fault.name}"
     sigma, tau, peak = (float(values[point]) for values in (fault.normal_stress_0, rest.shear, rest.strength))
     where = f"at {'x' if face.line.measure == 'x' else 'position'} = {face.position[point]:.4g} m"
+    if face.across is not None:
+        where += f", dip = {face.across[point]:.4g} m"
     yield Row(f"{label}: initial stress", sigma, "Pa", f"shear {tau:.6g} Pa, {where}")
     slowest = min(model.materials, key=lambda m: m.wave_speeds(model.case.plane).c_s)
     speeds = slowest.wave_speeds(model.case.plane)
@@ -187,25 +190,25 @@ def _chain(law: FrictionLaw) -> list[FrictionLaw]:
 def rows_without_effect(model: Model, fault: Fault) -> Iterator[Row]:
     """Yield nucleations without effect, such as a patch off the interface, and profiles that do not vary on it."""
     given: FaultCase = model.placed[fault.name]
-    position, label = fault.interface.position, f"faults.{fault.name}"
+    position, places, label = fault.interface.position, fault.interface.locations, f"faults.{fault.name}"
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
-    law = given.friction.at(position)
+    law = given.friction.at(places)
     for number, nucleation in enumerate(given.nucleation):
-        held, law = law, nucleation.weaken(law, position)
+        held, law = law, nucleation.weaken(law, places)
         if not _acts(nucleation, held, law, fault, model.case.duration):
             yield Row(
                 f"{label}.nucleation.{number}", "no effect", "", f"{nucleation.kind()} with {_shown(nucleation)}: it "
                 f"changes nothing within {model.case.duration:.6g} s at {along}; move it onto the interface", "error",
             )  # fmt: skip
     for key, profile in _profiles(given, label):
-        values = profile(position)
+        values = evaluate(profile, places)
         if np.ptp(values) == 0:
             yield Row(key, values[0], "", f"at all {along}: {_shown(profile)} varies nowhere there", "warning")
 
 
 def _acts(nucleation: Nucleation, held: FrictionLaw, weakened: FrictionLaw, fault: Fault, duration: float) -> bool:
     """Return whether a nucleation loads a point, or weakens the law of a point, within the duration."""
-    position = fault.interface.position
+    position = fault.interface.locations
     normal = np.where(fault.normal_stress_0 > 0, fault.normal_stress_0, 1.0)
     shear = np.linalg.norm(fault.shear_traction_0, axis=1)
 
@@ -300,8 +303,12 @@ def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
     """Yield the meaning of positions, and every patch and barrier of the case in positions and coordinates."""
     face, label = fault.interface, f"faults.{fault.name}"
     yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
+    if face.across is not None:
+        down = ", ".join(f"{value:.3g}" for value in face.frame[:, 2].mean(axis=0) + 0.0)
+        note = f"down dip along ({down}), from the upper edge"
+        yield Row(f"{label}: dip", _range(face.across.min(), face.across.max()), "m", note)
     for patch in patches(model.placed[fault.name], label):
-        note = "a strip across the interface"
+        note = "along strike" if patch.over_surface else "a strip across the interface"
         if face.points.shape[1] == 2:
             note = " to ".join(_coordinates(face, end) for end in patch.ends)
         yield Row(f"{label}: {patch.key.removeprefix(f'{label}.')}, {patch.kind}", _range(*patch.ends), "m", note)

@@ -7,7 +7,7 @@ which every rank makes its own part.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from ruptfx.profiles import evaluate
 from ruptfx.schema import Alternative, alternative
 
 if TYPE_CHECKING:
+    from ruptfx.meshes._bricks import Bricks
     from ruptfx.meshes._lattice import Lattice
+
+    AnyLattice: TypeAlias = Lattice | Bricks
 
 # Vertices of the facets of a cell in DOLFINx order.
 FACETS: dict[str, list[tuple[int, ...]]] = {
@@ -118,7 +121,7 @@ class MeshSource(Alternative):
             raise NotImplementedError
         return lattice.build()
 
-    def lattice(self) -> Lattice | None:
+    def lattice(self) -> AnyLattice | None:
         """Return the lattice that `build` would make, or None; called on every rank, instead of `build`."""
         return None
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +40,7 @@ class Lattice:
     interfaces: tuple[str, ...] = ()
     one_sided: dict[str, str] = field(default_factory=dict)
     chamfer: float = 0.0
+    cell: ClassVar[str] = "quadrilateral"
 
     def __post_init__(self) -> None:
         affordable(self.columns * sum(self.rows))
@@ -101,6 +104,36 @@ class Lattice:
     def body_of(self, vertices: np.ndarray) -> np.ndarray:
         """Return the body index of every vertex."""
         return np.searchsorted(self._first_vertex, vertices, side="right") - 1
+
+    def body_of_cells(self, cells: np.ndarray) -> np.ndarray:
+        """Return the body index of cells, given by their vertices."""
+        return self.body_of(cells[:, 0])
+
+    def nodes(self, order: int) -> int:
+        """Return the number of nodes of elements of an order."""
+        return sum((self.columns * order + 1) * (rows * order + 1) for rows in self.rows)
+
+    def ties(self, tied: Mapping[str, tuple[str, str]]) -> dict[str, np.ndarray] | None:
+        """Return the shifts [m] of tied edges by key; None if they are not opposite ends that parts can keep together.
+
+        Parameters
+        ----------
+        tied : dict of str to (str, str)
+            First and second edge, by key of the case.
+        """
+        height = max(y[-1] for y in self.levels.values()) - min(y[0] for y in self.levels.values())
+        size = {"x": np.array([np.ptp(self.x), 0.0]), "y": np.array([0.0, height])}
+        faces = {f"{name}.{side}" for name in (*self.interfaces, *self.one_sided) for side in ("plus", "minus")}
+        shifts = {}
+        for key, (first, second) in tied.items():
+            here, there = (self.sides.get(edge, (-1, "")) for edge in (first, second))
+            if here[0] == there[0] and {here[1], there[1]} == {"left", "right"}:
+                shifts[key] = size["x"] if there[1] == "right" else -size["x"]
+            elif {here[1], there[1]} == {"top", "bottom"} and {first, second} <= set(self.sides) - faces:
+                shifts[key] = size["y"] if there[1] == "top" else -size["y"]
+            else:
+                return None
+        return shifts
 
     def side_of(self, facets: np.ndarray) -> np.ndarray:
         """Return the index in `sides` of every boundary facet, shape (facets, 2), -1 where it has no name."""

@@ -24,12 +24,12 @@ class Nucleation(Alternative):
 
         Parameters
         ----------
-        position : ndarray, shape (n,)
-            Position along the interface [m].
+        position : ndarray, shape (n,) or (n, 2)
+            Positions along a line or on a surface [m]; `ruptfx.places.distance` is for both.
         time : float
             [s]
         """
-        return np.zeros_like(position)
+        return np.zeros(len(position))
 
     @property
     def onset(self) -> float:
@@ -44,9 +44,10 @@ class Nucleation(Alternative):
 def first_begun(nucleations: Iterable[Nucleation]) -> tuple[float, float]:
     """Return time [s] and position [m] of the first nucleation that begins after zero.
 
-    Minus infinity and NaN without one; a position of NaN where it has no `center`.
+    Minus infinity and NaN without one; a position of NaN where it has no `center`. On surfaces that along strike.
     """
-    begun = [(each.onset, float(getattr(each, "center", np.nan))) for each in nucleations if each.onset > 0]
+    later = [each for each in nucleations if each.onset > 0]
+    begun = [(each.onset, float(np.ravel(getattr(each, "center", np.nan))[0])) for each in later]
     return min(begun, key=itemgetter(0), default=(-np.inf, np.nan))
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth
+from ruptfx.places import Center, HalfWidth, distance
+from ruptfx.profiles import evaluate
 from ruptfx.units import Instant, Speed, Time, VaryingCoefficient
 
 
@@ -37,8 +38,8 @@ class ForcedRupture(Nucleation):
         return self.start
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
-        distance = np.abs(position - self.center)
-        arrival = self.start + distance / self.speed
-        arrival = np.where(distance <= self.radius * (1 + 1e-9), arrival, NEVER)
-        mu_d = self.mu_d(position) if callable(self.mu_d) else self.mu_d
+        away = distance(position, self.center)
+        arrival = self.start + away / self.speed
+        arrival = np.where(away <= self.radius * (1 + 1e-9), arrival, NEVER)
+        mu_d = evaluate(self.mu_d, position) if callable(self.mu_d) else self.mu_d
         return ForcedWeakening.model_construct(law=law, mu_d=mu_d, arrival=arrival, t_w=self.t_w, end=self.end)

@@ -7,7 +7,7 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth
+from ruptfx.places import Center, HalfWidth, distance
 from ruptfx.units import Instant, NonNegative, Time
 
 
@@ -32,6 +32,6 @@ class FrictionDrop(Nucleation):
         return self.time
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
-        near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
+        near = distance(position, self.center) <= self.half_width * (1 + 1e-9)
         arrival = np.where(near, self.time, NEVER)
         return ForcedWeakening.model_construct(law=law, mu_d=self.mu_d, arrival=arrival, t_w=self.t_w, end=self.end)

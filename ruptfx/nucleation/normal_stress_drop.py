@@ -7,7 +7,7 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.pressurised import Pressurised
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth
+from ruptfx.places import Center, HalfWidth, distance
 from ruptfx.units import Duration, Instant, Strength, Time
 
 
@@ -32,7 +32,7 @@ class NormalStressDrop(Nucleation):
         return self.begin
 
     def weaken(self, law: FrictionLaw, position: np.ndarray) -> FrictionLaw:
-        near = np.abs(position - self.center) <= self.half_width * (1 + 1e-9)
+        near = distance(position, self.center) <= self.half_width * (1 + 1e-9)
         return Pressurised.model_construct(
             law=law, pressure=np.where(near, self.drop, 0.0), begin=self.begin, end=self.begin + self.duration,
             rise=self.rise,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth
+from ruptfx.places import Center, HalfWidth, distance
 from ruptfx.units import Duration, Stress
 
 
@@ -26,7 +26,7 @@ class SmoothPatch(Nucleation):
     """Time in which it is added."""
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
-        inside = np.minimum((position - self.center) ** 2 / self.radius**2, 1 - 1e-12)
+        inside = np.minimum(distance(position, self.center) ** 2 / self.radius**2, 1 - 1e-12)
         shape = np.exp(inside / (inside - 1))
         return self.extra * self.growth(time) * shape
 

@@ -1,4 +1,4 @@
-"""Scalars that vary along an interface, one kind per file; the file name is the `kind` in a case.
+"""Scalars that vary along or over an interface, one kind per file; the file name is the `kind` in a case.
 
 A law's parameter, an initial stress or the height of a surface may be given as a table with ``kind``.
 """
@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Discriminator, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from ruptfx.schema import NUMBER, Alternative, Bound, Unit, alternative, find, has_mark
+from ruptfx.schema import NUMBER, Alternative, Bound, CaseError, Unit, alternative, find, has_mark
 
 PositiveMetre = Annotated[float, Field(gt=0), Unit("m")]
 
@@ -37,6 +37,8 @@ class Profile(Alternative):
 
     example: ClassVar[str] = ""
     """Example table, which the contract tests evaluate between -1 and 1 m."""
+    over_surface: ClassVar[bool] = False
+    """True if `__call__` takes the two positions of a surface, shape (n, 2), and lines have no such values."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
@@ -63,6 +65,40 @@ class Profile(Alternative):
         """
         raise NotImplementedError
 
+    def over(self, places: np.ndarray) -> np.ndarray:
+        """Return the values at points of a line, shape (n,), or of a surface, shape (n, 2) [m].
+
+        Over a surface, kinds of one position vary along the first one; `along_dip` makes them vary along the second.
+
+        Raises
+        ------
+        CaseError
+            A kind for surfaces on a line.
+        """
+        if self.over_surface:
+            if places.ndim == 1:
+                raise CaseError(
+                    f"{self.kind()} varies over a surface, and this interface is a line; use boxcar or table"
+                )
+            return self(places)
+        return self(places if places.ndim == 1 else places[:, 0])
+
+
+def with_unit(value: object, info: ValidationInfo, unit: str) -> object:
+    """Return the table of a profile with texts as numbers in the unit of its key, and with numbers of files."""
+    kind = value.get("kind") if isinstance(value, Mapping) else None
+    if not isinstance(value, Mapping) or not isinstance(kind, str):
+        return value
+    try:
+        cls = find("ruptfx.profiles", kind)
+    except PydanticCustomError:
+        return value  # refused by the reader
+    assert issubclass(cls, Profile)
+    of_key = Unit(unit)
+    marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
+    given = {key: of_key.read(item) if key in marked else item for key, item in value.items()}
+    return cls.with_files(given, info, unit)
+
 
 def varying(number: object, unit: str) -> Any:
     """Return the field type: a number of the given type, or a table with the ``kind`` of a profile."""
@@ -73,17 +109,7 @@ def varying(number: object, unit: str) -> Any:
 
     def read(value: object, info: ValidationInfo) -> object:
         """Texts in a table that have the unit of the key, as numbers, and numbers in place of files."""
-        kind = value.get("kind") if isinstance(value, Mapping) else None
-        if not isinstance(value, Mapping) or not isinstance(kind, str):
-            return value
-        try:
-            cls = find("ruptfx.profiles", kind)
-        except PydanticCustomError:
-            return value  # refused by the reader
-        assert issubclass(cls, Profile)
-        marked = {name for name in cls.model_fields if has_mark(cls, name, _OfKey)}
-        given = {key: of_key.read(item) if key in marked else item for key, item in value.items()}
-        return cls.with_files(given, info, unit)
+        return with_unit(value, info, unit)
 
     profile = alternative("ruptfx.profiles")
     return Annotated[
@@ -95,6 +121,16 @@ def varying(number: object, unit: str) -> Any:
     ]
 
 
-def evaluate(value: object, position: np.ndarray) -> np.ndarray:
-    """Return a number or a profile at the points, shape (n,)."""
-    return value(position) if callable(value) else np.broadcast_to(np.asarray(value, float), position.shape).copy()
+def evaluate(value: object, places: np.ndarray) -> np.ndarray:
+    """Return a number or a profile at points of a line, shape (n,), or of a surface, shape (n, 2); shape (n,)."""
+    if isinstance(value, Profile):
+        return value.over(places)
+    if callable(value):
+        return np.asarray(value(places))
+    return np.broadcast_to(np.asarray(value, float), places.shape[:1]).copy()
+
+
+if TYPE_CHECKING:
+    AnyProfile = Profile
+else:
+    AnyProfile = alternative("ruptfx.profiles")

@@ -53,7 +53,7 @@ def test_old_positions_are_shifted_in_words() -> None:
     "center, said",
     [
         ({"x": 1.0}, "center.y: this key is required and missing"),
-        ({"x": 1.0, "y": 0.0, "z": 0.0}, "center: unknown key 'z', known: x, y"),
+        ({"x": 1.0, "y": 0.0, "w": 0.0}, "center: unknown key 'w', known: x, y, z"),
         ("middle", "center = 'middle': input should be a valid number"),
     ],
 )

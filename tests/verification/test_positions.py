@@ -160,7 +160,7 @@ def test_a_center_in_3d_is_a_position() -> None:
     rows = {row.quantity: row for row in preflight(boxes(2e-3))}
     row = rows["faults.main: nucleation.0, friction_drop"]
     assert (row.text, row.note) == ("0.001 to 0.003", "a strip across the interface")
-    with pytest.raises(CaseError, match=r"nucleation.0.center: a point; in 3D a center is a position \(x\)"):
+    with pytest.raises(CaseError, match=r"nucleation.0.center: a point of a surface has x, y and z"):
         Model(boxes({"x": 2e-3, "y": 0.0}))
 
 

@@ -1,0 +1,95 @@
+"""A box with a rectangular fault, vertical or dipping, that reaches its surface or is buried."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.meshes import MeshSource
+from ruptfx.meshes._bricks import Bricks
+from ruptfx.meshes._lattice import affordable, row_levels
+from ruptfx.schema import Unit
+from ruptfx.units import Coordinate, Length
+
+
+class BoxWithFault(MeshSource):
+    """Hexahedra around a rectangular fault: x along strike, z up, the surface at z = 0.
+
+    The fault is in the plane y = 0, or dips towards +y: body `plus` is then its hanging wall, `minus` its foot wall.
+    Beyond the rim of the fault the bodies are welded. Positions on the interface `main` are x and the distance down
+    dip from its upper edge; slip is that of `plus` relative to `minus`. The edges are `plus.left`, `.right` (ends of
+    x), `.bottom`, `.top` (the surface of the Earth), `.far` (away from the fault), and those of `minus`.
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "box_with_fault", fault_length = 9e-3, fault_width = 4e-3, element_size = 1e-3, beyond = 2e-3, '
+        "distance = 3e-3, growth = 1.1 }"
+    )
+
+    fault_length: Length
+    """Along strike; a whole number of elements, else they are a little smaller than `element_size`."""
+    fault_width: Length
+    """Down dip."""
+    element_size: Length
+    """On the fault and next to it; the spacing of nodes is this over the order."""
+    beyond: Length
+    """Distance of the ends of the box from the fault, along x and below."""
+    distance: Length
+    """Distance of the far edges from the fault, along y."""
+    fault_left: Coordinate | None = None
+    """x of the first end of the fault; minus half its length without it."""
+    fault_top: Annotated[float, Field(ge=0), Unit("m")] = 0.0
+    """Depth of the upper edge; 0: it reaches the surface."""
+    dip: Annotated[float, Field(ge=30, le=90)] = 90.0
+    """Angle between the fault and the horizontal in degrees."""
+    growth: Annotated[float, Field(ge=1, le=1.2), Unit("1")] = 1.15
+    """Ratio of the sizes of neighbouring elements outside of the fine box around the fault."""
+    fine: Annotated[float, Field(ge=0), Unit("m")] = 0.0
+    """Distance from the fault over which elements keep their size."""
+
+    @model_validator(mode="after")
+    def _two_elements(self) -> BoxWithFault:
+        for name in ("fault_length", "fault_width"):
+            value = getattr(self, name)
+            if value < 1.5 * self.element_size:
+                raise ValueError(
+                    f"{name} = {value:g} m: a fault has at least two elements along each direction; make element_size "
+                    f"at most {value / 2:g} m"
+                )
+        return self
+
+    def lattice(self) -> Bricks:
+        angle = np.deg2rad(self.dip)
+        sine = 1.0 if self.dip == 90 else float(np.sin(angle))
+        left = -0.5 * self.fault_length if self.fault_left is None else self.fault_left
+        fault = left + _even(self.fault_length, self.element_size)
+        outside = self._outside(self.beyond, self.element_size)
+        x = np.concatenate([left - outside[:0:-1], fault, fault[-1] + outside[1:]])
+        # From the surface downwards.
+        size, top = sine * self.element_size, self.fault_top
+        above = _even(top, size) if top else np.zeros(1)
+        depth = top + _even(sine * self.fault_width, size)
+        below = self._outside(self.beyond, size)
+        z = -np.concatenate([above[:-1], depth, depth[-1] + below[1:]])[::-1]
+        side = self._outside(self.distance, self.element_size)
+        last = len(z) - len(above)
+        return Bricks(
+            x=x, y=np.concatenate([-side[:0:-1], side]), z=z + 0.0, plane=len(side) - 1,
+            along=(len(outside) - 1, len(outside) + len(fault) - 2), down=(last - len(depth) + 1, last),
+            slope=0.0 if self.dip == 90 else float(1 / np.tan(angle)),
+        )  # fmt: skip
+
+    def _outside(self, length: float, size: float) -> np.ndarray:
+        """Return distances from the fault of planes of vertices: even ones next to it, then growing [m]."""
+        near = _even(min(self.fine, length), size) if self.fine else np.zeros(1)
+        rest = length - near[-1]
+        if rest <= 0.5 * size:
+            return near
+        return np.concatenate([near, near[-1] + row_levels(rest, size, self.growth)[1:]])
+
+
+def _even(length: float, size: float) -> np.ndarray:
+    """Return the planes of even elements over a length [m]."""
+    return np.linspace(0, length, affordable(np.ceil(length / size * (1 - 1e-9))) + 1)

@@ -1,0 +1,130 @@
+"""Three dimensions: sections extruded along z against the two-dimensional runs, patches and directions on surfaces."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import march, merged, slip_weakening
+
+pytest.importorskip("dolfinx")
+
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.schema import CaseError
+
+pytestmark = pytest.mark.fem
+
+BODIES = ("upper", "lower")
+
+
+def extruded(flat: dict[str, Any], layers: int, held: str) -> dict[str, Any]:
+    """The solid above a plane case, with components of the motion held on both faces."""
+    mesh = {"kind": "extruded", "section": flat["mesh"], "thickness": 3e-3, "layers": layers}
+    faces = [
+        {"kind": "driven", "edge": f"{body}.{face}", "component": component, "velocity": 0.0}
+        for body in BODIES for face in ("front", "back") for component in held
+    ]  # fmt: skip
+    return {**copy.deepcopy(flat), "mesh": mesh, "plane": "solid", "boundaries": [*flat.get("boundaries", []), *faces]}
+
+
+@pytest.mark.parametrize("plane, held, rake", [("strain", "z", 0.0), ("antiplane", "xy", 90.0)])
+def test_an_extruded_section_moves_as_the_plane(plane: str, held: str, rake: float) -> None:
+    """Modes II and III: slip, tractions and rupture times of a spontaneous rupture in the plane, to 1e-9.
+
+    The second tangent of the surface is -z, and the positive antiplane slip is along +z.
+    """
+    flat = slip_weakening(
+        {"plane": plane, "order": 3, "duration": 6e-6, "mesh.element_size": 2e-3, "stepper.time_step": 6e-8}
+    )
+    solid = extruded(flat, 2, held)
+    solid["faults"]["main"]["initial_stress"]["rake"] = rake
+    model_2, _, state_2 = march(parse_case(flat))
+    model_3, _, state_3 = march(parse_case(solid))
+    face_2, face_3 = model_2.faults[0].interface, model_3.faults[0].interface
+    fields_2, fields_3 = state_2.faults["main"], state_3.faults["main"]
+    column = np.searchsorted(face_2.position, face_3.position - 1e-9)
+    np.testing.assert_allclose(face_2.position[column], face_3.position, atol=1e-12)
+    slips, other = ("slip_1", "slip_2") if rake == 0 else ("slip_2", "slip_1")
+    assert fields_2["slip"].max() > 5e-7 and np.isfinite(fields_2["rupture_time"]).sum() >= 9
+    for of_2, of_3 in (
+        ("slip", slips),
+        ("slip_rate", slips.replace("slip", "slip_rate")),
+        ("shear_traction", slips.replace("slip", "shear_traction")),
+        ("rupture_time", "rupture_time"),
+    ):
+        scale = np.nanmax(np.abs(fields_2[of_2]))
+        np.testing.assert_allclose(fields_3[of_3], fields_2[of_2][column], atol=1e-9 * scale, err_msg=of_3)
+    assert np.abs(fields_3[other]).max() < 1e-12 * fields_2["slip"].max() + 1e-18
+    for name in ("kinetic", "strain", "frictional_dissipation", "boundary_work"):
+        wanted, found = (model.energies(state)[name] for model, state in ((model_2, state_2), (model_3, state_3)))
+        np.testing.assert_allclose(found, 3e-3 * wanted, rtol=1e-9, err_msg=name)
+
+
+def box(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A small fault that reaches the surface, with a square patch above its strength."""
+    table = slip_weakening({"plane": "solid", "order": 2, "duration": 3e-6})
+    table["mesh"] = {
+        "kind": "box_with_fault", "fault_length": 12e-3, "fault_width": 8e-3, "element_size": 1e-3, "beyond": 2e-3,
+        "distance": 3e-3,
+    }  # fmt: skip
+    table["positions"] = "x"
+    table["faults"]["main"]["initial_stress"]["shear"] = {
+        "kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3],
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
+@pytest.mark.parametrize("dip, top", [(90.0, 0.0), (60.0, 0.0), (45.0, 2e-3)])
+def test_positions_and_patches_of_a_dipping_fault(dip: float, top: float) -> None:
+    """Positions are x and the distance down dip; a patch has its area, and its load acts along the rake."""
+    changes = {"mesh.dip": dip, "mesh.fault_top": top, "faults.main.initial_stress.rake": 30.0}
+    model = Model(parse_case(box(changes)))
+    fault = model.faults[0]
+    face = fault.interface
+    angle = np.deg2rad(dip)
+    normal, strike, down = face.frame[0]
+    np.testing.assert_allclose(normal, [0, np.sin(angle), np.cos(angle)], atol=1e-12)
+    np.testing.assert_allclose(strike, [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(down, [0, np.cos(angle), -np.sin(angle)], atol=1e-12)
+    first = 0.0 if top == 0 else face.across.min()  # nodes of the rim of a buried fault are welded
+    expected = (-face.points[:, 2] - top) / np.sin(angle)
+    np.testing.assert_allclose(face.across - first, expected - expected.min(), atol=1e-12)
+    np.testing.assert_array_equal(face.position, face.points[:, 0])
+    shear = np.linalg.norm(fault.shear_traction_0, axis=1)
+    np.testing.assert_allclose(face.weight @ (shear - 2.8e6), 0.9e6 * 6e-3 * 4e-3, rtol=1e-9 if top == 0 else 0.1)
+    np.testing.assert_allclose(fault.shear_traction_0[:, 1] / fault.shear_traction_0[:, 0], np.tan(np.pi / 6))
+
+
+def test_the_center_of_a_patch_is_a_point_of_the_surface() -> None:
+    table = box()
+    table["faults"]["main"]["initial_stress"]["shear"] = 2.8e6
+    patch = {"kind": "smooth_patch", "extra": 1e6, "radius": 2e-3, "rise": 1e-6}
+    table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 0.0, "z": -4e-3}}]
+    fault = Model(parse_case(table)).faults[0]
+    points, load = fault.interface.points, fault.load(2e-6)
+    distance = np.hypot(points[:, 0] - 1e-3, points[:, 2] + 4e-3)
+    assert load[distance < 1e-9] == pytest.approx(1e6) and np.all(load[distance > 2e-3] < 1e-3)
+    assert np.all(load[distance < 1.5e-3] > 0.2e6)
+    table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 2e-3, "z": -4e-3}}]
+    with pytest.raises(CaseError, match=r"center = .*is not on the interface, whose nearest node is"):
+        Model(parse_case(table))
+
+
+def test_a_rake_in_two_dimensions_is_refused() -> None:
+    with pytest.raises(CaseError, match="rake = 30: in 2D shear has one direction; leave it out"):
+        Model(parse_case(slip_weakening({"faults.main.initial_stress.rake": 30.0})))
+
+
+def test_a_symmetric_rupture_of_a_box_closes_its_budget() -> None:
+    """Slip is symmetric in x, largest at the surface of all depths, and energy is conserved."""
+    model, _, state = march(parse_case(box()))
+    face, fields = model.faults[0].interface, state.faults["main"]
+    grid = fields["slip_1"].reshape(len(np.unique(face.position)), -1)
+    np.testing.assert_allclose(grid, grid[::-1], atol=1e-9 * grid.max())
+    assert grid.max() > 1e-7
+    energies = model.energies(state)
+    work = energies.pop("boundary_work")
+    assert abs(work - sum(energies.values())) < 1e-12 * work
