@@ -29,7 +29,9 @@ html_math_renderer = "mathml"
 myst_heading_anchors = 3
 myst_links_external_new_tab = True
 
-autodoc_typehints = "none"  # numpydoc's sections say them
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True  # as in the source: a lambda would be shown with its address
 numpydoc_show_class_members = False
 copybutton_prompt_text = "$ "
 

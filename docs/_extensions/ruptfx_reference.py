@@ -27,6 +27,7 @@ import toml_examples
 import typer
 from docutils import nodes
 from docutils.parsers.rst import Directive
+from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
@@ -394,9 +395,15 @@ class Time(SphinxRole):
         return [nodes.Text(demo_times.rounded(seconds[self.text]))], []
 
 
+def without_keys(app: Sphinx, what: str, name: str, obj: object, *_: object) -> tuple[str, None] | None:
+    """Return no signature for tables of a case: their keys have pages of their own."""
+    return ("", None) if what == "class" and isinstance(obj, type) and issubclass(obj, BaseModel) else None
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directives and the role in Sphinx."""
     for directive in (Entries, Commands, Fields, Support, Bench, Problems, Speed):
         app.add_directive(f"ruptfx-{directive.__name__.lower()}", directive)
     app.add_role("ruptfx-time", Time())
+    app.connect("autodoc-process-signature", without_keys)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

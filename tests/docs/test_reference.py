@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from page_blocks import ROOT
+from page_blocks import ROOT, blocks
 
 from ruptfx import describe
 from ruptfx.schema import alternatives
@@ -62,3 +64,26 @@ def test_defaults_are_words_of_toml() -> None:
 def test_values_are_written_as_toml() -> None:
     values = {"a": [1.0, 2e-6, 3], "b": {"c": "6 MPa", "d": True}, "e": -1e5}
     assert tomllib.loads(f"x = {toml_examples.as_toml(values)}")["x"] == values
+
+
+def imported(page: Path) -> Iterator[str]:
+    """Yield the names that Python blocks of a page import from modules of ruptfx."""
+    for block in blocks(page):
+        if block.language == "python":
+            for node in ast.walk(ast.parse(block.text)):
+                if isinstance(node, ast.ImportFrom) and str(node.module).startswith("ruptfx"):
+                    yield from (name.name for name in node.names)
+
+
+def test_what_pages_import_is_in_the_python_reference() -> None:
+    reference = (ROOT / "docs" / "reference" / "python.md").read_text()
+    modules = {"plots", "Array", "LawState"}  # not functions or classes with a docstring
+    names = {name for page in (ROOT / "docs").rglob("*.md") for name in imported(page)} - modules
+    assert len(names) > 15
+    assert {name for name in names if not re.search(rf"\b{name}\b", reference)} == set()
+
+
+def test_every_figure_is_in_the_python_reference() -> None:
+    reference = (ROOT / "docs" / "reference" / "python.md").read_text()
+    figures = {path.stem for path in (ROOT / "ruptfx" / "plots").glob("[a-z]*.py")}
+    assert figures <= set(re.findall(r"autofunction:: (\w+)$", reference, re.MULTILINE))
