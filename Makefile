@@ -31,7 +31,7 @@ FILES := -n 2 --dist loadfile --durations=40 --durations-min=3
 TESTS := -n 2 --dist load --durations=40 --durations-min=3
 test: lint ## lint, tests of parts, contracts and faults on 1 rank, the MPI tests on 2 ranks, the demo at small size
 	timeout 1500 $(BIN)/python -m pytest $(FILES) $(addprefix --ignore=,tests/container tests/verification $(EVERY_KEY))
-	timeout 900 "$$($(BIN)/python -c 'from ruptfx.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
+	timeout 900 "$$($(BIN)/python -c 'from ruptfx.platform.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6

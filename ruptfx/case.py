@@ -18,8 +18,8 @@ from ruptfx.cohesion import AnyCohesion
 from ruptfx.collisions import AnyCollisions
 from ruptfx.contact import AnyContact
 from ruptfx.cracks import AnyFracture
+from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.friction import AnyFriction
-from ruptfx.initial_stress import InitialStress
 from ruptfx.instruments import AnyInstrument
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh

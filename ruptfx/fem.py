@@ -21,7 +21,9 @@ from weakref import WeakMethod
 
 import numpy as np
 
-from ruptfx import RuptfxError, launch, native
+from ruptfx import RuptfxError
+from ruptfx.codegen import native
+from ruptfx.platform import launch
 from ruptfx import Table
 
 VERSION: tuple[int, ...] = ()  # of DOLFINx, once it is loaded

@@ -13,27 +13,29 @@ from functools import cached_property
 
 import numpy as np
 
-from ruptfx import RuptfxError, axisymmetry, fem, operators, parallel
-from ruptfx.bodies import distribute
+from ruptfx import RuptfxError, fem, operators
+from ruptfx.boundaries._loading import Loads
 from ruptfx.case import Case, FaultCase
-from ruptfx.closest import closest
 from ruptfx.collisions._step import CollisionStep
 from ruptfx.contact import Way, in_steps
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
-from ruptfx.fault import Fault
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.fields import ENERGIES, KEPT
-from ruptfx.interface import Interface, build_interface
-from ruptfx.loading import Loads
 from ruptfx.materials import Material, WaveSpeeds
 from ruptfx.mechanisms import mechanisms_of
-from ruptfx.nodes import Nodes
 from ruptfx.nucleation import first_begun
 from ruptfx.operators import ufl_form
-from ruptfx.places import Place, located, positions, shifted
+from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
+from ruptfx.profiles._places import Place, located, positions, shifted
 from ruptfx.schema import CaseError, nearest
 from ruptfx.sliding.interface import build_sliding
+from ruptfx.space import axisymmetry
+from ruptfx.space.bodies import distribute
+from ruptfx.space.closest import closest
+from ruptfx.space.nodes import Nodes
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
 

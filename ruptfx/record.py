@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, Table, run_files
-from ruptfx.columns import Column, Columns, Stored
+from ruptfx import RuptfxError, Table
 from ruptfx.fields import STRESSES, stress_entries
+from ruptfx.results import run_files
+from ruptfx.results.columns import Column, Columns, Stored
 
 if TYPE_CHECKING:
     import xarray  # imported on first use: it takes longer than the end of a run to read
@@ -420,7 +421,7 @@ class Record(Files):
         super().close()
 
     def _repr_html_(self) -> str:
-        from ruptfx.notebook import shown_record
+        from ruptfx.results.notebook import shown_record
 
         return shown_record(self)
 

@@ -42,7 +42,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ruptfx import RuptfxError, Table
-from ruptfx.quantities import parse
+from ruptfx.input.quantities import parse
 
 
 class CaseError(RuptfxError):

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from types import TracebackType
 
-from ruptfx import RuptfxError, directories
+from ruptfx import RuptfxError
+from ruptfx.recording import directories
 
 
 def begin(*outputs: str | Path) -> None:

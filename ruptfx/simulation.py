@@ -13,20 +13,23 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from ruptfx import RuptfxError, directories, fem, launch, lumped, painter, parallel, run_files, stages
+from ruptfx import RuptfxError, fem, lumped, stages
 from ruptfx.case import Case
-from ruptfx.cost import need_memory
+from ruptfx.checks.cost import need_memory
+from ruptfx.drawing import painter
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
-from ruptfx.progress import Progress
+from ruptfx.platform import launch, parallel
+from ruptfx.platform.progress import Progress
+from ruptfx.platform.stopwatch import phase, restart
 from ruptfx.record import Files, Record
-from ruptfx.recording import run_directory
+from ruptfx.recording import directories, run_directory
 from ruptfx.recording.checkpoint import Checkpoint, Checkpoints
 from ruptfx.recording.recorder import Recorder, versions
+from ruptfx.results import run_files
 from ruptfx.state import State
 from ruptfx.steppers import Motion
 from ruptfx.stopping import StopRules
-from ruptfx.stopwatch import phase, restart
 
 if TYPE_CHECKING:
     import xarray

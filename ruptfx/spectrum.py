@@ -8,7 +8,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ruptfx import RuptfxError, parallel
+from ruptfx import RuptfxError
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms import Springs

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ruptfx.boundaries import Action, Boundary, Force
 from ruptfx.boundaries import Motion as Prescribed
 from ruptfx.boundaries._history import ramp
-from ruptfx.loading import Loads
+from ruptfx.boundaries._loading import Loads
 from ruptfx.mechanisms import mechanisms_of
 from ruptfx.model import Model
 from ruptfx.spectrum import stable_time_step

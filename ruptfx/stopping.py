@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, parallel
-from ruptfx.places import Position
+from ruptfx import Table
+from ruptfx.platform import parallel
+from ruptfx.profiles._places import Position
 from ruptfx.schema import CaseError, Part
 from ruptfx.units import Duration
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
     from ruptfx.state import State
 

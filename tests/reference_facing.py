@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ruptfx.lobatto import Basis
+from ruptfx.meshes._lobatto import Basis
 from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER, Coupling, Facing, Mortar, dual_basis
 from ruptfx.sliding.surface import Floats, Integers, Surface
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from reference_step import point, settle
 
-from ruptfx.fault import Fault
-from ruptfx.fault_step import impedances
-from ruptfx.interface import Interface
-from ruptfx.points import Clock
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault_step import impedances
+from ruptfx.faults.interface import Interface
+from ruptfx.faults.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.state import FaultState
 

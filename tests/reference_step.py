@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ruptfx import bond
-from ruptfx.bond import DAMAGED, Held
 from ruptfx.contact import Array, Trial
-from ruptfx.fault import Fault
-from ruptfx.fault_step import impedances
+from ruptfx.faults import bond
+from ruptfx.faults.bond import DAMAGED, Held
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault_step import impedances
+from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
+from ruptfx.faults.projection import Projected, TracedLaw, project
 from ruptfx.fields import MONITORS, Moment
 from ruptfx.implicit.response import Response
-from ruptfx.points import Clock, closed_and_stuck, frictional_power
-from ruptfx.projection import Projected, TracedLaw, project
 from ruptfx.state import FaultState
 
 

@@ -21,7 +21,7 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import fem
 from ruptfx.case import read_case
-from ruptfx.launch import find_mpiexec
+from ruptfx.platform.launch import find_mpiexec
 from ruptfx.simulation import simulate
 
 starts_jobs = [

@@ -31,11 +31,12 @@ from pydantic import BaseModel
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
-from ruptfx import bench, describe, support_table
+from ruptfx import bench
 from ruptfx.bench import _speed_tables, demo_times
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
-from ruptfx.quantities import with_prefix
+from ruptfx.input.quantities import with_prefix
+from ruptfx.reference import describe, support_table
 
 
 def paragraph(text: str) -> nodes.paragraph:

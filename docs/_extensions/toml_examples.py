@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from ruptfx.describe import Entry
+from ruptfx.reference.describe import Entry
 
 ROOT = Path(__file__).parents[2]
 WRITTEN = ROOT / "docs" / "reference" / "examples.toml"

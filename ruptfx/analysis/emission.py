@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from ruptfx import RuptfxError
-from ruptfx.number_files import named_columns, number
+from ruptfx.input.number_files import named_columns, number
 
 Array = np.ndarray
 T = TypeVar("T")

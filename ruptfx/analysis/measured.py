@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.number_files import named_histories
+from ruptfx.input.number_files import named_histories
 
 if TYPE_CHECKING:
     from ruptfx.record import Files

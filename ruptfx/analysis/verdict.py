@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ruptfx import Table
 from ruptfx.analysis import UNITS
-from ruptfx.quantities import with_prefix
+from ruptfx.input.quantities import with_prefix
 
 ROWS = (
     "first_sliding", "peak_slip_rate", "max_slip", "max_opening", "pulse_width", "pulse_spacing", "healing_time",

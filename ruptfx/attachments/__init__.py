@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import parallel
-from ruptfx.check_table import Row
 from ruptfx.fields import PointField
 from ruptfx.materials import Plane
 from ruptfx.mechanisms import Floats, Mechanism, Rows
+from ruptfx.mechanisms._check_table import Row
+from ruptfx.platform import parallel
 from ruptfx.schema import Alternative, Name, alternative
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan
+    from ruptfx.mechanisms._check_table import Plan
     from ruptfx.model import Model
     from ruptfx.state import FaultState, State
 

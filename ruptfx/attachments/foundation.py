@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx import parallel
 from ruptfx.attachments import Attached, EdgeAttachment, EdgeNodes
-from ruptfx.bond import TracedBond
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
+from ruptfx.faults.bond import TracedBond
 from ruptfx.fields import PointField
 from ruptfx.mechanisms import Floats, Springs
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.units import Stiffness
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ruptfx import RuptfxError, Table
+from ruptfx.platform.terminal import console
 from ruptfx.schema import kinds, nearest
-from ruptfx.terminal import console
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

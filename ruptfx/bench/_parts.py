@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from ruptfx import RuptfxError, Table
 from ruptfx.bench import Check
-from ruptfx.terminal import console
+from ruptfx.platform.terminal import console
 
 
 @dataclass

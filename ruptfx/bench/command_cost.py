@@ -35,13 +35,13 @@ UNITS = {"expected run time": "s, CPU", "memory": "MB", "files": "MB"}
 TOLD = """
 import json, sys
 from ruptfx.case import read_case
-from ruptfx.preflight import preflight
+from ruptfx.checks.preflight import preflight
 rows = {row.quantity: row.value for row in preflight(read_case(sys.argv[1], sys.argv[2:]))}
 print(json.dumps({name: rows.get(name) for name in ("expected run time", "memory", "files")}))
 """
 TAKEN = """
 import atexit, json, resource, runpy, time
-from ruptfx import cost
+from ruptfx.checks import cost
 
 def tell():
     others = resource.getrusage(resource.RUSAGE_CHILDREN)  # the figure processes

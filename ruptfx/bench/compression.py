@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import tomli_w
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError
 from ruptfx.analysis.compression import Emission, Loading, emission_of, loading
 from ruptfx.analysis.emission import BValue, FractalDimension
 from ruptfx.bench import Check, Outcome
@@ -33,6 +33,7 @@ from ruptfx.cohesion.linear import Linear
 from ruptfx.cracks import CrackLaws
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.model import Model
+from ruptfx.platform import launch
 from ruptfx.record import Record
 from ruptfx.recording.edge_sums import EdgeSums
 from ruptfx.simulation import simulate

@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, fem, launch
+from ruptfx import RuptfxError, Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._broken import demo, rigid
 from ruptfx.bench.speed import median_time, timed_steps
 from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.operators.ufl_form import UflForm
+from ruptfx.platform import launch
 
 if TYPE_CHECKING:
     from ruptfx.state import State

@@ -22,9 +22,9 @@ from ruptfx.analysis.front_fit import COMPONENTS, FrontFit, Trace, fit_front
 from ruptfx.analysis.near_tip import Medium, mode_II, strain_extremes
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case
-from ruptfx.inside import Inside
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.model import Model
+from ruptfx.space.inside import Inside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, parallel
+from ruptfx import RuptfxError, Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._parts import Parts
 from ruptfx.case import Case
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
-from ruptfx.terminal import console
+from ruptfx.platform import parallel
+from ruptfx.platform.terminal import console
 
 if TYPE_CHECKING:
     from ruptfx.fem import MPI

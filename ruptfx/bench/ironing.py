@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import Table, fem, parallel, stages
+from ruptfx import Table, fem, stages
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError
 from ruptfx.bench import Check, Outcome
+from ruptfx.platform import launch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,13 +20,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import ruptfx
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.analysis.force_drops import averaged, drops
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case, read_case, read_toml
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.meshes.rough_plates import RoughPlates
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.simulation import simulate
 from ruptfx.sliding.contact_states import SLIDING

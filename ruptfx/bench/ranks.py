@@ -10,9 +10,10 @@ import h5py
 import numpy as np
 import tomli_w
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError
 from ruptfx.bench import Check, Outcome, bimaterial, tpv101, tpv103, tpv205
 from ruptfx.case import parse_case
+from ruptfx.platform import launch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

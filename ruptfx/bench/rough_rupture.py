@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ruptfx
-from ruptfx import fem, parallel, stages
+from ruptfx import fem, stages
 from ruptfx.analysis.asperities import Asperity, asperities
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, read_case
 from ruptfx.model import Model
 from ruptfx.nucleation.friction_drop import FrictionDrop
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

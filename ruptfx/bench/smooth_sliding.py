@@ -32,11 +32,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from ruptfx import Table, fem, parallel
+from ruptfx import Table, fem
 from ruptfx.analysis.force_drops import Drop, averaged, drops
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.simulation import simulate
 from ruptfx.sliding.contact_states import SLIDING

@@ -17,19 +17,21 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, fem, launch, native
+from ruptfx import RuptfxError, Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._parts import Parts
 from ruptfx.bench._speed_tables import STEPS, step_rows
 from ruptfx.bench._timings import start_up, time_to_error
 from ruptfx.bench._whole_runs import whole_runs
 from ruptfx.case import Case
-from ruptfx.fault_step import FaultStep
+from ruptfx.codegen import native
+from ruptfx.faults.fault_step import FaultStep
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
 from ruptfx.operators.ufl_form import UflForm, energy, measure
-from ruptfx.terminal import console
+from ruptfx.platform import launch
+from ruptfx.platform.terminal import console
 
 if TYPE_CHECKING:
     from ruptfx.fem import MPI

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import fem, parallel, stages
+from ruptfx import fem, stages
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.state import State
 
 if TYPE_CHECKING:

@@ -1,7 +1,8 @@
 """Boundaries and loads, one kind per file; the file name is the `kind` of an entry of ``[[boundaries]]``.
 
 Displacements are measured from the initial state, which is in equilibrium; a boundary adds to its initial load.
-Edges that are not named are free to move under their initial load. `ruptfx.loading.Loads` sums the actions of all.
+Edges that are not named are free to move under their initial load. `ruptfx.boundaries._loading.Loads` sums the actions
+of all.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Alternative, Unit, alternative
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
+    from ruptfx.space.edges import Edge
 
 Component = Literal["x", "y", "z"]
 Range = Annotated[list[float], Field(min_length=2, max_length=2), Unit("m")]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from ruptfx.boundaries import Action, EdgeBoundary
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
+    from ruptfx.space.edges import Edge
 
 
 class Absorbing(EdgeBoundary):

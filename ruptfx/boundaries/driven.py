@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx import parallel
 from ruptfx.boundaries import Action, Motion
 from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import ramp
+from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError
 from ruptfx.units import Time, VaryingFactor, Velocity
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
+    from ruptfx.space.edges import Edge
 
 
 class Driven(EdgeMotion):

@@ -14,7 +14,7 @@ from ruptfx.schema import Unit
 from ruptfx.units import Time
 
 if TYPE_CHECKING:
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
 
 
 class Gravity(Boundary):

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from ruptfx import parallel
 from ruptfx.boundaries import Action, EdgeBoundary, Force, check_vector
 from ruptfx.boundaries._history import History
 from ruptfx.materials import Material, Plane
 from ruptfx.materials._stiffness import christoffel, tangent_stiffness
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Velocity
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
     from ruptfx.fem import Expr
+    from ruptfx.space.edges import Edge
 
 Vector = Annotated[list[float], Field(min_length=2, max_length=3), Unit("1")]
 

@@ -13,7 +13,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
 
 ENTRIES = {
     "xy": [(0, 0), (1, 1), (0, 1)], "xyz": [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)], "z": [(0, 0), (0, 1)],

@@ -11,13 +11,13 @@ from pydantic import ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, mod
 from ruptfx.boundaries import Action, Motion
 from ruptfx.boundaries._edge_motion import EdgeMotion
 from ruptfx.boundaries._history import Samples
-from ruptfx.number_files import with_file_read
+from ruptfx.input.number_files import with_file_read
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-    from ruptfx.edges import Edge
+    from ruptfx.space.edges import Edge
 
 
 class Moved(EdgeMotion):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from ruptfx.boundaries import Action, Boundary
 
 if TYPE_CHECKING:
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
 
 
 class Periodic(Boundary):

@@ -12,7 +12,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
 
 
 class PointForce(AtPoint):

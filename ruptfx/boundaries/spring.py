@@ -12,8 +12,8 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
     from ruptfx.fem import Expr
+    from ruptfx.space.edges import Edge
 
 Foundation = Annotated[float, Field(ge=0), Unit("Pa/m")]
 

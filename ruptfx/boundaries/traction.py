@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from ruptfx import parallel
 from ruptfx.boundaries import Action, EdgeBoundary, Force, Range, check_vector
 from ruptfx.boundaries._history import History, course
 from ruptfx.materials import Plane
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, Unit
 from ruptfx.units import Time
 
 if TYPE_CHECKING:
-    from ruptfx.edges import Edge
+    from ruptfx.space.edges import Edge
 
 
 class Traction(EdgeBoundary):

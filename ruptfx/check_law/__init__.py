@@ -13,11 +13,11 @@ from pydantic import ValidationError
 from ruptfx import RuptfxError
 from ruptfx.case import override
 from ruptfx.check_law import checks, cohesive, examples
+from ruptfx.codegen.tracing import located
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.friction import FrictionLaw
 from ruptfx.plugins import active, load
 from ruptfx.schema import CaseError, find, kinds, nearest
-from ruptfx.tracing import located
 
 Law = FrictionLaw | CohesiveLaw
 

@@ -15,8 +15,8 @@ import tomli_w
 from pydantic import TypeAdapter
 
 from ruptfx import RuptfxError, Table
+from ruptfx.faults.projection import TracedLaw, project
 from ruptfx.friction import COMMON, AnyFriction, FrictionLaw
-from ruptfx.projection import TracedLaw, project
 from ruptfx.schema import unit_of
 
 N = 400

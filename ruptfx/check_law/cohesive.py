@@ -13,8 +13,8 @@ import tomli_w
 from pydantic import TypeAdapter
 
 from ruptfx.check_law.checks import close, require
+from ruptfx.codegen.tracing import Expression, derivative, record, symbol, to_numpy
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
-from ruptfx.tracing import Expression, derivative, record, symbol, to_numpy
 
 N = 20000  # intervals of an integral; a kink between two points costs 1 / N^2
 ANGLES = np.linspace(0, np.pi / 2, 91)  # angle of the jump, scaled with those at failure: opening (0) to slip (pi / 2)

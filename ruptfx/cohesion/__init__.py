@@ -2,7 +2,7 @@
 
 The strength of an interface in addition to friction: tension up to `f_t left(D)` and a cohesion of
 `c left(D)` in shear, where the damage D grows from 0 to 1 with inelastic opening and slip and never falls. A law is its
-formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.tracing`) into C.
+formulas, NumPy operations point by point without branches on values; they are traced (`ruptfx.codegen.tracing`) into C.
 """
 
 from __future__ import annotations

@@ -18,18 +18,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem, native, parallel
+from ruptfx import fem
+from ruptfx.codegen import native
+from ruptfx.codegen.tracing import depends, record, symbol
 from ruptfx.collisions import Collisions
 from ruptfx.cracks._step import CrackStep
 from ruptfx.materials import Material, Plane
 from ruptfx.meshes import FACETS
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.state import FaultState, State
-from ruptfx.tracing import depends, record, symbol
 
 if TYPE_CHECKING:
-    from ruptfx.bodies import Bodies
     from ruptfx.friction import FrictionLaw
+    from ruptfx.space.bodies import Bodies
 
 EVERY = 16  # steps between two searches for failed facets and for those to be replaced by collision contact
 MARGIN = 0.3  # largest distance of close pairs, over the mean edge

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from ruptfx.commands._shared import screen
-from ruptfx.quantities import with_prefix
+from ruptfx.input.quantities import with_prefix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ruptfx import RuptfxError
-from ruptfx.terminal import console
+from ruptfx.platform.terminal import console
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -58,7 +58,8 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
 
     Plug-ins are named before their code runs; on launched ranks the launcher has done so.
     """
-    from ruptfx import launch, plugins
+    from ruptfx import plugins
+    from ruptfx.platform import launch
     from ruptfx.schema import CaseError
 
     token = plugins.telling.set(_name_plugin) if launch.RANKS not in os.environ else None

@@ -27,7 +27,7 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             for number in extreme(parsed):
                 screen.print(f"warning: far from the usual: {number}", style="yellow")
             return
-        from ruptfx.preflight import preflight
+        from ruptfx.checks.preflight import preflight
 
         table = Table("quantity", "value", "unit", "note", title=parsed.title or str(case), title_justify="left")
         failed = False

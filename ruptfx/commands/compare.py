@@ -76,7 +76,7 @@ def compare(
 
 
 def _seconds(text: str) -> float:
-    from ruptfx.quantities import parse
+    from ruptfx.input.quantities import parse
 
     try:
         return float(text)
@@ -90,7 +90,7 @@ def _seconds(text: str) -> float:
 
 def _show_results(one: Record, other: Record, verbose: bool) -> None:
     """Print the results of two runs that differ by more than noise; with `verbose` all of them."""
-    from ruptfx.summary_fields import unit
+    from ruptfx.results.summary_fields import unit
 
     table = Table("", one.path.name, other.path.name, "unit", "difference", box=None, pad_edge=False)
     equal = 0

@@ -26,7 +26,7 @@ def convert(
         import tomllib
 
         from ruptfx.case import parse_case
-        from ruptfx.sem2dpack import convert_file
+        from ruptfx.convert.sem2dpack import convert_file
 
         case = out or file.with_suffix(".toml")
         mesh = case.with_suffix(".msh")

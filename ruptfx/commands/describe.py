@@ -17,14 +17,14 @@ SUPPORT = "support"
 
 def topics() -> tuple[str, ...]:
     """Return the topics."""
-    from ruptfx.describe import TOPICS
+    from ruptfx.reference.describe import TOPICS
 
     return *TOPICS, SUPPORT
 
 
 def topics_and_kinds() -> tuple[str, ...]:
     """Return topics and kinds, for completion."""
-    from ruptfx.describe import FOLDERS, TOPICS, names_of
+    from ruptfx.reference.describe import FOLDERS, TOPICS, names_of
 
     return (*TOPICS, SUPPORT, *(name for topic in FOLDERS for name in names_of(topic)))
 
@@ -46,14 +46,14 @@ def describe(
     """
     with reported():
         if schema:
-            from ruptfx.describe import file_schema
+            from ruptfx.reference.describe import file_schema
 
             print(json.dumps(file_schema(), indent=2))
             return
         if what == SUPPORT:
             _show_support()
             return
-        from ruptfx.describe import about, describe_topic
+        from ruptfx.reference.describe import about, describe_topic
 
         if what is None:
             screen.print(f"ruptfx {__version__}: `describe TOPIC` describes one of these, `describe KIND` a kind.\n")
@@ -68,7 +68,7 @@ def describe(
 
 def _show_support() -> None:
     """Print which features work with which steppers, contact methods, planes and materials."""
-    from ruptfx.support_table import tables
+    from ruptfx.reference.support_table import tables
 
     for each in tables():
         rows, notes = each.numbered()

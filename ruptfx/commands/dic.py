@@ -67,7 +67,7 @@ def _metres(text: str) -> float:
     RuptfxError
         Not a length, or not above zero.
     """
-    from ruptfx.quantities import parse
+    from ruptfx.input.quantities import parse
 
     try:
         length = float(text)

@@ -39,7 +39,7 @@ def export(
     Example: ruptfx export runs/impact --format vtkhdf
     """
     with reported():
-        from ruptfx import vtk_files
+        from ruptfx.convert import vtk_files
         from ruptfx.record import Record
 
         folder = out or run / "export"

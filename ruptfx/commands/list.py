@@ -24,7 +24,7 @@ def list(
     Example: ruptfx list runs --quick
     """
     with reported():
-        from ruptfx.directories import NEW
+        from ruptfx.recording.directories import NEW
 
         found = sorted(path.parent for path in directory.rglob("case.toml") if NEW not in path.parts)
         if not found:
@@ -42,8 +42,8 @@ def list(
 
 def _row(run: Path, quick: bool) -> tuple[tuple[str, str, str, str, str], str]:
     """Return the cells of a run, and the text of its damage."""
-    from ruptfx import run_files
     from ruptfx.record import Record
+    from ruptfx.results import run_files
 
     summary, title, status, damage = None, "", "", ""
     try:
@@ -75,7 +75,7 @@ def _size(run: Path) -> int:
 
 
 def _status(run: Path, complete: bool) -> str:
-    from ruptfx.directories import LOCK, NEW
+    from ruptfx.recording.directories import LOCK, NEW
 
     replaced = (run / NEW / "case.toml").is_file()
     try:

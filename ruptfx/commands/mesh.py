@@ -26,7 +26,7 @@ def mesh(
         parsed = read_case(case, set_ or [])
         if not isinstance(parsed, Case):
             raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no mesh")
-        from ruptfx.mesh_drawing import draw
+        from ruptfx.drawing.mesh_drawing import draw
 
         path = out or Path(f"{case.stem}_mesh.png")
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -42,7 +42,7 @@ def movie(
     """
     with reported():
         from ruptfx import movies
-        from ruptfx.progress import Progress
+        from ruptfx.platform.progress import Progress
         from ruptfx.record import Record
 
         path = out or run / "figures" / f"{what}.{format_}"

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from ruptfx import RuptfxError
 from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
-from ruptfx.progress import Progress
+from ruptfx.platform.progress import Progress
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
@@ -34,7 +34,8 @@ def run(
 
     Example: ruptfx run demos/impact.toml --ranks 2 --set duration="20 us"
     """
-    from ruptfx import launch, painter
+    from ruptfx.drawing import painter
+    from ruptfx.platform import launch
 
     launches = ranks > 1 and launch.RANKS not in os.environ
     if launches:
@@ -84,7 +85,8 @@ def run(
 
 def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool) -> None:
     """Run on several ranks; draw figures after these have ended, when all cores are free."""
-    from ruptfx import launch, painter
+    from ruptfx.drawing import painter
+    from ruptfx.platform import launch
 
     if not case.output.figures:
         painter.dismiss()
@@ -107,7 +109,7 @@ def _written(out: Path) -> tuple[int, int] | None:
 def _show_summary(out: Path, verbose: bool) -> None:
     """Print what the run found in one line, then the numbers of most interest; with `verbose` all of them."""
     from ruptfx.analysis.verdict import rows, verdict
-    from ruptfx.summary_fields import unit
+    from ruptfx.results.summary_fields import unit
 
     summary = json.loads((out / "summary.json").read_text())
     said = verdict(summary)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.meshes import FACETS
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
-    from ruptfx.bodies import Bodies
+    from ruptfx.space.bodies import Bodies
 
 
 class CrackNetwork:

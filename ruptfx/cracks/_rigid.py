@@ -17,13 +17,14 @@ from importlib.resources import files
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, native
-from ruptfx.bodies import Bodies
+from ruptfx import RuptfxError, fem
+from ruptfx.codegen import native
 from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
 from ruptfx.cracks.on_strength import OnStrength
 from ruptfx.materials import Plane
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.operators import Damped
+from ruptfx.space.bodies import Bodies
 from ruptfx.state import FaultState, State
 
 LOG = logging.getLogger("ruptfx.run")
@@ -153,7 +154,7 @@ class RigidCracks(CrackStep):
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1],
         }  # fmt: skip
         whole = _source("rigid_types.c") + text + f"static const struct law *const LAWS[] = {{{laws}}};\n"
-        lanes = files("ruptfx").joinpath("lanes.c").read_text()
+        lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         self._library = native.load("rigid", lanes + whole + _source("patch.c") + _source("rigid.c"), given)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)

@@ -16,20 +16,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, fem, native, parallel
+from ruptfx import RuptfxError, Table, fem
+from ruptfx.codegen import native
+from ruptfx.codegen.tracing import Expression, constant, depends, record, symbol, to_c
 from ruptfx.cracks import CrackLaws, Fracture
 from ruptfx.cracks._network import CrackNetwork
+from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
 from ruptfx.friction import FrictionLaw
 from ruptfx.materials import Material, Plane
-from ruptfx.projection import TracedLaw, parameters_as_symbols
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, Part
 from ruptfx.state import FaultState, State
-from ruptfx.tracing import Expression, constant, depends, record, symbol, to_c
 
 if TYPE_CHECKING:
     from scipy import sparse
 
-    from ruptfx.bodies import Bodies
+    from ruptfx.space.bodies import Bodies
 
 BALANCED = 1e-6  # largest residual of a damage
 CREEP = 1e-3  # m/s: initial stress may make facets slide slowly
@@ -491,7 +493,7 @@ class _Kernel:
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
-        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("lanes.c", "cracks/cracks.c"))
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("codegen/lanes.c", "cracks/cracks.c"))
         self._library = native.load("cracks", source, macros)
         width = self._library.lanes_per_batch() // 2  # facets per batch
         fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))

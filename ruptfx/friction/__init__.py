@@ -2,8 +2,8 @@
 
 A law contains its formula only: no mesh, no MPI, no time scheme and no output. `strength` and
 `advance` are written with NumPy operations that act point by point, without branches on values (`numpy.where`
-instead of `if`). They are *traced* (`ruptfx.tracing`): the same lines give the exact derivative for the implicit
-solvers and the C code of the explicit path, so that a new law is fast and consistently linearised.
+instead of `if`). They are *traced* (`ruptfx.codegen.tracing`): the same lines give the exact derivative for the
+implicit solvers and the C code of the explicit path, so that a new law is fast and consistently linearised.
 """
 
 from __future__ import annotations

@@ -10,9 +10,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.implicit.solvers import has_mumps
 from ruptfx.implicit.tangent import Tangent
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.model import Model

@@ -26,14 +26,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from ruptfx import parallel
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.implicit.compliance import Compliance, Influence, Jumps, norm
 from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.surfaces import FacingCompliance, Surfaces, SurfaceStiffness, count_nodes
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.operators.assembled import is_linear
-from ruptfx.projection import ProjectionError
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.sliding.interface import SlidingInterface
 

@@ -27,12 +27,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.condensed import Condensed, released, times
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
 from ruptfx.implicit.step import FAR, Step
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.implicit.compliance import Compliance, Jumps

@@ -37,7 +37,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import RuptfxError, parallel
+from ruptfx import RuptfxError
+from ruptfx.faults.interface import Interface
 from ruptfx.implicit import ConvergenceError, deferred
 from ruptfx.implicit.compliance import norm
 from ruptfx.implicit.condensed import Condensed, fits, require_fit
@@ -48,7 +49,7 @@ from ruptfx.implicit.solution import Rates, Solution
 from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.tangent import Tangent
-from ruptfx.interface import Interface
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import StepFollower
 from ruptfx.state import State

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import bond
-from ruptfx.fault import Fault
-from ruptfx.point_code import FAILURE, PointCode
-from ruptfx.points import Clock, closed_and_stuck, frictional_power
-from ruptfx.projection import TracedLaw
-from ruptfx.tracing import constant, symbol
+from ruptfx.codegen.tracing import constant, symbol
+from ruptfx.faults import bond
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.point_code import FAILURE, PointCode
+from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
+from ruptfx.faults.projection import TracedLaw
 
 if TYPE_CHECKING:
     from ruptfx.state import FaultState, State

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.implicit.options import PetscOptions
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
-from ruptfx.fault import Fault
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.implicit.response import Response
 from ruptfx.implicit.solution import Rates
-from ruptfx.projection import ProjectionError
+from ruptfx.platform import parallel
 from ruptfx.state import FaultState, State
 
 if TYPE_CHECKING:

@@ -22,8 +22,9 @@ from scipy.linalg import inv
 from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.sparse import bsr_array, coo_array, csr_array
 
-from ruptfx import RuptfxError, parallel
+from ruptfx import RuptfxError
 from ruptfx.implicit.compliance import Factors, Finish, Influence, Jumps, norm
+from ruptfx.platform import parallel
 from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:

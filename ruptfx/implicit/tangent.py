@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ruptfx import fem, operators, parallel
-from ruptfx.interface import Interface
+from ruptfx import fem, operators
+from ruptfx.faults.interface import Interface
 from ruptfx.operators.assembled import stiffness_form
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.model import Model

@@ -17,7 +17,7 @@ from ruptfx.schema import Alternative, Name, alternative
 from ruptfx.units import Duration, Frequency
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 Source = Literal["displacement", "velocity", "acceleration"] | tuple[str, str]
 """A nodal field, or fault and field."""

@@ -13,7 +13,7 @@ from ruptfx.schema import Unit
 from ruptfx.units import Coordinate
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 
 class FaultReceiver(Instrument):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from ruptfx.instruments import Channel, Instrument
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 
 class LoadCell(Instrument):

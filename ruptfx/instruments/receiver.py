@@ -12,7 +12,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 Quantity = Literal["velocity", "displacement", "strain", "stress"]
 

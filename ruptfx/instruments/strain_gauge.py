@@ -14,7 +14,7 @@ from ruptfx.schema import Unit
 from ruptfx.units import Length
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 
 class StrainGauge(Instrument):

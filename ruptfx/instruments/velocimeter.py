@@ -13,7 +13,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.sensed import Sensed
+    from ruptfx.instruments._sensed import Sensed
 
 Point = Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
 

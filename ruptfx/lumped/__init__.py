@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ruptfx import RuptfxError, Table, __version__, run_files
-from ruptfx.directories import is_finished, prepare, refuse_links, replace, reserved
+from ruptfx import RuptfxError, Table, __version__
 from ruptfx.plugins import CaseFile, active, named
+from ruptfx.recording.directories import is_finished, prepare, refuse_links, replace, reserved
+from ruptfx.results import run_files
 from ruptfx.schema import Alternative, Part, find, kinds
 
 if TYPE_CHECKING:

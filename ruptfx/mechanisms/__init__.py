@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ruptfx.fields import Energy
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan, Row
+    from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.operators import Damped

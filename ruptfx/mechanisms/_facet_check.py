@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
-from ruptfx.check_table import Row
+from ruptfx.mechanisms._check_table import Row
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.cracks import CrackLaws

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from ruptfx.analysis import fracture
-from ruptfx.check_table import Row
+from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction._lengths import Breakdown, RateDependence
-from ruptfx.places import distance, patches
-from ruptfx.plausibility import row_of, slow_records
+from ruptfx.mechanisms._check_table import Row
+from ruptfx.mechanisms._plausibility import row_of, slow_records
 from ruptfx.profiles import evaluate
+from ruptfx.profiles._places import distance, patches
 from ruptfx.profiles.constant import Constant
-from ruptfx.projection import TracedLaw
 from ruptfx.schema import Part, unit_of
 
 if TYPE_CHECKING:
     from ruptfx.case import FaultCase
-    from ruptfx.fault import Fault
-    from ruptfx.interface import Interface
+    from ruptfx.faults.fault import Fault
+    from ruptfx.faults.interface import Interface
     from ruptfx.model import Model
     from ruptfx.nucleation import Nucleation
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import native
+from ruptfx.codegen import native
+from ruptfx.faults.points import Clock
 from ruptfx.mechanisms import Floats
-from ruptfx.points import Clock
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -115,8 +115,9 @@ class SteppedNodes:
                 kick.keep[plain] = kick.plain_keep
                 kick.push[plain] = dt * kick.plain_push[dofs[plain] // model.components]
         self._special, self._work = self._damped_or_driven(), np.zeros(2)
-        source = [files("ruptfx").joinpath(part).read_text() for part in ("lanes.c", "mechanisms/stepped_nodes.c")]
-        self._library = native.load("stepped_nodes", "".join(source))
+        parts = ("codegen/lanes.c", "mechanisms/stepped_nodes.c")
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
+        self._library = native.load("stepped_nodes", source)
 
     def inverse_mass(self, kick: Kick) -> Floats:
         """Return the velocity per impulse of every degree of freedom in contact [1/kg], shape (nodes * components,).

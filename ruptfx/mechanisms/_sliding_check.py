@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.analysis import rough_contact
-from ruptfx.check_table import Row
+from ruptfx.mechanisms._check_table import Row
 from ruptfx.spectrum import springs_of, stable_time_step
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
     from ruptfx.sliding.interface import SlidingInterface
     from ruptfx.sliding.roughness import Roughness

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.check_table import Row
 from ruptfx.collisions._step import FIELD
 from ruptfx.mechanisms import Mechanism, Rows, Springs
+from ruptfx.mechanisms._check_table import Row
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan
     from ruptfx.collisions._step import CollisionStep
+    from ruptfx.mechanisms._check_table import Plan
     from ruptfx.mechanisms._nodes import Kick
     from ruptfx.model import Model
     from ruptfx.state import State

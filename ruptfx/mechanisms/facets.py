@@ -14,7 +14,7 @@ from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan, Row
+    from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.state import State

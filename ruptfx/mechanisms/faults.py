@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import parallel
-from ruptfx.fault import Fault
-from ruptfx.fault_step import FaultStep
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault_step import FaultStep
 from ruptfx.fields import DERIVED, FIELDS, Field
 from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
+from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan, Row
+    from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.sliding.step import SlidingStep

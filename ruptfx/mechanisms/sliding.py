@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ruptfx.fault import Fault
+from ruptfx.faults.fault import Fault
 from ruptfx.fields import OF_SLIDING, TAKEN_IN_SLIDING, Field
 from ruptfx.mechanisms import Floats
 from ruptfx.mechanisms.faults import Faults
@@ -15,7 +15,7 @@ from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.step import SlidingStep
 
 if TYPE_CHECKING:
-    from ruptfx.check_table import Plan, Row
+    from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
     from ruptfx.state import FaultState, State

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ruptfx.lobatto import nodes_between
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes._lattice import affordable, row_levels
+from ruptfx.meshes._lobatto import nodes_between
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, Part, Unit
 from ruptfx.units import Coordinate, Length, VaryingHeight

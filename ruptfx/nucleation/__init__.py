@@ -25,7 +25,7 @@ class Nucleation(Alternative):
         Parameters
         ----------
         position : ndarray, shape (n,) or (n, 2)
-            Positions along a line or on a surface [m]; `ruptfx.places.distance` is for both.
+            Positions along a line or on a surface [m]; `ruptfx.profiles._places.distance` is for both.
         time : float
             [s]
         """

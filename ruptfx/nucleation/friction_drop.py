@@ -7,7 +7,7 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.forced_weakening import NEVER, ForcedWeakening
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth, distance
+from ruptfx.profiles._places import Center, HalfWidth, distance
 from ruptfx.units import Instant, NonNegative, Time
 
 

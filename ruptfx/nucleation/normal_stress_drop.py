@@ -7,7 +7,7 @@ import numpy as np
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.pressurised import Pressurised
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth, distance
+from ruptfx.profiles._places import Center, HalfWidth, distance
 from ruptfx.units import Duration, Instant, Strength, Time
 
 

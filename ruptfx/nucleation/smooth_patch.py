@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ruptfx.nucleation import Nucleation
-from ruptfx.places import Center, HalfWidth, distance
+from ruptfx.profiles._places import Center, HalfWidth, distance
 from ruptfx.units import Duration, Stress
 
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, native
+from ruptfx import RuptfxError, fem
+from ruptfx.codegen import native
 from ruptfx.operators import Bulk
 
 BOX, AFFINE, MULTILINEAR, POINTWISE = range(4)  # kinds of a batch, as in the C source

@@ -11,7 +11,8 @@ from importlib.resources import files
 
 import numpy as np
 
-from ruptfx import RuptfxError, fem, native
+from ruptfx import RuptfxError, fem
+from ruptfx.codegen import native
 from ruptfx.operators import Bulk, Damped
 from ruptfx.operators._geometry import AFFINE, BOX, geometry_element, is_tensor, numbers, root_of_size
 
@@ -50,7 +51,7 @@ class MatrixFree:
         self._nodes = index_map.size_local + index_map.num_ghosts
         self._shared = _shared_nodes(index_map)
         permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric", bulk.large_rotations)
-        lanes = files("ruptfx").joinpath("lanes.c").read_text()
+        lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
         self._library = native.load("matrix_free", constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double

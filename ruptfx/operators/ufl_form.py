@@ -6,9 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ruptfx import Table, axisymmetry, fem
+from ruptfx import Table, fem
 from ruptfx.materials import Plane
 from ruptfx.operators import Bulk
+from ruptfx.space import axisymmetry
 
 
 def strain(displacement: fem.Expr, mesh: fem.dolfinx.mesh.Mesh, plane: Plane, large: bool = False) -> fem.Expr:

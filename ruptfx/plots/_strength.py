@@ -7,8 +7,8 @@ from pydantic import ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.case import FaultCase
+from ruptfx.input.quantities import with_prefix
 from ruptfx.plugins import active, named
-from ruptfx.quantities import with_prefix
 from ruptfx.record import Files
 
 

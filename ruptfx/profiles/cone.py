@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ruptfx.places import Center
 from ruptfx.profiles import Profile, Value
+from ruptfx.profiles._places import Center
 
 
 class Cone(Profile):

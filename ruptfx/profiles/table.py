@@ -7,9 +7,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import ValidationInfo, field_validator, model_validator
 
-from ruptfx.number_files import with_file_read
-from ruptfx.places import Position
+from ruptfx.input.number_files import with_file_read
 from ruptfx.profiles import Profile, Value
+from ruptfx.profiles._places import Position
 from ruptfx.schema import CaseError
 
 

@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import h5py
 import numpy as np
 
-from ruptfx import fem, parallel, slabs
+from ruptfx import fem
+from ruptfx.faults.interface import local_frame
 from ruptfx.fields import stress_entries
-from ruptfx.interface import local_frame
 from ruptfx.operators import ufl_form
 from ruptfx.operators.matrix_free import MatrixFree
+from ruptfx.platform import parallel, slabs
 from ruptfx.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
     from ruptfx.state import State
 

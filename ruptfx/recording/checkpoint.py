@@ -22,11 +22,14 @@ from typing import TYPE_CHECKING, Protocol
 import h5py
 import numpy as np
 
-from ruptfx import RuptfxError, Table, __version__, directories, fem, parallel, run_files
+from ruptfx import RuptfxError, Table, __version__, fem
+from ruptfx.platform import parallel
+from ruptfx.platform.stopwatch import phase
+from ruptfx.recording import directories
 from ruptfx.recording.shared_file import SharedFile
-from ruptfx.run_files import checksum as _checksum
-from ruptfx.run_files import seal as _seal
-from ruptfx.stopwatch import phase
+from ruptfx.results import run_files
+from ruptfx.results.run_files import checksum as _checksum
+from ruptfx.results.run_files import seal as _seal
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms import Rows

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import parallel
 from ruptfx.boundaries import EdgeBoundary
-from ruptfx.edges import Edge
+from ruptfx.platform import parallel
+from ruptfx.space.edges import Edge
 
 if TYPE_CHECKING:
     from ruptfx.model import Model

@@ -7,9 +7,10 @@ import shlex
 import shutil
 from pathlib import Path
 
-from ruptfx import RuptfxError, directories, run_files
+from ruptfx import RuptfxError
 from ruptfx.case import Case
-from ruptfx.recording import checkpoint
+from ruptfx.recording import checkpoint, directories
+from ruptfx.results import run_files
 
 
 def extend(out: Path, before: Case, longer: Case) -> Case:

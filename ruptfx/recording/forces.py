@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx import Table, fem, parallel
-from ruptfx.fault import Fault
+from ruptfx import Table, fem
+from ruptfx.faults.fault import Fault
+from ruptfx.platform import parallel
 from ruptfx.sliding.contact_states import OPEN, SLIDING, STICKING, UNCOVERED, contact_states
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats

@@ -9,7 +9,7 @@ import h5netcdf
 import numpy as np
 
 from ruptfx import Table
-from ruptfx.fault import Fault
+from ruptfx.faults.fault import Fault
 from ruptfx.fields import MONITORS, Field
 from ruptfx.recording.growing_file import GrowingFile
 

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import h5py
 
-from ruptfx import RuptfxError, Table, __version__, fem, parallel, run_files
+from ruptfx import RuptfxError, Table, __version__, fem
+from ruptfx.platform import parallel
+from ruptfx.platform.stopwatch import phase, phases
 from ruptfx.recording.bulk_fields import BulkFields, Topology
 from ruptfx.recording.instruments_file import InstrumentsFile
 from ruptfx.recording.mechanisms import Opening, records_of
@@ -25,7 +27,7 @@ from ruptfx.recording.sampling import Samples
 from ruptfx.recording.schedule import Schedule, end_of
 from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
-from ruptfx.stopwatch import phase, phases
+from ruptfx.results import run_files
 
 if TYPE_CHECKING:
     from ruptfx.model import Model

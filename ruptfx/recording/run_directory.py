@@ -1,4 +1,4 @@
-"""The directory of a run on many ranks: the operations of `ruptfx.directories`, on all of them or none."""
+"""The directory of a run on many ranks: the operations of `ruptfx.recording.directories`, on all of them or none."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ruptfx import directories, parallel
 from ruptfx.case import Case
+from ruptfx.platform import parallel
+from ruptfx.recording import directories
 
 if TYPE_CHECKING:
     from ruptfx import fem

@@ -15,8 +15,8 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
+from ruptfx.instruments._sensed import Sensed, Stresses
 from ruptfx.schema import CaseError
-from ruptfx.sensed import Sensed, Stresses
 
 if TYPE_CHECKING:
     from scipy import sparse

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from ruptfx import slabs
+from ruptfx.platform import slabs
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ruptfx.fault import Fault
+from ruptfx.faults.fault import Fault
 from ruptfx.fields import OF_SLIDING
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.state import FaultState

@@ -31,7 +31,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from ruptfx import RuptfxError, native
+from ruptfx import RuptfxError
+from ruptfx.codegen import native
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 REACH = 10  # largest distance of paired surfaces, in facets of either side

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx.fault import Fault
-from ruptfx.points import Clock, closed_and_stuck
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.points import Clock, closed_and_stuck
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState, State

@@ -19,14 +19,16 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx import RuptfxError, fem, native, parallel
-from ruptfx.interface import Interface, Line, local_frame
-from ruptfx.lobatto import nodes_between
+from ruptfx import RuptfxError, fem
+from ruptfx.codegen import native
+from ruptfx.faults.interface import Interface, Line, local_frame
 from ruptfx.meshes import FACETS, Base
-from ruptfx.nodes import Nodes
+from ruptfx.meshes._lobatto import nodes_between
+from ruptfx.platform import parallel
 from ruptfx.sliding import Sliding
 from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
+from ruptfx.space.nodes import Nodes
 
 JUMP = files("ruptfx.sliding").joinpath("jump.c")
 TOUCHING = 1e-6  # largest initial opening of touching surfaces over the length of a facet

@@ -18,8 +18,8 @@ from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats, Surface
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
-    from ruptfx.loading import Loads
+    from ruptfx.boundaries._loading import Loads
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
 
 SMOOTH = 1e-9  # root mean square slope caused by rounding

@@ -1,7 +1,7 @@
 """Explicit step of a sliding interface: the step of every point, in sweeps until the tractions converge.
 
 Neighbouring points share nodes of the minus side, so that the traction of one changes the jump of the other. Trial,
-projection and write-back are those of the step of a fault (`ruptfx.fault_step`), from jumps instead of
+projection and write-back are those of the step of a fault (`ruptfx.faults.fault_step`), from jumps instead of
 displacements, with the diagonal of J M^-1 J' as mobility. Compliant contact needs the jump of the displacement only,
 and one such step. Rigid contact is solved in sweeps (`ContactMethod.sweeps_to`): all points at once, from the
 velocities after the tractions of the last sweep, from the state at the beginning of the step. This is a Jacobi
@@ -18,12 +18,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ruptfx import bond
-from ruptfx.fault import Fault
-from ruptfx.fault_step import FaultStep
-from ruptfx.interface import Interface
-from ruptfx.point_code import LANES
-from ruptfx.points import Clock
+from ruptfx.faults import bond
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault_step import FaultStep
+from ruptfx.faults.interface import Interface
+from ruptfx.faults.point_code import LANES
+from ruptfx.faults.points import Clock
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.sliding.surface import Floats, Integers
 from ruptfx.state import FaultState

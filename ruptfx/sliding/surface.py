@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx.lobatto import Basis, basis_of_order
+from ruptfx.meshes._lobatto import Basis, basis_of_order
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

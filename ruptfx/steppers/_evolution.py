@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ruptfx.codegen.tracing import constant, derivative, record, symbol, to_numpy
+from ruptfx.faults.projection import parameters_as_symbols
 from ruptfx.friction import FrictionLaw, LawState
 from ruptfx.friction._rate_and_state import RateAndState
-from ruptfx.projection import parameters_as_symbols
 from ruptfx.steppers.quasi_static import slip_to_resolve
-from ruptfx.tracing import constant, derivative, record, symbol, to_numpy
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
 
 PARTS_TO_RESOLVE = 50.0  # shortest length of a law over the slip that `slip_to_resolve` returns

@@ -8,10 +8,10 @@ import numpy as np
 
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
-from ruptfx.radiation import radiation_impedance
+from ruptfx.steppers._radiation import radiation_impedance
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.implicit.solution import Solution
     from ruptfx.model import Model
     from ruptfx.state import State

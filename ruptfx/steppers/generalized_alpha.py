@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.solution import Rates
+from ruptfx.platform import parallel
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Positive

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from ruptfx import parallel
 from ruptfx.contact import Way
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.fields import component_names
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.response import FaultResponse
-from ruptfx.projection import ProjectionError
+from ruptfx.platform import parallel
 from ruptfx.sliding.follower import FIELDS as FOLLOWED
 from ruptfx.steppers import AnyStepper, Stepper
 from ruptfx.steppers.leapfrog import LeapfrogMotion

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx import RuptfxError, parallel
+from ruptfx import RuptfxError
 from ruptfx.mechanisms import Floats, mechanisms_of, overriding
 from ruptfx.mechanisms._nodes import Kick, SteppedNodes
 from ruptfx.operators import FusedOperator
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.spectrum import springs_of, stable_time_step
 from ruptfx.steppers import Stepper

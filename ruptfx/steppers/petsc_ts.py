@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.contact import Way
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.implicit.solvers import TOLERANCE, CaseOptions, choose
 from ruptfx.implicit.step import FAR
-from ruptfx.projection import ProjectionError
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper

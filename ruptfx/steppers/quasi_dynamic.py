@@ -9,15 +9,15 @@ import numpy as np
 from scipy.integrate import RK45
 from scipy.linalg import lu_factor, lu_solve
 
-from ruptfx import parallel
 from ruptfx.contact import Way
+from ruptfx.faults.points import frictional_power
 from ruptfx.fields import MONITORS, Moment
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.compliance import Compliance, Jumps, norm
 from ruptfx.implicit.condensed import MOST_UNKNOWNS, fits
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
-from ruptfx.points import frictional_power
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.steppers import Stepper
 from ruptfx.steppers._evolution import evolution_of
@@ -25,7 +25,7 @@ from ruptfx.steppers._slow import SlowMotion
 from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.model import Model
     from ruptfx.state import FaultState, State
 

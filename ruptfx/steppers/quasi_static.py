@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ruptfx import parallel
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.deferred import Ahead
 from ruptfx.implicit.options import PetscOptions
+from ruptfx.platform import parallel
 from ruptfx.schema import Part, unit_of
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Stepper
@@ -20,7 +20,7 @@ from ruptfx.steppers._slow import SlowMotion
 from ruptfx.units import Duration, Fraction, Length
 
 if TYPE_CHECKING:
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.implicit.solution import Solution
     from ruptfx.model import Model
     from ruptfx.state import State

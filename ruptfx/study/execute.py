@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ruptfx import RuptfxError, Table, __version__, launch
-from ruptfx.progress import Progress
-from ruptfx.run_files import write_json
+from ruptfx import RuptfxError, Table, __version__
+from ruptfx.platform import launch
+from ruptfx.platform.progress import Progress
+from ruptfx.results.run_files import write_json
 from ruptfx.study import refine, search, table, workers
 from ruptfx.study.definition import Point, Study
 from ruptfx.study.store import Result, Store, commit, workspace

@@ -26,7 +26,7 @@ PICTURES = {
 def scalars() -> list[str]:
     """Return the names of all scalars that `harvest` may find in a run with bodies."""
     from ruptfx.analysis.energy import PARTS
-    from ruptfx.summary_fields import DESCRIPTIONS
+    from ruptfx.results.summary_fields import DESCRIPTIONS
 
     energies = [f"energy_{name}" for name in (*PARTS, "boundary_work")]
     return [*DESCRIPTIONS, "rupture", *energies, *(f"{name}_share" for name in PARTS)]

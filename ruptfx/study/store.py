@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Self
 
 from ruptfx import RuptfxError, Table
-from ruptfx.directories import LOCK, reserved
-from ruptfx.run_files import write_json
+from ruptfx.recording.directories import LOCK, reserved
+from ruptfx.results.run_files import write_json
 from ruptfx.study.definition import Study
 
 Result = Table

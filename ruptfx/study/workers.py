@@ -1,4 +1,4 @@
-"""Execution of points in child processes that may crash: one `ruptfx.case_server` per slot of a worker."""
+"""Execution of points in child processes that may crash: one `ruptfx.study.case_server` per slot of a worker."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from pathlib import Path
 
 import tomli_w
 
-from ruptfx import RuptfxError, Table, launch
+from ruptfx import RuptfxError, Table
+from ruptfx.platform import launch
 from ruptfx.study.store import Result, commit, read_result, workspace
 
 RECYCLE = 100  # points after which a child is replaced, to limit memory leaks
@@ -47,7 +48,7 @@ class Child:
         # starts them, hence one that lasts as long as this process, and not that of a task.
         self._process = _starter.submit(
             subprocess.Popen,
-            launch.mpi_command(ranks, "ruptfx.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
+            launch.mpi_command(ranks, "ruptfx.study.case_server"), env=launch.mpi_environment(ranks), bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
             preexec_fn=launch.ends_with_parent(),
         ).result()  # fmt: skip

@@ -13,11 +13,12 @@ from small_cases import COMPLIANT, advance, case, march, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.case import Case, parse_case
-from ruptfx.check_table import Plan
 from ruptfx.mechanisms import Mechanism
+from ruptfx.mechanisms._check_table import Plan
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.record import Record
 from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.schema import CaseError, alternatives

@@ -13,9 +13,9 @@ pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table
+from ruptfx.checks.preflight import preflight
 from ruptfx.fields import ENERGIES
 from ruptfx.model import Model
-from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError, alternatives
 
 pytestmark = pytest.mark.fem

@@ -11,9 +11,10 @@ from small_cases import COMPLIANT, advance, case, march
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, alternatives
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]

@@ -12,9 +12,9 @@ from pydantic import TypeAdapter
 from ruptfx.check_law import check_law
 from ruptfx.check_law.cohesive import straight_path
 from ruptfx.check_law.examples import table
+from ruptfx.codegen.tracing import derivative, record, symbol, to_numpy
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.schema import CaseError, alternatives
-from ruptfx.tracing import derivative, record, symbol, to_numpy
 
 LAWS = alternatives("ruptfx.cohesion")
 every_law = pytest.mark.parametrize("kind", list(LAWS))

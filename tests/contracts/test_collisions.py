@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 from ruptfx.bench.collisions import Flight, pair
 from ruptfx.case import parse_case
-from ruptfx.preflight import preflight
+from ruptfx.checks.preflight import preflight
 
 pytestmark = pytest.mark.fem
 

@@ -17,17 +17,17 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import native
-from ruptfx.bond import losses
+from ruptfx.codegen import native
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import Point
-from ruptfx.fault import Fault
-from ruptfx.fault_step import FaultStep, impedances
+from ruptfx.faults.bond import losses
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault_step import FaultStep, impedances
+from ruptfx.faults.interface import Interface, Line
+from ruptfx.faults.points import Clock
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
-from ruptfx.interface import Interface, Line
 from ruptfx.model import Model
-from ruptfx.points import Clock
 from ruptfx.schema import alternatives
 
 pytestmark = pytest.mark.fem
@@ -238,7 +238,7 @@ def test_laws_are_vectorized(method: str) -> None:
 
 @every_method
 def test_failure_names_the_point(method: str) -> None:
-    from ruptfx.projection import ProjectionError
+    from ruptfx.faults.projection import ProjectionError
 
     random = np.random.default_rng(1)
     fault = a_fault(method, Coulomb(mu_d=0.3), 2, random)
@@ -276,7 +276,7 @@ class Jumps(FrictionLaw):
 
 def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
     """By the compiled step and by arrays: the bracket closes at the jump, where the strength is not the traction."""
-    from ruptfx.projection import ProjectionError
+    from ruptfx.faults.projection import ProjectionError
 
     # 1e6 Pa and a trial of 0.45e6 Pa; Z of some 1e3 Pa s/m takes next to nothing of it at 1 m/s.
     face = an_interface(2, np.random.default_rng(1))

@@ -15,10 +15,10 @@ from ruptfx import RuptfxError
 from ruptfx.check_law import figure
 from ruptfx.check_law.checks import CHECKS, missing, toml
 from ruptfx.check_law.examples import friction, friction_laws, holds
+from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction import COMMON, RESERVED, AnyFriction
 from ruptfx.friction._lengths import Breakdown, RateDependence
 from ruptfx.friction.coulomb import Coulomb
-from ruptfx.projection import TracedLaw
 from ruptfx.schema import CaseError, alternatives
 
 LAWS = friction_laws()

@@ -14,13 +14,14 @@ from ruptfx.check_law.examples import friction, friction_laws, table
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import bond, parallel
 from ruptfx.contact._rigid import RigidContact
-from ruptfx.fault import Fault
+from ruptfx.faults import bond
+from ruptfx.faults.fault import Fault
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.response import FaultResponse, Response
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, alternatives
 from ruptfx.state import FaultState
 

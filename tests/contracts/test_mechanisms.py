@@ -14,8 +14,9 @@ from crack_cases import case as broken
 from small_cases import case, march
 
 import ruptfx.steppers.leapfrog as leapfrog
-from ruptfx import cost, preflight, spectrum
+from ruptfx import spectrum
 from ruptfx.case import parse_case
+from ruptfx.checks import cost, preflight
 from ruptfx.mechanisms import Mechanism, kinds, mechanisms_of
 from ruptfx.model import Model
 from ruptfx.recording import checkpoint, recorder

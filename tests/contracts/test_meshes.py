@@ -17,9 +17,8 @@ from small_cases import Given, case, march, plates, tilted, two_boxes, wavy_plat
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, fem
-from ruptfx.bodies import distribute, named_facets, tied_facets
 from ruptfx.case import parse_case
-from ruptfx.interface import Interface, build_interface
+from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.meshes import FACETS, MeshSource, RawMesh
 from ruptfx.meshes._gmsh import session
 from ruptfx.meshes.block_on_rigid import BlockOnRigid
@@ -27,10 +26,11 @@ from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.half_plate import HalfPlate
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
-from ruptfx.nodes import Nodes
 from ruptfx.schema import CaseError, alternatives
 from ruptfx.sliding import Sliding
 from ruptfx.sliding.interface import build_sliding
+from ruptfx.space.bodies import distribute, named_facets, tied_facets
+from ruptfx.space.nodes import Nodes
 
 pytestmark = pytest.mark.fem
 

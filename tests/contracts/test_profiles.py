@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from ruptfx.initial_stress import InitialStress
+from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, alternatives
 

@@ -17,9 +17,9 @@ from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table
 from ruptfx.cli import app
 from ruptfx.materials import Plane
+from ruptfx.reference.support_table import columns, features, judge
 from ruptfx.schema import Alternative, CaseError, alternatives, set_key
 from ruptfx.support import Change, UnsupportedError
-from ruptfx.support_table import columns, features, judge
 
 pytest.importorskip("dolfinx")
 

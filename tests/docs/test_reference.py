@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from page_blocks import ROOT, blocks
 
-from ruptfx import describe
+from ruptfx.reference import describe
 from ruptfx.schema import alternatives
 
 sys.path.insert(0, str(ROOT / "docs" / "_extensions"))

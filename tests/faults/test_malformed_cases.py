@@ -223,7 +223,7 @@ def test_signature_of_other_editors_is_skipped(tmp_path):
 )  # fmt: skip
 def test_extreme_numbers(changes):
     pytest.importorskip("dolfinx")
-    from ruptfx.preflight import preflight
+    from ruptfx.checks.preflight import preflight
 
     with suppress(RuptfxError), np.errstate(all="ignore"):
         list(preflight(parse_case(plates(changes))))

@@ -11,10 +11,11 @@ from crack_cases import case as broken
 from small_cases import case
 
 import ruptfx.steppers.leapfrog as leapfrog
-from ruptfx import RuptfxError, parallel
+from ruptfx import RuptfxError
 from ruptfx.fem import MPI
 from ruptfx.mechanisms import Mechanism, mechanisms_of
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 RANK, STEP, STEPS = 1, 3, 12
 PHASES = ("add_first", "add_with_elements", "add_internal", "add_external", "combine", "before_kick", "after_kick",

@@ -12,13 +12,14 @@ from small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import parallel, simulation
+from ruptfx import simulation
 from ruptfx.case import Case
 from ruptfx.fem import MPI
 from ruptfx.implicit import deferred
 from ruptfx.implicit.compliance import Factors
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.simulation import Interrupted, simulate
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from whole_runs import starts_jobs
 
-from ruptfx.launch import find_mpiexec, mpi_environment
+from ruptfx.platform.launch import find_mpiexec, mpi_environment
 
 pytestmark = starts_jobs
 PHASES = ("add_first", "add_with_elements", "add_internal", "add_external", "combine", "before_kick", "after_kick",

@@ -13,8 +13,8 @@ from small_cases import HOMALITE, SPLIT, merged, plates
 from whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
 
 from ruptfx import fem
-from ruptfx.bond import STATE as BOND
 from ruptfx.case import read_case
+from ruptfx.faults.bond import STATE as BOND
 from ruptfx.record import Record
 from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.simulation import simulate

@@ -10,10 +10,11 @@ from small_cases import case, memory_friction, merged, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.case import parse_case
 from ruptfx.implicit import ConvergenceError
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

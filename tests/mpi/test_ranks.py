@@ -14,19 +14,20 @@ from small_cases import case, impact, slip_weakening, smooth_field, tilted, two_
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, fem, launch, parallel
-from ruptfx.bodies import distribute
+from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case
-from ruptfx.interface import build_interface
+from ruptfx.faults.interface import build_interface
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.meshes import MeshSource
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
-from ruptfx.nodes import Nodes
-from ruptfx.projection import ProjectionError
+from ruptfx.platform import launch, parallel
 from ruptfx.record import Record
 from ruptfx.schema import CaseError
 from ruptfx.simulation import simulate
+from ruptfx.space.bodies import distribute
+from ruptfx.space.nodes import Nodes
 from ruptfx.spectrum import highest_frequency
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
@@ -213,7 +214,7 @@ def test_an_existing_directory_is_refused_on_all(shared_tmp_path: Path) -> None:
 @pytest.mark.parametrize("steps", [3, 40])
 def test_an_error_on_one_rank_ends_all(steps: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One interface point has no admissible traction in one step, on one rank: no hang, one message, files kept."""
-    from ruptfx.fault_step import FaultStep
+    from ruptfx.faults.fault_step import FaultStep
 
     plain = FaultStep.__call__
 

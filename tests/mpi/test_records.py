@@ -14,9 +14,10 @@ pytest.importorskip("dolfinx")
 
 from small_cases import impact, slip_weakening
 
-from ruptfx import fem, parallel, slabs
+from ruptfx import fem
 from ruptfx.case import parse_case
 from ruptfx.model import Model
+from ruptfx.platform import parallel, slabs
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.recorder import DiskError
 from ruptfx.simulation import simulate

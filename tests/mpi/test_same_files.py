@@ -18,7 +18,7 @@ from compare import largest_difference
 from small_cases import HOMALITE, INSTRUMENTS, blocks, impact, merged, plates, slip_weakening
 from whole_runs import finish, start, starts_jobs, write
 
-from ruptfx.launch import find_mpiexec
+from ruptfx.platform.launch import find_mpiexec
 from ruptfx.record import Record
 
 pytestmark = starts_jobs
@@ -143,7 +143,8 @@ def test_an_error_ends_all_ranks_with_one_message(ranks: int, tmp_path: Path) ->
 
 BUGGY = """
 import sys
-from ruptfx import cli, fem, fault_step as fault
+from ruptfx import cli, fem
+from ruptfx.faults import fault_step as fault
 step, comm = fault.FaultStep.__call__, fem.MPI.COMM_WORLD
 def wrong(self, state, displacement, velocity, force, time):
     if comm.rank == comm.size - 1 and time > 8e-6:

@@ -12,14 +12,15 @@ from small_cases import COMPLIANT, CREEPING, HOMALITE, SPLIT, blocks, merged, pl
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
-from ruptfx import RuptfxError, fem, parallel
-from ruptfx.bodies import distribute
+from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case
-from ruptfx.edges import Edge
-from ruptfx.interface import build_interface
+from ruptfx.faults.interface import build_interface
 from ruptfx.meshes.gmsh_file import GmshFile
 from ruptfx.model import Model
-from ruptfx.nodes import Nodes
+from ruptfx.platform import parallel
+from ruptfx.space.bodies import distribute
+from ruptfx.space.edges import Edge
+from ruptfx.space.nodes import Nodes
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

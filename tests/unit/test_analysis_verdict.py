@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ruptfx.analysis.verdict import rows, verdict
+from ruptfx.input.quantities import with_prefix
 from ruptfx.plots._strength import closest_to_slip
-from ruptfx.quantities import with_prefix
 
 CRACK = {
     "mode": "crack", "mode_before_arrest": "crack", "speed_regime": "sub-Rayleigh", "tip_speed": 1000.0,

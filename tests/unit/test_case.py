@@ -12,8 +12,8 @@ import tomli_w
 from small_cases import impact, merged, plates
 
 from ruptfx.case import Case, override, parse_case, read_case
-from ruptfx.describe import file_schema
 from ruptfx.friction.coulomb import Coulomb
+from ruptfx.reference.describe import file_schema
 from ruptfx.schema import CaseError
 from ruptfx.steppers.leapfrog import Leapfrog
 from ruptfx.study import read_study

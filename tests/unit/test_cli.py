@@ -17,11 +17,13 @@ import typer
 from small_cases import impact, merged, plates, slip_weakening
 from typer.testing import CliRunner, Result
 
-from ruptfx import __version__, launch, summary_fields
+from ruptfx import __version__
 from ruptfx.case import Case, FaultCase
 from ruptfx.cli import app
-from ruptfx.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.friction.coulomb import Coulomb
+from ruptfx.platform import launch
+from ruptfx.reference.describe import TOPICS, about, entries, entries_of, keys_of
+from ruptfx.results import summary_fields
 from ruptfx.schema import kinds
 
 GROUP: Any = typer.main.get_command(app)
@@ -200,7 +202,7 @@ def test_a_law_that_turns_not_a_number(tmp_path: Path, needs_fem: None, monkeypa
     """Stops at once, names point, time and state; what was written stays readable."""
     import numpy as np
 
-    from ruptfx.fault import Fault
+    from ruptfx.faults.fault import Fault
     from ruptfx.friction.linear_slip_weakening import LinearSlipWeakening
     from ruptfx.record import Record
 
@@ -309,7 +311,7 @@ def test_check_looks_beyond_the_overstressed_patch(tmp_path: Path, needs_fem: No
 @pytest.mark.fem
 def test_check_counts_points_in_the_process_zone(needs_fem: None) -> None:
     from ruptfx.case import parse_case
-    from ruptfx.preflight import preflight
+    from ruptfx.checks.preflight import preflight
 
     rows = {row.quantity: row.value for row in preflight(parse_case(slip_weakening()))}
     # G = 5.3 / 2.7 = 1.963 GPa; plane stress: G* = 1.35 G = 2.65 GPa; D_c = 5 um, drop (0.6 - 0.3) x 6 = 1.8 MPa:

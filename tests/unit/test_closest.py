@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from ruptfx import closest as module
-from ruptfx.closest import closest
+from ruptfx.space import closest as module
+from ruptfx.space.closest import closest
 
 
 def grid(dim: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from ruptfx import native
+from ruptfx.codegen import native
 
 REST = np.array([0.8, 1.3])
 MODULUS = 3.0

@@ -128,7 +128,7 @@ def test_new_with_a_material_for_each_body(tmp_path: Path) -> None:
 @pytest.mark.parametrize("demo", ["gmsh", "antiplane", "rate_state"])
 def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None:
     from ruptfx.case import read_case
-    from ruptfx.mesh_drawing import draw
+    from ruptfx.drawing.mesh_drawing import draw
 
     pytest.importorskip("gmsh")
     coarse = [] if demo == "gmsh" else ["mesh.element_size=2000.0"]

@@ -20,9 +20,9 @@ from ruptfx import lumped
 from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case, read_case
 from ruptfx.check_law import check_law
-from ruptfx.describe import FOLDERS
 from ruptfx.materials import Plane
 from ruptfx.record import Record
+from ruptfx.reference.describe import FOLDERS
 from ruptfx.schema import CaseError
 
 PACKAGE = Path(ruptfx.__file__).parent

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import ruptfx
-from ruptfx.launch import find_mpiexec
+from ruptfx.platform.launch import find_mpiexec
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reference_facing import MortarReference
 
 from ruptfx import RuptfxError
-from ruptfx.lobatto import basis_of_order
+from ruptfx.meshes._lobatto import basis_of_order
 from ruptfx.sliding.facing import Coupling, Mortar
 from ruptfx.sliding.surface import Surface
 

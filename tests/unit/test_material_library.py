@@ -8,9 +8,9 @@ import pytest
 from small_cases import case, plates
 
 from ruptfx.case import case_schema, parse_case
-from ruptfx.describe import entries
 from ruptfx.materials import _library
 from ruptfx.materials._library import LIBRARY, in_words
+from ruptfx.reference.describe import entries
 from ruptfx.schema import CaseError
 
 SPEEDS = {  # c_p and c_s in plane strain [m/s], within 1 %, from the constants by hand

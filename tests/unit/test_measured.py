@@ -19,7 +19,7 @@ from ruptfx import Record, RuptfxError
 from ruptfx.analysis.measured import channel_label, compare_with_file, misfit
 from ruptfx.cli import app
 from ruptfx.commands._measured import overlay
-from ruptfx.number_files import named_histories
+from ruptfx.input.number_files import named_histories
 
 TIME = np.linspace(0, 40e-6, 401)
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from ruptfx import RuptfxError, native
+from ruptfx import RuptfxError
+from ruptfx.codegen import native
 
 SEVEN = "int number(void) { return 7; }\n"
 root_only = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")

@@ -11,8 +11,8 @@ from crack_cases import GRANITE, NEVER, RUBS, WEAK, block, case
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
+from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model
-from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
 
 pytestmark = pytest.mark.fem

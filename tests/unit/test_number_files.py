@@ -12,9 +12,9 @@ from small_cases import merged, plates
 from ruptfx import RuptfxError
 from ruptfx.analysis.emission import read_catalogue
 from ruptfx.case import parse_case
+from ruptfx.input.number_files import two_columns
 from ruptfx.lumped.maxwell_slip.roughness import read_profile
 from ruptfx.lumped.spring_slider.fit import read_trace
-from ruptfx.number_files import two_columns
 from ruptfx.profiles.table import Table
 from ruptfx.schema import CaseError
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import synthetic
 
-from ruptfx import RuptfxError, painter, plots
+from ruptfx import RuptfxError, plots
+from ruptfx.drawing import painter
 from ruptfx.plots import _panels
 from ruptfx.record import Files
 

@@ -8,7 +8,7 @@ import pytest
 
 from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture
-from ruptfx.places import Place, located, patches, positions, shifted
+from ruptfx.profiles._places import Place, located, patches, positions, shifted
 from ruptfx.schema import CaseError, Part, alternatives
 from ruptfx.stopping import StopWhen
 

@@ -20,9 +20,9 @@ import ruptfx.friction
 from ruptfx import RuptfxError, schema
 from ruptfx.case import parse_case, read_case
 from ruptfx.cli import app
-from ruptfx.describe import describe_topic
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.plugins import load
+from ruptfx.reference.describe import describe_topic
 from ruptfx.schema import CaseError, alternatives, broken, find, kinds
 from ruptfx.study.definition import read_study
 

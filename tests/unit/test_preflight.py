@@ -16,8 +16,8 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plate
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case, read_case
-from ruptfx.check_table import Row
-from ruptfx.preflight import preflight
+from ruptfx.checks.preflight import preflight
+from ruptfx.mechanisms._check_table import Row
 from ruptfx.schema import CaseError
 from ruptfx.sliding.roughness import _slope
 
@@ -479,7 +479,8 @@ def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.Mo
     """
     from types import SimpleNamespace
 
-    from ruptfx import cost, fem
+    from ruptfx import fem
+    from ruptfx.checks import cost
     from ruptfx.model import Model
 
     given = parse_case(plates({"output.interface_interval": 2e-7, "output.bulk_interval": 5e-7, "duration": 2e-6}))
@@ -495,7 +496,8 @@ def test_expected_time_counts_steps_records_and_snapshots(monkeypatch: pytest.Mo
 
 def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """3 x 2 elements of order 4 twice over: 2 x 25 x 9 = 450 nodes of 245 bytes and 160 MB of libraries."""
-    from ruptfx import RuptfxError, cost, preflight, simulation
+    from ruptfx import RuptfxError, simulation
+    from ruptfx.checks import cost, preflight
 
     made: list[object] = []
     for module in (preflight, simulation):
@@ -509,7 +511,7 @@ def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypa
 
 
 def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ruptfx import preflight
+    from ruptfx.checks import preflight
 
     monkeypatch.setattr(preflight, "available", lambda: 20e6)
     found = rows(plates())["memory"]
@@ -517,7 +519,7 @@ def test_what_fits_only_in_part_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_free_memory_is_that_of_the_machine_or_of_the_control_group(tmp_path: Path) -> None:
-    from ruptfx.cost import available
+    from ruptfx.checks.cost import available
 
     assert available(tmp_path) is None
     (tmp_path / "proc").mkdir()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.friction.coulomb import Coulomb
-from ruptfx.initial_stress import InitialStress
 from ruptfx.profiles import evaluate
 from ruptfx.schema import CaseError, alternatives, unit_of
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from ruptfx.progress import Progress
+from ruptfx.platform.progress import Progress
 
 
 def shown(capsys, *fractions):

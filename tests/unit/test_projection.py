@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from ruptfx.check_law.examples import friction, friction_laws
+from ruptfx.faults.projection import ProjectionError, TracedLaw, project
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.prakash_clifton_two import PrakashCliftonTwo
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.friction.rate_and_state_power_law import RateAndStatePowerLaw
 from ruptfx.friction.velocity_weakening import VelocityWeakening
-from ruptfx.projection import ProjectionError, TracedLaw, project
 
 N = 2000
 LAWS = friction_laws()

@@ -8,7 +8,7 @@ import pytest
 from small_cases import merged, plates
 
 from ruptfx.case import parse_case
-from ruptfx.quantities import parse
+from ruptfx.input.quantities import parse
 from ruptfx.schema import CaseError
 
 

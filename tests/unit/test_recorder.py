@@ -15,8 +15,9 @@ pytest.importorskip("dolfinx")
 
 from small_cases import case
 
-from ruptfx import parallel, plots, simulate
+from ruptfx import plots, simulate
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.shared_file import SharedFile
 from ruptfx.recording.writer import Writer
@@ -99,7 +100,7 @@ def test_a_run_is_complete_before_it_draws(tmp_path, monkeypatch):
 
 def test_time_by_phase_is_all_there_is(monkeypatch):
     """Phases inside of others interrupt them; together they are all the time since the start."""
-    from ruptfx import stopwatch
+    from ruptfx.platform import stopwatch
 
     now = [100.0]
     monkeypatch.setattr(stopwatch.time, "perf_counter", lambda: now[0])

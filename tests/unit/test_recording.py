@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from ruptfx import RuptfxError
+from ruptfx.codegen.tracing import record, symbol, to_c, to_numpy
+from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction.prakash_clifton import PrakashClifton
-from ruptfx.projection import TracedLaw
-from ruptfx.tracing import record, symbol, to_c, to_numpy
 
 LAW = '''
 import math

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 from small_cases import SPLIT, plates
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case
-from ruptfx.describe import TOPICS, entries, file_schema
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.platform import launch
+from ruptfx.reference.describe import TOPICS, entries, file_schema
 from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
 from ruptfx.steppers.leapfrog import Leapfrog
 
@@ -115,7 +116,7 @@ def test_parts_are_strict_and_frozen() -> None:
 def test_base_imports_nothing_heavy() -> None:
     """`import ruptfx`, laws and projection work where there is no DOLFINx and no MPI."""
     code = (
-        "import sys, ruptfx, ruptfx.projection, ruptfx.profiles, ruptfx.case, ruptfx.record\n"
+        "import sys, ruptfx, ruptfx.faults.projection, ruptfx.profiles, ruptfx.case, ruptfx.record\n"
         "from ruptfx.schema import alternatives\n"
         "alternatives('ruptfx.friction')\n"
         "print([name for name in ('dolfinx', 'mpi4py', 'petsc4py', 'ufl') if name in sys.modules])"

@@ -18,13 +18,13 @@ from typer.testing import CliRunner
 
 from ruptfx.case import parse_case, read_case
 from ruptfx.cli import app
-from ruptfx.initial_stress import InitialStress
+from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.profiles import evaluate
 
 pytest.importorskip("f90nml")
-from ruptfx.sem2dpack import ConversionError, convert, convert_file, distributions
-from ruptfx.sem2dpack.blocks import Input, read
-from ruptfx.sem2dpack.fault_line import FaultLine
+from ruptfx.convert.sem2dpack import ConversionError, convert, convert_file, distributions
+from ruptfx.convert.sem2dpack.blocks import Input, read
+from ruptfx.convert.sem2dpack.fault_line import FaultLine
 
 ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "demos" / "antiplane.toml"

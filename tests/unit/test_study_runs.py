@@ -16,11 +16,12 @@ pytest.importorskip("distributed")
 
 from typer.testing import CliRunner
 
-from ruptfx import RuptfxError, launch
+from ruptfx import RuptfxError
 from ruptfx.cli import app
+from ruptfx.platform import launch
+from ruptfx.results.summary_fields import DESCRIPTIONS
 from ruptfx.study import read_csv, read_study, run_study
 from ruptfx.study.store import Store
-from ruptfx.summary_fields import DESCRIPTIONS
 
 IMPACT = Path(__file__).parents[2] / "demos" / "impact.toml"
 # Pulses above a diagonal of the map, no mesh dependence but at 20 m/s; some loadings fail in their own way.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ruptfx import RuptfxError
-from ruptfx.tracing import _C, _RULES, _SPELLED, apply, constant, derivative, symbol, to_c, to_numpy
+from ruptfx.codegen.tracing import _C, _RULES, _SPELLED, apply, constant, derivative, symbol, to_c, to_numpy
 
 X, Y = symbol("x"), symbol("y")
 POINTS = np.linspace(0.15, 2.9, 23)
@@ -192,7 +192,7 @@ def test_compiled_c_is_numpy(tmp_path: Any) -> None:
     """All operations in one function, compiled and called."""
     import ctypes
 
-    from ruptfx import native
+    from ruptfx.codegen import native
 
     unary = [name for name in (*UNARY, *STEPS) if name not in DOMAINS]
     pairs = [*BINARY, *COMPARISONS, "heaviside", "floor_divide"]

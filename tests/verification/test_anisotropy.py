@@ -15,11 +15,11 @@ pytest.importorskip("dolfinx")
 import ufl
 
 from ruptfx.case import parse_case
-from ruptfx.edges import Edge
 from ruptfx.materials import Material, Plane, WaveSpeeds
 from ruptfx.model import Model
-from ruptfx.radiation import radiation_impedance
 from ruptfx.schema import CaseError
+from ruptfx.space.edges import Edge
+from ruptfx.steppers._radiation import radiation_impedance
 
 pytestmark = pytest.mark.fem
 

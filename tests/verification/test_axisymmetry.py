@@ -16,16 +16,17 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh, spsolve
 from small_cases import march
 
-from ruptfx import RuptfxError, fem, vtk_files
+from ruptfx import RuptfxError, fem
 from ruptfx.analysis.polariscope import Camera
-from ruptfx.axisymmetry import on_axis
 from ruptfx.case import parse_case
+from ruptfx.convert import vtk_files
+from ruptfx.instruments._sensed import Sensed
 from ruptfx.model import Model
 from ruptfx.operators.assembled import stiffness_form
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
-from ruptfx.sensed import Sensed
 from ruptfx.simulation import simulate
+from ruptfx.space.axisymmetry import on_axis
 from ruptfx.spectrum import highest_frequency
 
 pytestmark = pytest.mark.fem

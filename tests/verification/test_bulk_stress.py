@@ -11,12 +11,12 @@ from small_cases import Given, case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
+from ruptfx.instruments._sensed import Sensed
 from ruptfx.model import Model
 from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.record import Record
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.schema import CaseError
-from ruptfx.sensed import Sensed
 from ruptfx.simulation import simulate
 
 pytestmark = pytest.mark.fem

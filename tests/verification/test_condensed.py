@@ -10,12 +10,12 @@ from small_cases import COMPLIANT, case, memory_friction
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import parallel
 from ruptfx.implicit import compliance, condensed
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.solution import Rates
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

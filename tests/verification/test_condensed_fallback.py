@@ -11,12 +11,13 @@ from small_cases import COMPLIANT, HOMALITE, case
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.condensed import Condensed
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

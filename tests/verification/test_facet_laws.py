@@ -12,8 +12,8 @@ from small_cases import march
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
+from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model
-from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
 
 pytestmark = pytest.mark.fem

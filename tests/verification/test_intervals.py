@@ -21,9 +21,9 @@ pytest.importorskip("dolfinx")
 import ruptfx
 from ruptfx import simulation
 from ruptfx.case import Case, parse_case, read_case, read_toml
+from ruptfx.checks.preflight import preflight
 from ruptfx.cli import app
 from ruptfx.lumped import LumpedModel
-from ruptfx.preflight import preflight
 from ruptfx.recording.checkpoint import Checkpoints, all_of, read_manifest, write_manifest
 from ruptfx.recording.recorder import Recorder
 from ruptfx.recording.schedule import Schedule, count, end_of

@@ -13,7 +13,7 @@ from browser import Tab, browser, visit
 from labels import label_faults
 from PIL import Image
 
-from ruptfx.run_files import write_json
+from ruptfx.results.run_files import write_json
 from ruptfx.study import mode_map, read_study
 from ruptfx.study.table import rows, write_csv
 

@@ -11,9 +11,9 @@ from small_cases import COMPLIANT, SPLIT, march, plates
 pytest.importorskip("dolfinx")
 
 from ruptfx.case import parse_case
+from ruptfx.checks.preflight import preflight
+from ruptfx.faults.projection import ProjectionError
 from ruptfx.model import Model
-from ruptfx.preflight import preflight
-from ruptfx.projection import ProjectionError
 from ruptfx.schema import CaseError
 
 pytestmark = pytest.mark.fem

@@ -10,13 +10,14 @@ from small_cases import HOMALITE, SPLIT, STRONG, case, march, merged, slip_weake
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import RuptfxError, fem, parallel
-from ruptfx.bodies import tied_facets
+from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case
 from ruptfx.meshes import RawMesh
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
+from ruptfx.space.bodies import tied_facets
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

@@ -11,10 +11,11 @@ from small_cases import COMPLIANT, HOMALITE, case, march, merged, plates
 
 pytest.importorskip("dolfinx")
 
-from ruptfx import fem, parallel
+from ruptfx import fem
 from ruptfx.case import parse_case
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
+from ruptfx.platform import parallel
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 

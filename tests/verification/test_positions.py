@@ -12,15 +12,15 @@ from small_cases import HOMALITE, SPLIT, merged, plates, tilted, two_boxes, wavy
 pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError, fem, simulate
-from ruptfx.bodies import distribute
 from ruptfx.case import parse_case
-from ruptfx.interface import Interface, build_interface
+from ruptfx.checks.preflight import preflight
+from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.meshes.two_plates import TwoPlates
 from ruptfx.model import Model
-from ruptfx.nodes import Nodes
 from ruptfx.plots._record import along
-from ruptfx.preflight import preflight
 from ruptfx.schema import CaseError
+from ruptfx.space.bodies import distribute
+from ruptfx.space.nodes import Nodes
 from ruptfx.steppers.quasi_static import slip_to_resolve
 
 pytestmark = pytest.mark.fem

@@ -19,9 +19,9 @@ pytest.importorskip("dolfinx")
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case, read_case
-from ruptfx.launch import find_mpiexec
+from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model
-from ruptfx.preflight import preflight
+from ruptfx.platform.launch import find_mpiexec
 from ruptfx.record import Record
 from ruptfx.simulation import simulate
 

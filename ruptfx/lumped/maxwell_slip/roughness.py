@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from scipy.signal import fftconvolve
 
 from ruptfx import RuptfxError
-from ruptfx.number_files import factors, is_number, number, require_increasing, text_of
+from ruptfx.input.number_files import factors, is_number, number, require_increasing, text_of
 from ruptfx.schema import Part
 from ruptfx.units import Fraction as Share
 from ruptfx.units import Length, Modulus, Positive

@@ -14,10 +14,10 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from ruptfx import RuptfxError
+from ruptfx.input.number_files import named_columns, number, require_increasing
 from ruptfx.lumped import Progress, variable
 from ruptfx.lumped.spring_slider.protocols import Experiment
 from ruptfx.lumped.spring_slider.slider import Slider, integrate
-from ruptfx.number_files import named_columns, number, require_increasing
 
 _COLUMNS = {"time": "s", "drive_speed": "m/s", "friction": "1"}
 _FITTED = ("a", "b", "D_c", "f_0")

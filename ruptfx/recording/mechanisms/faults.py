@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import Table, fem, parallel
-from ruptfx.fault import Fault
-from ruptfx.interface import Interface
+from ruptfx import Table, fem
+from ruptfx.faults.fault import Fault
+from ruptfx.faults.interface import Interface
 from ruptfx.mechanisms.faults import Faults
 from ruptfx.nucleation import first_begun
+from ruptfx.platform import parallel
 from ruptfx.recording.interface_file import InterfaceFile
 from ruptfx.recording.mechanisms import Opening, Records
 

@@ -1,0 +1,1 @@
+"""Checks of a case before it runs: resolution, cost, memory."""

@@ -1,0 +1,189 @@
+"""Pre-flight checks of a case: resolution, critical lengths, costs (`ruptfx check`)."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from ruptfx import fem, stages
+from ruptfx.analysis import fracture
+from ruptfx.boundaries import Boundary, EdgeBoundary
+from ruptfx.boundaries._history import Samples
+from ruptfx.case import Case
+from ruptfx.checks.cost import available, counts, measured, need_memory, rehearse
+from ruptfx.mechanisms._check_table import Plan, Row
+from ruptfx.mechanisms._plausibility import doubts, row_of
+from ruptfx.model import Model
+from ruptfx.space.inside import Inside
+from ruptfx.spectrum import stable_time_step
+from ruptfx.steppers import Motion, leapfrog
+from ruptfx.stopping import StopRules
+
+NODES_PER_WAVELENGTH = 5
+LONG_AFTER = 100  # times the duration of the run: samples that end later are probably not in seconds
+
+
+def preflight(case: Case) -> Iterator[Row]:
+    """Yield the rows of the table; builds the model on this rank.
+
+    Raises
+    ------
+    RuptfxError
+        For all reasons for which a run would refuse the case.
+    """
+    started = time.process_time()
+    need_memory(case, fem.MPI.COMM_WORLD)
+    model = Model(case, fem.MPI.COMM_WORLD)
+    motion = stages.bind(model)
+    StopRules(model)
+    built = time.process_time()
+    yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
+    for name, material in zip(model.bodies.names, model.materials, strict=True):
+        speeds = material.wave_speeds(case.plane)
+        yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
+        yield Row(f"{name}: c_s", speeds.c_s, "m/s", f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.6g}")
+        yield Row(f"{name}: c_R", speeds.c_R, "m/s")
+    own = [name for name in model.bodies.names if name in case.materials]
+    if "default" in case.materials and len(own) == len(model.bodies.names):
+        note = f"without effect, for every body has its own: {', '.join(own)}; remove it"
+        yield Row("materials.default", case.materials["default"].kind(), "", note, "warning")
+    if len(model.materials) > 1 and case.plane in ("stress", "strain") and model.faults:
+        yield from _pairing(model)
+    stable = stable_time_step(model)
+    yield Row("stable time step", stable, "s", leapfrog.what_limits(model, stable))
+    steps = None if case.stepper.adaptive else int(np.ceil(case.duration / motion.dt))
+    if steps is None:
+        yield Row("first time step", motion.dt, "s", f"steps vary over {case.duration:.6g} s")
+    else:
+        yield Row("time step", motion.dt, "s", f"{steps} steps for {case.duration:.6g} s")
+    yield from _load_rows(case)
+    ends = motion.ends if isinstance(motion, stages.Staged) else [(case.duration, model.loads)]
+    plan = Plan(motion.dt, steps, stable, ends)
+    for each in model.mechanisms:
+        yield from each.check(plan)
+    if case.instruments:
+        yield from _instrument_rows(model, motion.dt)
+    yield from (row_of(doubt) for doubt in doubts(model))
+    yield from _record_rows(case, steps)
+    yield from _cost(model, motion, steps, started, built)
+
+
+def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:
+    """Yield the numbers of records and snapshots."""
+    for what, number in zip(("interface", "bulk"), counts(case, steps), strict=True):
+        interval, key = case.intervals[what], f"output.{what}_interval"
+        note = f"every {interval:.6g} s, and at the end" if interval < case.duration else "of the end alone"
+        if what == "interface":
+            note = note.replace("of the end alone", "of the start and the end alone")
+            every = case.output.interface_steps
+            note += "" if every is None else f"; also every {every} steps" + ", not counted here" * (steps is None)
+        yield Row(f"records: {what}", number, "", f"{note}; {key}")
+
+
+def generalized_rayleigh_speed(model: Model) -> float | None:
+    """Return the speed of the interface wave of the first and last body without friction [m/s], None if none exists."""
+    materials = [model.materials[0], model.materials[-1]]
+    speeds = [material.wave_speeds(model.case.plane) for material in materials]
+    moduli = [material.density * s.c_s**2 for material, s in zip(materials, speeds, strict=True)]
+    return fracture.generalized_rayleigh_speed(speeds, moduli)
+
+
+def _remembers(model: Model) -> bool:
+    """Return whether every fault has a state variable in units of stress, a memory of the normal stress."""
+    return all("Pa" in fault.friction.all_state_fields().values() for fault in model.faults)
+
+
+def _pairing(model: Model) -> Iterator[Row]:
+    first, second = model.materials[0], model.materials[-1]
+    if first == second:
+        yield Row("generalized Rayleigh speed", first.wave_speeds(model.case.plane).c_R, "m/s", "identical bodies: c_R")
+        return
+    speed = generalized_rayleigh_speed(model)
+    if speed is None:
+        yield Row("generalized Rayleigh speed", "none", "", "Coulomb friction is well-posed for small coefficients")
+    else:
+        yield Row(
+            "generalized Rayleigh speed", speed, "m/s",
+            "exists: Coulomb friction is ill-posed at any coefficient; use normal-stress memory (prakash_clifton)",
+            "ok" if _remembers(model) else "warning",
+        )  # fmt: skip
+
+
+def _load_rows(case: Case) -> Iterator[Row]:
+    """Yield the number of samples of boundaries in time, and the range that the run uses."""
+    given = [("boundaries", case.boundaries, case.duration)]
+    if case.stages:
+        given = [
+            ("boundaries", case.boundaries, stage.duration) if stage.boundaries is None else
+            (f"stages.{number}.boundaries", stage.boundaries, stage.duration)
+            for number, stage in enumerate(case.stages)
+        ]  # fmt: skip
+    for key, boundaries, end in given:
+        for number, boundary in enumerate(boundaries):
+            if boundary.samples is not None:
+                yield _samples_row(f"{key}.{number}: samples", boundary, boundary.samples, end)
+
+
+def _samples_row(quantity: str, boundary: Boundary, samples: Samples, end: float) -> Row:
+    first, last = samples.times[0], samples.times[-1]
+    low, high = samples.until(end)
+    unit = "" if samples.unit == "1" else f" {samples.unit}"
+    where = f"{boundary.kind()}, {boundary.edge}" if isinstance(boundary, EdgeBoundary) else boundary.kind()
+    if samples.file:
+        where += f", {samples.file}"
+    note = f"{where}: {first:.4g} to {last:.4g} s; the run sees {low:.4g} to {high:.4g}{unit} in {end:.4g} s"
+    if last > LONG_AFTER * end:
+        note += f"; they end {last / end:.3g} times later than the run: are the times in SI units? A header such as " \
+                "'time (us)' says so"
+    elif first >= end:
+        note += "; the run ends before the first: a longer duration, or earlier times"
+    elif last < end * (1 - 1e-9) and not samples.held:
+        note += "; they end before the run, and not at rest: more samples, or a shorter duration"
+    else:
+        return Row(quantity, len(samples.times), "", note)
+    return Row(quantity, len(samples.times), "", note, "warning")
+
+
+def _cost(model: Model, motion: Motion, steps: int | None, started: float, built: float) -> Iterator[Row]:
+    """Yield memory, files and time of the whole command, from a rehearsal."""
+    found, there = rehearse(model, motion, steps, started, built), available()
+    if there is None or found.memory < there:
+        yield Row("memory", found.memory / 1e6, "MB", "of one rank; more ranks share the mesh")
+    else:
+        note = f"{there / 1e6:.0f} MB are free here: take a larger mesh.element_size, or another machine"
+        yield Row("memory", found.memory / 1e6, "MB", note, "error")
+    if steps is None:
+        yield Row("time of a step", found.step, "s", "processor time on one rank; how many there are is not known")
+        return
+    free = shutil.disk_usage(".").free
+    smaller = ", before compression" * bool(model.case.output.bulk_compression)
+    note = f"on disk, without checkpoints{smaller}; {free / 1e9:.3g} GB are free here"
+    yield Row("files", found.disk / 1e6, "MB", note, "ok" if found.disk < free else "warning")
+    parts = f"{steps} steps of {found.step:.3g} s, records and pictures; processor time on one rank"
+    parts += "; stop_when may end it before" * (model.case.stop_when is not None)
+    yield Row("expected run time", found.time, "s", parts)
+
+
+def _instrument_rows(model: Model, dt: float) -> Iterator[Row]:
+    """Yield the largest frequency that each instrument resolves, and the reason for the limit."""
+    speed = float(model.wave_speeds().c_s)
+    for number, (instrument, channels) in enumerate(measured(model, dt)):
+        often = 0.5 / instrument.interval
+        highest = min(often, instrument.bandwidth or often)
+        verdict: Literal["ok", "warning"] = "ok"
+        notes = [f"{len(channels)} numbers every {instrument.interval:.3g} s, half of whose rate is {often:.3g} Hz"]
+        if instrument.bandwidth is not None and instrument.bandwidth > often:
+            notes.append(f"the bandwidth of {instrument.bandwidth:.3g} Hz passes more: reduce the interval")
+            verdict = "warning"
+        sizes = [Inside(model, point, body, f"instruments.{number}").element_size for point, body in instrument.points]
+        if sizes:
+            spacing = max(sizes) / model.case.order
+            carried = speed / (NODES_PER_WAVELENGTH * spacing)
+            notes.append(f"the mesh carries S waves to {carried:.3g} Hz, {NODES_PER_WAVELENGTH} nodes per wavelength")
+            if 0 < instrument.extent < spacing:
+                notes.append(f"shorter than the {spacing:.3g} m between nodes: as good as a point")
+        yield Row(f"instruments.{instrument.name}: sees", highest, "Hz", "; ".join(notes), verdict)

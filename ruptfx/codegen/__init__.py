@@ -1,0 +1,1 @@
+"""Formulas recorded once as derivatives, NumPy functions and C; C compiled at first use."""

@@ -1,0 +1,1 @@
+"""Other formats: inputs of SEM2DPACK as cases, runs as VTK data."""

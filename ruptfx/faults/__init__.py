@@ -1,0 +1,1 @@
+"""Interfaces and their contact kernel: pairs, trial, projection, cohesion, the explicit step, in Python and C."""

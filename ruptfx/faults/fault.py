@@ -1,0 +1,234 @@
+"""Faults: an interface with its contact method, friction law and initial stress, and the fields of its points."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ruptfx.cohesion import CohesiveLaw
+from ruptfx.contact import ContactMethod
+from ruptfx.faults import bond
+from ruptfx.faults.bond import TracedBond
+from ruptfx.faults.interface import Interface
+from ruptfx.faults.projection import TracedLaw, explain, least_strength
+from ruptfx.fields import FIELDS, MONITORS, component_names
+from ruptfx.friction import FrictionLaw
+from ruptfx.nucleation import Nucleation
+from ruptfx.schema import CaseError
+from ruptfx.state import FaultState
+
+_FASTEST_CREEP = 1e-3  # m/s; initial slip rates from here on are set to zero: the bodies start at rest
+_TRIED_RATES = (0.0, 1e-9, 1e-6, 1e-3, 1.0, 10.0)  # m/s
+_TRIED_TIMES = (0.0, 1e-6, 1.0, 1e3)  # s
+_TRIED_STRESS = 1e6  # Pa; normal stress for points without compression at the start
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Data of one fault that do not change during a run.
+
+    Attributes
+    ----------
+    name : str
+    interface : Interface
+    contact : ContactMethod
+    friction : FrictionLaw
+        Both with profiles evaluated at the points.
+    normal_stress_0 : ndarray, shape (n,)
+        Initial normal stress [Pa], compression positive.
+    shear_traction_0 : ndarray, shape (n, tangents)
+        Initial shear traction [Pa].
+    nucleation : tuple of Nucleation
+        Nucleations: load or weakening that is added in time.
+    gap : ndarray, shape (n,), or None
+        Opening in the undeformed state [m].
+    cohesion : CohesiveLaw or None
+        Cohesion in addition to friction, until the points have failed.
+    rupture_after : float
+        Time from which ruptures count [s].
+    """
+
+    name: str
+    interface: Interface
+    contact: ContactMethod
+    friction: FrictionLaw
+    normal_stress_0: np.ndarray
+    shear_traction_0: np.ndarray
+    nucleation: tuple[Nucleation, ...] = ()
+    gap: np.ndarray | None = None
+    cohesion: CohesiveLaw | None = None
+    rupture_after: float = 0.0
+
+    @property
+    def slides(self) -> bool:
+        """True if the pairing of the surfaces follows the motion (finite sliding)."""
+        return self.interface.initial is not self.interface
+
+    @property
+    def is_loaded(self) -> bool:
+        """True if a nucleation adds shear traction."""
+        return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
+
+    def load(self, time: float) -> np.ndarray:
+        """Return the shear traction that nucleations add along the first tangent [Pa], shape (n,)."""
+        places = self.interface.locations
+        return sum((item.shear_traction(places, time) for item in self.nucleation), np.zeros(len(places)))
+
+    def driving_shear(self, time: float) -> np.ndarray:
+        """Return the initial shear traction plus that of nucleations [Pa], shape (n, tangents)."""
+        shear = self.shear_traction_0.copy()
+        shear[:, 0] += self.load(time)
+        return shear
+
+    def traced_law(self) -> TracedLaw:
+        """Return the friction law as explicit steps of the contact method use it."""
+        return TracedLaw(self.friction, self.contact.traction_ends_slip, self.cohesion is not None)
+
+    def traced_bond(self) -> TracedBond | None:
+        """Return the cohesive law recorded for a step, None without cohesion."""
+        return None if self.cohesion is None else TracedBond(self.cohesion)
+
+    def state_fields(self) -> dict[str, str]:
+        """Return names and units of the state of friction and cohesion."""
+        return {**self.friction.all_state_fields(), **({} if self.cohesion is None else bond.STATE)}
+
+    @property
+    def tangents(self) -> int:
+        return self.interface.tangents
+
+    def initial_state(self, slip_rate: np.ndarray | None = None) -> FaultState:
+        """Return the fields of all points before the first step.
+
+        Parameters
+        ----------
+        slip_rate : ndarray, shape (n, tangents), optional
+            Initial slip rate from the velocities of the bodies [m/s].
+        """
+        n = len(self.interface.plus)
+        given = np.zeros((n, self.tangents)) if slip_rate is None else slip_rate
+        shear, speed = (np.linalg.norm(vector, axis=1) for vector in (self.shear_traction_0, given))
+        law_state = self.friction.initial_state(self.normal_stress_0, shear, speed)
+        with np.errstate(over="ignore"):
+            creep = self.friction.carried_slip_rate(shear, self.normal_stress_0, law_state)
+        creep = np.where(creep < _FASTEST_CREEP, creep, 0.0)  # the bodies are at rest
+        direction = self.shear_traction_0 / np.maximum(shear, 1e-300)[:, None]
+        rate = np.where(speed[:, None] > 0, given, creep[:, None] * direction)
+        start = {
+            "normal_stress": self.normal_stress_0, "opening": self.opening(self.interface.resting_jump),
+            "slip": np.zeros_like(rate), "slip_rate": rate, "mean_slip_rate": rate,
+            "shear_traction": self.driving_shear(0.0),
+        }  # fmt: skip
+        state = self.state_of(start) | {monitor.name: np.full(n, monitor.start) for monitor in MONITORS}
+        if self.slides:
+            state["slip_followed"] = np.zeros(n)  # tangential jump at the last update of the pairing
+        if self.cohesion is not None:
+            state |= {name: np.zeros(n) for name in bond.STATE}
+            state["damage"][~self.interface.touches(state["opening"])] = 1.0
+        return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
+
+    def require_strength(self) -> None:
+        """Refuse a law whose strength is negative or not a number, at the start or after sliding at a few rates.
+
+        Raises
+        ------
+        CaseError
+            Names the key, the strength, and for which slip rate, time and normal stress it was found.
+        """
+        law = TracedLaw(self.friction, at_end=True)
+        state = {name: value for name, value in self.initial_state().items() if name in law.state_names}
+        pressed = np.where(self.normal_stress_0 > 0, self.normal_stress_0, _TRIED_STRESS)
+        for time, rate in itertools.product(_TRIED_TIMES, _TRIED_RATES):
+            rates = np.full(len(pressed), rate)
+            found = law(rates, pressed, state, time, before=rates, speed_before=rates).strength
+            wrong = np.flatnonzero(~(found >= 0))
+            if len(wrong):
+                point = int(wrong[0])
+                raise CaseError(
+                    f"faults.{self.name}.friction: {self.friction.kind()} has a strength of {found[point]:.6g} Pa "
+                    f"after {time:g} s at a slip rate of {rate:g} m/s under {pressed[point]:.6g} Pa, at position "
+                    f"{self.interface.position[point]:.6g} m; it must not be negative: correct its parameters or, in a "
+                    "plug-in, its strength (ruptfx check-law tries a law)"
+                )
+
+    def state_of(self, values: Mapping[str, np.ndarray]) -> FaultState:
+        """Return the declared fields, one new array per component.
+
+        Parameters
+        ----------
+        values : dict of ndarray, shape (n,), tangential ones (n, tangents)
+        """
+        state: FaultState = {}
+        for field in FIELDS:
+            columns = values[field.name].T if field.tangential else values[field.name][None]
+            state |= {name: np.array(v, float) for name, v in zip(field.names(self.tangents), columns, strict=True)}
+        return state
+
+    def threshold_at(self, time: float, threshold: float) -> float:
+        """Return the slip rate whose first crossing is a rupture [m/s], infinite before ruptures count."""
+        return threshold if time >= self.rupture_after else np.inf
+
+    def opening(self, jump: np.ndarray) -> np.ndarray:
+        """Return the distance of the two sides from their normal displacement jump [m], negative where they overlap."""
+        return jump if self.gap is None else jump + self.gap
+
+    def components(self, state: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+        """Return the shear components of a field, shape (n, tangents)."""
+        return np.stack([state[key] for key in component_names(name, self.tangents)], axis=1)
+
+    def elastic_energy(self, state: FaultState, added: np.ndarray, ahead: float, time: float) -> tuple[float, float]:
+        """Return the energy of the interface beyond that of the initial stress, and the loss in friction [J].
+
+        Sums over the points of this rank, at a time `ahead` [s] after the tractions. `added` is the displacement jump
+        since the tractions at `time` [s], shape (n, local).
+        """
+        face = self.interface
+        opening, jump = face.split(added)
+        traction = self.components(state, "shear_traction")
+        # Between two tractions slip continues at the rate of the first one. Split nodes have counted that already.
+        slip = ahead * self.components(state, "slip_rate") * self.contact.traction_ends_slip
+        shear = traction.copy()
+        if self.is_loaded:
+            shear[:, 0] -= self.load(time)
+        now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list((jump - slip).T))
+        before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
+        if self.cohesion is not None:
+            now = now + bond.stored(state)
+        area = face.owned * face.weight
+        return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
+
+    def assemble(self, change: np.ndarray, out: np.ndarray) -> None:
+        """Add to `out` the force J' W T - J_0' W T_0 of the interface on the bodies beyond its initial stress.
+
+        The initial stress remains at the nodes of the initial state, also after sliding.
+
+        Parameters
+        ----------
+        change : ndarray, shape (n, local)
+            T - T_0 in the local frame, tension positive [Pa].
+        out : ndarray, shape (nodes * components,)
+            [N]
+        """
+        face = self.interface
+        face.assemble(change, out)
+        if self.slides:
+            initial = np.column_stack([-self.normal_stress_0, self.shear_traction_0])
+            face.assemble(initial, out)
+            face.initial.assemble(-initial, out)
+
+    def preload_work(self, displacement: np.ndarray) -> float:
+        """Return the work of the initial stress on the displacement jump, points of this rank [J]."""
+        face = self.interface.initial
+        opening, slip = face.split(face.rate(displacement))
+        density = np.sum(self.shear_traction_0 * slip, axis=1) - self.normal_stress_0 * opening
+        return float(np.sum(face.owned * face.weight * density))
+
+    def fail(self, state: FaultState, point: int, time: float, values: dict[str, float]) -> None:
+        """Raise the error of a point that failed."""
+        x = ", ".join(f"{value:.6g}" for value in self.interface.points[point])
+        where = f"of fault '{self.name}' at ({x}) m, time {time:.6g} s"
+        known = {name: float(state[name][point]) for name in self.state_fields()}
+        least = least_strength(self.traced_law(), state, point, values)
+        raise explain(self.friction, int(self.interface.number[point]), where, values | known, least)

@@ -1,0 +1,543 @@
+"""Trial traction -> admissible traction and slip rate: one scalar solve, shared by every law and contact method.
+
+    normal:  sigma = max(trial_n, 0); the rest opens the gap
+    shear:   find V >= 0 with T + Z V = trial, T parallel to the slip rate at its own time and |T| = strength there
+
+V is the mean slip rate of one step; the strength depends on slip rate, state and normal stress at the time of the
+traction (`TracedLaw`, to second order). The root is bracketed by V = 0 and by the V of zero traction, and computed
+by Newton steps in V or in the logarithm of the rate in the law, whichever fits, with bisection as a fallback.
+The same algorithm exists twice, for arrays here and in C for steps (`points.c`, `implicit/response.c`); both evaluate
+the traced law.
+
+With two tangents the slip rate may rotate, and each may have its own impedance. The contribution of the previous step
+is added to the trial, trial' = trial + k Z V_before, so that (strength + Z_i (V + k V_before)) d_i = trial'_i for the
+unit vector d along the traction: N(V) = |trial'_i / (strength + Z_i (V + k V_before))| = 1 is the scalar equation.
+Where k is negative and the trial hardly larger than this contribution, the direction is that of the trial alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import RuptfxError, Table
+from ruptfx.codegen.tracing import Expression, constant, derivative, record, symbol, to_numpy
+from ruptfx.fields import Array
+from ruptfx.friction import AT_REST, FrictionLaw
+from ruptfx.schema import Part
+
+if TYPE_CHECKING:
+    from ruptfx.faults.bond import Held
+
+TOLERANCE = 1e-13  # of the trial traction
+BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
+MAX_ITERATIONS = 100
+BISECT_EVERY = 8
+OVERFLOW = 1e50  # Pa
+FOR_EVER = 1e9  # steps, after which the state is that of steady sliding
+
+
+def parameters_as_symbols(part: Part, prefix: str) -> tuple[Table, Array]:
+    """Replace every number of a part by a symbol; return the numbers and the part.
+
+    Parts that differ in numbers share their code.
+
+    Returns
+    -------
+    values : dict of str to float or ndarray
+        Numbers by the name of the symbol.
+    part : Part
+        Part of the same type, with symbols for fields.
+    """
+    values: Table = {}
+    changes: Table = {}
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, Part):
+            inner, changes[name] = parameters_as_symbols(value, f"{prefix}{name}_")
+            values |= inner
+        elif isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
+            values[f"{prefix}{name}"] = value
+            changes[name] = symbol(f"{prefix}{name}")
+    return values, part.substituted(changes)
+
+
+class TracedLaw:
+    """A recorded law: its strength at the time of the traction, the exact derivatives and the state there.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    at_end : bool
+        True if the unknown V is the mean slip rate of the step that ends at the time of the traction (compliant
+        contact, implicit steps), False if it is that of the step at whose beginning the traction acts (split nodes).
+    bonded : bool
+        Whether `bond` is held besides friction.
+
+    Notes
+    -----
+    Split nodes: velocities belong to the middle of steps, so the slip rate at the traction is (V_before + V) / 2, with
+    which leapfrog balances energy. At the end of a step it is V + e (V - V_before), e = dt / (dt + dt_before): BDF2 for
+    the slip, second order and free of oscillations. Where sliding stops within a step it is not less than V / 2; where
+    it begins, or more than doubles, not more than V + e V_before, lest it overshoot.
+
+    What the law adds up, like slip or time, goes from one traction to the next with the mean slip rate between them:
+    exact. All other state goes there with the same mean slip rate, hence with the slip that there was, half of the way
+    with the normal stress of the traction before and half with the new one. The slip rates at the two tractions are no
+    substitute for the mean: where a front arrives they grow several times in a step, and their mean is far above it.
+    In steps much longer than its memory the state must be what the slip rate at the traction makes of it. So the
+    second half goes with V_mean + f^4 (V_now - V_mean), f being the part that the state forgets in a step of steady
+    sliding: the fourth power leaves the error of short steps what it is. This is of second order, and exact at
+    constant rates. `advance` being exact, a step never has to be divided, whatever the slip rate.
+    """
+
+    def __init__(self, law: FrictionLaw, at_end: bool = False, bonded: bool = False) -> None:
+        self.law, self.at_end = law, at_end
+        self.state_names = list(law.all_state_fields())
+        self.parameters, traced = parameters_as_symbols(law, "p_")
+        rate, before = symbol("slip_rate"), symbol("rate_before")  # type: Array, Array
+        stress, dt = symbol("normal_stress"), symbol("since")
+        if at_end:
+            ahead = symbol("extrapolation") * np.minimum(rate - before, before)
+            middle, now = rate, np.maximum(rate + ahead, 0.5 * rate)
+        else:
+            middle, now = symbol("speed_before"), 0.5 * (before + rate)
+        advance, strength_of = self._recorded(traced)
+        stress_before, speed_before = symbol("normal_stress_before"), symbol("speed_before")
+        old = {name: symbol(f"s_{name}") for name in self.state_names}
+        known = {name: symbol(f"h_{name}") for name in self.state_names}
+        first = known if at_end else old  # at the end of a step the mean slip rate is the unknown
+        by_means = advance(first, middle, 0.5 * (stress_before + stress), dt)
+        sums = {name for name in first if derivative(by_means[name], first[name]) is constant(1)}
+        begun = advance(first, middle, stress_before, 0.5 * dt)
+        half_way = {name: (by_means if name in sums else begun)[name] for name in first}
+        self.start = {f"h_{name}": value for name, value in (old if at_end else half_way).items()}
+        half_way = half_way if at_end else known
+        steady = advance(old, speed_before, stress_before, FOR_EVER * dt)
+        later = advance(steady, speed_before, stress_before, dt)
+        new = dict(half_way)
+        for name in (name for name in old if name not in sums):
+            forgotten: Array = np.minimum(np.maximum(1 - derivative(later[name], steady[name]), 0.0), 1.0)
+            self.start[f"f_{name}"] = np.square(np.square(forgotten))
+            rate_after = middle + symbol(f"f_{name}") * (now - middle)
+            new[name] = advance(half_way, rate_after, stress, 0.5 * dt)[name]
+        strength: Array = strength_of(now, stress, new) + symbol("radiation") * now
+        if bonded:
+            strength = strength + symbol("bond")
+        self.outputs = {
+            "strength": strength,
+            "slope": derivative(strength, rate),
+            "rate_now": now,
+            "rate_slope": derivative(now, rate),
+            **{f"n_{name}": new[name] for name in self.state_names},
+        }
+        self.slopes = {
+            "slope": self.outputs["slope"], "stress_slope": derivative(strength, stress),
+            "before_slope": derivative(strength, before),
+        }  # fmt: skip
+
+    def _recorded(self, law: FrictionLaw) -> tuple[Callable[..., Table], Callable[..., Expression]]:
+        """Return `advance` and `strength`, whose errors give the line."""
+
+        def as_state(found: Array) -> dict[str, Expression]:
+            if not isinstance(found, Mapping) or set(found) != set(self.state_names):
+                shown = f"state {', '.join(found) or 'nothing'}" if isinstance(found, Mapping) else repr(found)
+                raise RuptfxError(f"returns {shown}; state_fields declares {', '.join(self.state_names) or 'nothing'}")
+            return {name: _traced(found[name]) for name in self.state_names}
+
+        def advance(state: Table, *rest: Array) -> Table:
+            return record(law.advance, _Given(state), *rest, as_=as_state)
+
+        def strength(slip_rate: Array, normal_stress: Array, state: Table) -> Expression:
+            return record(law.strength, slip_rate, normal_stress, _Given(state), as_=_traced)
+
+        return advance, strength
+
+    def carried(self, extrapolation: float) -> float:
+        """Return k: weight of V_before over that of V in the slip rate at the traction."""
+        return -extrapolation / (1 + extrapolation) if self.at_end else 1.0
+
+    @cached_property
+    def _functions(self) -> tuple[Array, Array]:
+        """Functions from the previous state to the known part of the step, and from there to the outputs."""
+        given = [*GIVEN, *self.parameters]
+        return (
+            to_numpy(self.start, [*given, *(f"s_{name}" for name in self.state_names)]),
+            to_numpy({**self.outputs, **self.slopes}, [*given, *self.start]),
+        )
+
+    def __call__(
+        self, slip_rate: np.ndarray, normal_stress: np.ndarray, state: Mapping[str, np.ndarray], dt: float,
+        points: Array = slice(None), *, before: np.ndarray | float = 0.0, speed_before: np.ndarray | float = 0.0,
+        extrapolation: float = 0.0, radiation: np.ndarray | float = 0.0,
+        bond: np.ndarray | float = 0.0,
+    ) -> Evaluated:  # fmt: skip
+        """Evaluate at some points.
+
+        Parameters
+        ----------
+        slip_rate, normal_stress : ndarray, shape (k,)
+            V [m/s] and the normal stress at the traction [Pa].
+        state : dict of ndarray, shape (n,)
+            State at the previous traction; default of its `normal_stress` is the current one.
+        dt : float
+            Time since then [s].
+        points : index
+            Index of the points; parameters, state and the arguments below are given for all n points.
+        before, speed_before : ndarray, shape (n,)
+            Mean slip rate of the previous step [m/s]: along V, and its magnitude.
+        extrapolation : float
+            e above; default is the strength at V itself.
+        radiation : ndarray, shape (n,)
+            Traction per slip rate [Pa s/m] in addition to the strength.
+        bond : ndarray, shape (n,)
+            Strength in addition to friction [Pa].
+        """
+
+        def pick(value: Array) -> Array:
+            return value[points] if isinstance(value, np.ndarray) and value.ndim else value
+
+        stress_before = pick(state["normal_stress"]) if "normal_stress" in state else normal_stress
+        given = (slip_rate, pick(before), pick(speed_before), normal_stress, stress_before, dt,
+                 extrapolation, pick(radiation), pick(bond), *map(pick, self.parameters.values()))  # fmt: skip
+        begin, finish = self._functions
+        with np.errstate(all="ignore"):
+            found = finish(*given, *begin(*given, *(pick(state[name]) for name in self.state_names)))
+        shape = np.shape(slip_rate)
+        named = {k: np.broadcast_to(v, shape) for k, v in zip({**self.outputs, **self.slopes}, found, strict=True)}
+        new = {name: named.pop(f"n_{name}") for name in self.state_names}
+        return Evaluated(**named, state=new)
+
+
+# Arguments of a traced law besides state and parameters, by name.
+GIVEN = (
+    "slip_rate", "rate_before", "speed_before", "normal_stress", "normal_stress_before", "since",
+    "extrapolation", "radiation", "bond",
+)  # fmt: skip
+
+
+def _traced(value: Array) -> Expression:
+    return value if isinstance(value, Expression) else constant(value)
+
+
+class _Given(Table):
+    """State passed to a law; read-only, because changes would affect the previous step."""
+
+    def _refuse(self, *args: Array, **options: Array) -> Array:
+        raise RuptfxError("the state that is given must not change: return a new one, {**state, 'name': value}")
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = setdefault = clear = popitem = _refuse
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Values and derivatives of a law in a step.
+
+    Attributes
+    ----------
+    strength : ndarray, shape (n,) [Pa]
+    slope, stress_slope, before_slope : ndarray, shape (n,)
+        Derivatives of the strength with respect to V, the normal stress and V_before.
+    rate_now, rate_slope : ndarray, shape (n,)
+        Slip rate at the time of the traction [m/s], and its derivative with respect to V.
+    state : dict of ndarray, shape (n,)
+        At the time of the traction.
+    """
+
+    strength: np.ndarray
+    slope: np.ndarray
+    rate_now: np.ndarray
+    rate_slope: np.ndarray
+    stress_slope: np.ndarray
+    before_slope: np.ndarray
+    state: dict[str, np.ndarray]
+
+
+@dataclass
+class Projected:
+    """Admissible tractions of the friction law.
+
+    Attributes
+    ----------
+    normal_stress : ndarray, shape (n,) [Pa]
+    shear_traction : ndarray, shape (n, tangents) [Pa]
+    mean_slip_rate : ndarray, shape (n, tangents)
+        V, of the step [m/s].
+    slip_rate : ndarray, shape (n, tangents)
+        At the time of the traction [m/s].
+    state : dict of ndarray, shape (n,)
+        At the time of the traction.
+    tangent : Tangent or None
+        Derivatives, if requested.
+    """
+
+    normal_stress: np.ndarray
+    shear_traction: np.ndarray
+    mean_slip_rate: np.ndarray
+    slip_rate: np.ndarray
+    state: dict[str, np.ndarray]
+    tangent: Tangent | None = None
+
+
+@dataclass
+class Tangent:
+    """Exact derivatives of the admissible tractions with respect to the trial, including the state in the solve.
+
+    Attributes
+    ----------
+    stress : ndarray, shape (n,)
+        d normal_stress / d trial_normal: 1 where closed, 0 where open.
+    rate_by_shear : ndarray, shape (n, tangents, tangents)
+        d V / d trial_shear [m/s/Pa]; the shear traction changes by 1 - Z times this.
+    rate_by_normal : ndarray, shape (n, tangents)
+        d V / d trial_normal [m/s/Pa], negative or zero: pressure increases strength and reduces slip.
+    """
+
+    stress: np.ndarray
+    rate_by_shear: np.ndarray
+    rate_by_normal: np.ndarray
+
+
+class ProjectionError(RuptfxError):
+    """Error of a missing admissible traction: names the law, the point, the time, V, sigma and the state."""
+
+
+def least_strength(law: TracedLaw, state: Mapping[str, np.ndarray], point: int, values: Mapping[str, float]) -> float:
+    """Return the smallest strength at a failed point, at rest and at the slip rate of zero traction [Pa]."""
+    pressed = np.full(len(next(iter(state.values()))), max(values["trial_normal_stress"], 0.0))
+    free = values["trial_shear_traction"] / max(values["Z"], 1e-300)
+    of_law = {name: state[name] for name in law.state_names}
+    return min(float(law(np.full_like(pressed, rate), pressed, of_law, 0.0).strength[point]) for rate in (0.0, free))
+
+
+def explain(
+    law: FrictionLaw, point: int, where: str, values: dict[str, float], strength: float = 0.0
+) -> ProjectionError:
+    """Return the error of a failed interface point; `strength` is the smallest one found there [Pa]."""
+    listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+    size = abs(values["trial_shear_traction"]) + abs(values["trial_normal_stress"])
+    if not size < OVERFLOW:
+        reason = "the trial traction is not a number or overflows (the motion of the bodies does: reduce the time step)"
+    elif strength < 0:
+        remedy = "correct its parameters or, in a plug-in, its strength (ruptfx check-law tries a law)"
+        reason = f"its strength is negative ({strength:.6g} Pa); {remedy}"
+    else:
+        reason = "no slip rate balances the trial traction (is the step well-posed, Z + dstrength/dV > 0?)"
+    return ProjectionError(f"{law.kind()}: {reason}; interface point {point} {where}: {listed}")
+
+
+def project(
+    law: TracedLaw,
+    state: Mapping[str, np.ndarray],
+    trial_normal: np.ndarray,
+    trial_shear: np.ndarray,
+    impedance: np.ndarray,
+    dt: float,
+    before: np.ndarray | None = None,
+    extrapolation: float = 0.0,
+    radiation: np.ndarray | float = 0.0,
+    guess: np.ndarray | None = None,
+    where: str = "",
+    tangent: bool = False,
+    held: Held | None = None,
+) -> Projected:
+    """Project trial tractions onto those that the law admits.
+
+    Parameters
+    ----------
+    law : TracedLaw
+    state : dict of ndarray, shape (n,)
+        State of the law, and normal stress for laws with memory of it, at the previous traction.
+    trial_normal, trial_shear : ndarray, shapes (n,) and (n, tangents)
+        Trial tractions [Pa]; compression positive.
+    impedance : ndarray, shape (n,) or (n, tangents)
+        Z [Pa s/m], not negative; zero for a step of zero length, without slip.
+    dt : float
+        Time since the previous traction [s].
+    before : ndarray, shape (n, tangents), optional
+        Mean slip rate of the previous step [m/s].
+    extrapolation, radiation
+        As for `TracedLaw`.
+    guess : ndarray, shape (n,), optional
+        Initial guess of |V| [m/s].
+    where : str
+        Text added to the message of an error, for example the time.
+    tangent : bool
+        Compute derivatives, too.
+    held : Held, optional
+        Tensile and shear strength in addition to friction.
+
+    Raises
+    ------
+    ProjectionError
+        If a trial is not finite, or a law has no root.
+    """
+    sigma = np.maximum(trial_normal, 0.0) if held is None else held.normal_stress(trial_normal)
+    together = sigma > 0 if held is None else (sigma > 0) | held.intact
+    shape = trial_shear.shape
+    z = np.broadcast_to(impedance if np.ndim(impedance) == 2 else np.asarray(impedance)[..., None], shape)
+    before = np.zeros(shape) if before is None else before
+    # If the trial traction opposes the previous slip rate, the point stops first.
+    kept = before * (np.sum(before * trial_shear, axis=1) > 0)[:, None]
+    k = law.carried(extrapolation)
+    large = 2 * np.linalg.norm(k * z * kept, axis=1) > np.linalg.norm(trial_shear, axis=1)
+    turning = k * np.where(large[:, None] & (k < 0), 0.0, kept)
+    shifted = trial_shear + z * turning
+    size = np.linalg.norm(shifted, axis=1)
+    direction = _unit(shifted, size)
+    along, carried = np.sum(kept * direction, axis=1), np.sum(turning * direction, axis=1)
+    known: Table = {
+        "before": along, "speed_before": np.linalg.norm(before, axis=1), "extrapolation": extrapolation,
+        "radiation": radiation,
+        "bond": 0.0 if held is None else held.shear,
+    }  # fmt: skip
+    pressure = sigma if held is None else np.maximum(sigma, 0.0)
+    rate, direction = _solve(law, state, pressure, together, shifted, z, carried, dt, guess, known)
+    bad = ~np.isfinite(rate)
+    if np.any(bad):
+        i = int(np.flatnonzero(bad)[0])
+        values = {"trial_shear_traction": size[i], "trial_normal_stress": trial_normal[i], "Z": z[i].max()}
+        listed = values | {name: state[name][i] for name in law.state_names}
+        raise explain(law.law, i, where, listed, least_strength(law, {"": size, **state}, i, values))
+    found = law(rate, pressure, state, dt, **known)
+    stuck = ((rate == 0) & together)[:, None]
+    mean = np.where(stuck, 0.0, (rate + carried)[:, None] * direction - turning)
+    now = np.where(stuck, 0.5 * before * (not law.at_end), found.rate_now[:, None] * direction)
+    return Projected(
+        normal_stress=sigma,
+        shear_traction=np.where(together[:, None], trial_shear - z * mean, 0.0),
+        mean_slip_rate=mean,
+        slip_rate=now,
+        state={name: np.array(value) for name, value in found.state.items()},
+        tangent=_tangent(sigma, size, rate, direction, z[:, 0], kept, turning, found) if tangent else None,
+    )
+
+
+def _unit(vector: np.ndarray, size: np.ndarray) -> np.ndarray:
+    return vector / np.where(size > 0, size, 1.0)[:, None]
+
+
+def _tangent(
+    sigma: np.ndarray, size: np.ndarray, rate: np.ndarray, direction: np.ndarray, z: np.ndarray, kept: np.ndarray,
+    turning: np.ndarray, found: Evaluated,
+) -> Tangent:  # fmt: skip
+    """Return the derivative of t - Z V = strength(V, sigma, b) and of the direction d of the traction.
+
+    t and b are the parts of trial and V_before along the traction; V = (V + c) d - k V_before with c the part of
+    k V_before along d. There is one impedance for all tangents.
+    """
+    closed, sliding = sigma > 0, rate > 0
+    carried = np.sum(turning * direction, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        bend = np.where(sliding, 1 / size, 0.0)[:, None]
+        # (Z + dstrength/dV) dV = dt - dstrength/db db - dstrength/dsigma dsigma; an open interface has no strength
+        yielding = np.where(sliding, 1 / (z + np.where(closed, found.slope, 0.0)), 0.0)
+        by_normal = np.where(sliding & closed, -yielding * found.stress_slope, 0.0)
+    # d(b) / d(trial) and d(c) / d(trial): what is across the direction, over the size of trial'.
+    db, dc = (bend * (v - np.sum(v * direction, axis=1)[:, None] * direction) for v in (kept, turning))
+    before_slope = np.where(closed, found.before_slope, 0.0)[:, None]
+    by_size = yielding[:, None] * (direction - z[:, None] * dc - before_slope * db)
+    plane = np.eye(direction.shape[1]) - direction[:, :, None] * direction[:, None, :]
+    by_shear = direction[:, :, None] * (by_size + dc)[:, None, :]
+    by_shear += ((rate + carried)[:, None] * bend)[:, :, None] * plane
+    return Tangent(
+        stress=closed.astype(float),
+        rate_by_shear=by_shear,
+        rate_by_normal=by_normal[:, None] * direction,
+    )
+
+
+def _solve(
+    law: TracedLaw,
+    state: Mapping[str, np.ndarray],
+    sigma: np.ndarray,
+    together: np.ndarray,
+    trial: np.ndarray,
+    z: np.ndarray,
+    carried: np.ndarray,
+    dt: float,
+    guess: np.ndarray | None,
+    known: Table,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return V of every point, NaN without a root, and the direction of the traction.
+
+    `trial` is trial', shape (n, tangents); `carried` is what of k V_before is along it, shape (n,).
+    """
+    size = np.linalg.norm(trial, axis=1)
+    direction = _unit(trial, size)
+    mean_z = np.sum(z * direction**2, axis=1)
+    at_rest = law(np.zeros_like(size), sigma, state, dt, **known).strength
+    least = -TOLERANCE * (size + sigma)  # smaller strengths are negative beyond rounding and would drive slip
+    sound = np.isfinite(size) & np.isfinite(at_rest) & (~together | (at_rest >= least))
+    rate = np.where(sound, 0.0, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        loose = np.where(z > 0, trial / z, 0.0)
+    speed = np.linalg.norm(loose, axis=1)
+    free = np.where(speed > 0, speed - carried, 0.0)  # the slip rate at which no traction is left
+    open_ = (sigma <= 0) & ~together  # not where sigma is not a number
+    rate[open_], direction[open_] = free[open_], _unit(loose, speed)[open_]
+    begin = size - mean_z * carried - at_rest
+    todo = np.flatnonzero(sound & together & (begin > 0) & (free > 0))
+    low, high = np.zeros(len(todo)), free[todo]
+    v = np.minimum(begin[todo] / mean_z[todo], high)
+    if guess is not None:
+        v = np.where((guess[todo] > 0) & (guess[todo] < high), guess[todo], v)
+    for iteration in range(MAX_ITERATIONS):
+        if len(todo) == 0:
+            break
+        found = law(v, sigma[todo], state, dt, todo, **known)
+        residual, slope, direction[todo] = _residual(trial[todo], z[todo], v + carried[todo], found)
+        low, high = np.where(residual > 0, v, low), np.where(residual > 0, high, v)
+        # A law with a jump or with negative strength has no root at the end of the bracket.
+        ends = (high - low <= 1e-15 * high) & (np.abs(residual) <= BALANCED * size[todo])
+        done = (np.abs(residual) <= TOLERANCE * size[todo]) | ends
+        rests = (high <= AT_REST) & np.isfinite(residual)
+        done |= rests
+        rate[todo[done]] = np.where(rests, 0.0, np.where(found.strength < least[todo], np.nan, v))[done]
+        go = ~done & np.isfinite(residual)
+        rate[todo[~done & ~go]] = np.nan
+        spread = (found.rate_now / found.rate_slope)[go]
+        todo, low, high, v = todo[go], low[go], high[go], v[go]
+        bisect = iteration % BISECT_EVERY == BISECT_EVERY - 1
+        v = _next(v, low, high, residual[go], slope[go], mean_z[todo], spread, bisect)
+    rate[todo] = np.nan
+    return rate, direction
+
+
+def _residual(
+    trial: np.ndarray, z: np.ndarray, sliding: np.ndarray, found: Evaluated
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Q (N - 1), minus its derivative, and the direction; Q = |trial'| if the impedances are equal."""
+    strengths = found.strength[:, None] + z * sliding[:, None]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        if trial.shape[1] == 1:
+            slope = found.slope + z[:, 0]
+            return np.abs(trial[:, 0]) - strengths[:, 0], slope, np.sign(trial)
+        ratio = trial / strengths
+        norm = np.linalg.norm(ratio, axis=1)
+        direction = ratio / norm[:, None]
+        mean = np.sum(direction**2 * strengths, axis=1)
+        slope = mean * np.sum(direction**2 * (found.slope[:, None] + z) / strengths, axis=1)
+    return mean * (norm - 1), slope, direction
+
+
+def _next(
+    v: np.ndarray, low: np.ndarray, high: np.ndarray, residual: np.ndarray, slope: np.ndarray, z: np.ndarray,
+    spread: np.ndarray, bisect: bool,
+) -> np.ndarray:  # fmt: skip
+    """Return the next iterate: Newton in V if the impedance dominates, in the log of the rate if the law does.
+
+    `spread` is dV over the change of that logarithm. Bisection (in log V if the bracket spans decades) if Newton
+    leaves the bracket, and occasionally, because the two kinds of Newton steps may cycle.
+    """
+    with np.errstate(all="ignore"):
+        linear = v + residual / slope
+        logarithmic = v + spread * np.expm1(residual / (slope * spread))
+    step = np.where(slope > 2 * z, logarithmic, linear)
+    middle = np.where(low > 1e-3 * high, 0.5 * (low + high), np.sqrt(np.maximum(low, 1e-12 * high) * high))
+    found: np.ndarray = np.where((step > low) & (step < high) & (not bisect), step, middle)
+    return found

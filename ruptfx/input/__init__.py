@@ -1,0 +1,1 @@
+"""Numbers with units and columns of numbers, from text."""

@@ -1,0 +1,131 @@
+"""Warnings about valid input that is probably a mistake: orders of magnitude, reflections, rare records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.boundaries.absorbing import Absorbing
+from ruptfx.boundaries.incident_wave import IncidentWave
+from ruptfx.mechanisms._check_table import Row
+from ruptfx.schema import unit_of
+
+if TYPE_CHECKING:
+    from ruptfx.faults.fault import Fault
+    from ruptfx.faults.interface import Interface
+    from ruptfx.model import Model
+
+# Soft gels to diamond; aerogels to osmium; gels to diamond; smallest pressure on a laboratory sample.
+MODULI = (1e3, 1.3e12)  # Pa
+DENSITIES = (10.0, 23e3)  # kg/m3
+SPEEDS = (1.0, 20e3)  # m/s
+LEAST_STRESS = 100.0  # Pa
+LARGEST_STRAIN = 0.05  # of the initial stress over the modulus rho c_p^2
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One warning."""
+
+    quantity: str
+    value: float
+    unit: str
+    note: str
+    likely_meant: bool = False
+    """Only a remark, not a warning."""
+
+
+def row_of(doubt: Doubt) -> Row:
+    """Return the row of `ruptfx check` that shows a doubt."""
+    return Row(doubt.quantity, doubt.value, doubt.unit, doubt.note, "ok" if doubt.likely_meant else "warning")
+
+
+def doubts(model: Model) -> Iterator[Doubt]:
+    """Yield all warnings about a case on this rank."""
+    for name, material in zip(model.bodies.names, model.materials, strict=True):
+        for key in type(material).model_fields:
+            value = getattr(material, key)
+            unit = unit_of(type(material), key)
+            bounds = {"Pa": MODULI, "kg/m3": DENSITIES}.get(unit)
+            if bounds is not None and isinstance(value, float) and not bounds[0] <= value <= bounds[1]:
+                note = f"{_outside(value, bounds)} of any solid; is its exponent lost?"
+                yield Doubt(f"{name}: {key}", value, unit, note)
+        speeds = material.wave_speeds(model.case.plane)
+        for key in ("c_p", "c_s"):
+            value = float(getattr(speeds, key))
+            if not SPEEDS[0] <= value <= SPEEDS[1]:
+                note = f"{_outside(value, SPEEDS)} of any solid; look at the moduli and the density"
+                yield Doubt(f"{name}: {key}", value, "m/s", note)
+    for fault in model.faults:
+        if len(fault.interface.plus):
+            yield from _stress(model, fault)
+    if model.case.stepper.inertia and not model.case.stepper.adaptive:
+        yield from _echoes(model)
+
+
+def slow_records(model: Model, label: str, zone: float) -> Iterator[Doubt]:
+    """Warn of records further apart than the time in which a process zone passes a point."""
+    if not model.case.stepper.inertia:
+        return
+    interval = model.case.intervals["interface"]
+    speeds = [material.wave_speeds(model.case.plane) for material in model.materials]
+    passing = zone / min(speed.c_R for speed in speeds)
+    if interval > passing and model.case.output.interface_steps is None:
+        yield Doubt(
+            f"{label}: interval of records", interval, "s",
+            f"the process zone passes a point in {passing:.3g} s: slip rates between records are missed; "
+            "reduce output.interface_interval",
+        )  # fmt: skip
+
+
+def _outside(value: float, bounds: tuple[float, float]) -> str:
+    return f"less than {bounds[0]:g}, that" if value < bounds[0] else f"more than {bounds[1]:g}, that"
+
+
+def _stress(model: Model, fault: Fault) -> Iterator[Doubt]:
+    largest = float(np.max(np.abs(fault.normal_stress_0), initial=0.0))
+    label = f"faults.{fault.name}.initial_stress"
+    if 0 < largest < LEAST_STRESS:
+        yield Doubt(label, largest, "Pa", "hardly pressed together; is the exponent lost ('6 MPa')?")
+    stiffness = min(m.density * m.wave_speeds(model.case.plane).c_p ** 2 for m in model.materials)
+    if largest > LARGEST_STRAIN * stiffness:
+        note = f"{100 * largest / stiffness:.3g} % of the stiffness of a body: strains are not small"
+        yield Doubt(label, largest, "Pa", note)
+
+
+def _echoes(model: Model) -> Iterator[Doubt]:
+    """Warn of reflecting edges away from the interfaces, with the arrival time of reflections."""
+    absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
+    open_edges = {boundary.edge for boundary in absorbing}
+    faces = [fault.interface for fault in model.faults if len(fault.interface.points)]
+    if not faces:
+        return
+    extent = float(np.max(np.ptp(model.coordinates, axis=0)))
+    explained = ""
+    for name in model.bodies.edges:
+        nodes = model.loads.edge(name, "boundaries").nodes
+        if name in open_edges or not len(nodes):
+            continue
+        body = model.layout.body[nodes[0]]
+        near = [face.points for face in faces if body in _bodies(model, face)]
+        x = model.coordinates[nodes]
+        points = near or [face.points for face in faces]
+        distance = min(float(np.min(np.linalg.norm(x[:, None] - own[None], axis=2))) for own in points)
+        arrival = 2 * distance / float(model.materials[body].wave_speeds(model.case.plane).c_p)
+        if distance > 1e-6 * extent and arrival < model.case.duration:
+            yield Doubt(
+                f"{name}: echo", arrival, "s", f"as of {explained}" if explained else
+                f"the run lasts {model.case.duration:.3g} s: waves that this edge reflects are back at the interface "
+                "before its end; make the body larger, or the edge absorbing, unless they belong to the experiment",
+                likely_meant=True,
+            )  # fmt: skip
+            explained = explained or name
+
+
+def _bodies(model: Model, face: Interface) -> np.ndarray:
+    """Return the indices of the bodies on both sides of an interface."""
+    sides = [face.plus, face.minus] if face.other_side == "meshed" else [face.plus]
+    return np.unique(model.layout.body[np.concatenate(sides)])

@@ -1,0 +1,1 @@
+"""The machine and the terminal: ranks, collective operations, clocks, text and progress."""

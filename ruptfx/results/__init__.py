@@ -1,0 +1,1 @@
+"""Result files: names and checksums, columns, meaning of the fields, HTML."""

@@ -1,0 +1,134 @@
+"""A point inside the bodies, for boundaries and instruments: shape functions, gradients, forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.platform import parallel
+from ruptfx.schema import CaseError, nearest
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+SLACK = 1e-8  # of a cell: tolerance for points on its side
+
+
+class Inside:
+    """A point of a model; adjacent cells contribute equally.
+
+    Parameters
+    ----------
+    model : Model
+    point : sequence of float
+        [m].
+    body : str or None
+        Name, required if several bodies contain the point.
+    key : str
+        Of the case, for messages.
+    field : str
+        Name of the field with the coordinates of the point.
+
+    Attributes
+    ----------
+    body : int
+        Index of the body that contains it.
+
+    Raises
+    ------
+    CaseError
+        On all ranks: the point is outside of the bodies, or on a side of several.
+    """
+
+    def __init__(
+        self, model: Model, point: Sequence[float], body: str | None, key: str, field: str = "point"
+    ) -> None:
+        self.model = model
+        names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
+        if body is not None and body not in names:
+            raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
+        found = [item for item in self._find(np.array(point, dtype=float)) if body in (None, names[item[0]])]
+        holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
+        if not len(holders):
+            raise CaseError(f"{key}.{field} = {told}: is not inside of {'the bodies' if body is None else body}")
+        if len(set(holders.tolist())) > 1:
+            there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
+            raise CaseError(f"{key}.{field} = {told}: {there} meet there; say in which it is with body")
+        self.body = int(holders[0])
+        self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
+
+    def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Return body, nodes and shape functions of every local cell that contains the point.
+
+        With their gradients the functions have shape (1 + dim, nodes).
+        """
+        mesh, space = self.model.mesh, self.model.space
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        corners = mesh.geometry.x[:, : len(point)][fem.geometry_dofmap(mesh)[:owned]]
+        extent = np.ptp(corners, axis=1).max(axis=1, keepdims=True)
+        near = (point >= corners.min(axis=1) - SLACK * extent) & (point <= corners.max(axis=1) + SLACK * extent)
+        found = []
+        for cell in np.flatnonzero(near.all(axis=1)):
+            place = fem.reference_point(mesh, corners[cell], point)
+            if place is None:
+                continue
+            reference, jacobian = place
+            values = fem.tabulate(space, reference)
+            gradient = np.linalg.solve(jacobian.T, values[1:])
+            shape = np.concatenate([values[:1], gradient])
+            found.append((int(self.model.bodies.cell_body[cell]), space.dofmap.list[cell], shape))
+        return found
+
+    def weights(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return local degrees of freedom and weights on this rank, for a sum of `value` times coefficients.
+
+        The sum of a nodal field times the weights is that of its `value` times coefficients of shape
+        (1 + dim, components).
+        """
+        c = coefficients.shape[1]
+        empty = np.zeros(0, dtype=np.int64)
+        dofs = [(nodes[:, None] * c + np.arange(c)).ravel() for nodes, _ in self._cells]
+        values = [(shape.T @ coefficients).ravel() for _, shape in self._cells]
+        return np.concatenate([empty, *dofs]), np.concatenate([np.zeros(0), *values])
+
+    @property
+    def element_size(self) -> float:
+        """Size of the elements that contain the point, along x, y or z [m]; collective."""
+        extents = [float(np.ptp(self.model.coordinates[nodes], axis=0).max()) for nodes, _ in self._cells]
+        return parallel.largest(self.model.comm, max(extents, default=0.0))
+
+    def _sum(self, weights: np.ndarray) -> np.ndarray:
+        """Return the sum over shape functions and their derivatives, with weights of shape (1 + dim, components)."""
+        nodal = np.zeros((self.model.nodes, self.model.components))
+        for nodes, shape in self._cells:
+            nodal[nodes] += shape.T @ weights
+        total = nodal.ravel()
+        self.model.layout.sum_shared(total)
+        return total
+
+    def value(self, field: np.ndarray) -> np.ndarray:
+        """Return the contribution of this rank to a nodal field at the point, and to its derivatives along x, y ...
+
+        Shape (1 + dim, components); the sum over the ranks is the field there.
+        """
+        nodal = field.reshape(self.model.nodes, -1)
+        total = np.zeros((1 + self.model.mesh.geometry.dim, nodal.shape[1]))
+        for nodes, shape in self._cells:
+            total += shape @ nodal[nodes]
+        return total
+
+    def force(self, force: Sequence[float]) -> np.ndarray:
+        """Return the nodal force of a force at the point [N], shape (nodes * components,); collective."""
+        weights = np.zeros((1 + self.model.mesh.geometry.dim, self.model.components))
+        weights[0] = force
+        return self._sum(weights)
+
+    def moment(self, moment: np.ndarray) -> np.ndarray:
+        """Return the nodal force of a moment tensor M_ij at the point [N m], shape (components, dim); collective.
+
+        M_ij d phi / dx_j, exact for any field of the elements.
+        """
+        return self._sum(np.concatenate([np.zeros((1, self.model.components)), moment.T]))

@@ -1,0 +1,86 @@
+"""Radiation damping: traction per slip rate of the waves that leave a fault."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import RuptfxError, fem
+from ruptfx.faults.fault import Fault
+from ruptfx.materials import Material
+from ruptfx.platform import parallel
+from ruptfx.schema import CaseError
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+
+def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
+    """Return the traction per slip rate of plane waves that leave both sides [Pa s/m], shape (n,); collective.
+
+    (1/Z+ + 1/Z-)^-1 with the impedances of the bodies along the normal: mu / (2 c_s) between equal isotropic ones and
+    Z+ on a rigid base. At points shared by welded bodies it is their mean by area.
+
+    Raises
+    ------
+    CaseError
+        On all ranks, if it depends on the direction of slip, or slip would radiate normal stress.
+    """
+    face = fault.interface
+    plus = _side(model, fault, "plus")
+    if face.other_side == "rigid":
+        both = plus
+    else:
+        if face.one_sided:  # the mirror image
+            normal = face.frame[:, 0] if face.has_normal else np.zeros((len(plus), 1))
+            mirror = np.eye(normal.shape[1]) - 2 * normal[:, :, None] * normal[:, None, :]
+            minus = mirror @ plus @ mirror
+        else:
+            minus = _side(model, fault, "minus")
+        both = np.linalg.inv(np.linalg.inv(plus) + np.linalg.inv(minus))
+    local = face.frame @ both @ face.frame.swapaxes(1, 2)
+    shear = local[:, face.has_normal :, face.has_normal :]
+    mean = np.trace(shear, axis1=1, axis2=2) / face.tangents
+    left_out = local[:, :, face.has_normal :].copy()
+    left_out[:, face.has_normal :] -= mean[:, None, None] * np.eye(face.tangents)
+    worst = parallel.largest(model.comm, float((np.abs(left_out).max(axis=(1, 2)) / mean).max(initial=0.0)))
+    if worst > 1e-6:
+        raise CaseError(
+            f"stepper.radiation_damping: between the anisotropic bodies of faults.{fault.name} it would depend on the "
+            f"direction of slip, or change the normal stress, by {worst:.2g} of itself; use kind = 'hybrid'"
+        )
+    return mean
+
+
+def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
+    """Return the impedance of the bodies on one side of every point, shape (n, components, components)."""
+    face, bodies = fault.interface, model.bodies
+    nodes = face.plus if side == "plus" else face.minus
+    measure = model.edge_measure(tuple(bodies.tags[f"{name}.{side}"] for name in bodies.interfaces))
+    test = model.sum_of(fem.ufl.TestFunction(model.space))
+    result, area, error = np.zeros((len(nodes), model.components, model.components)), np.zeros(len(nodes)), None
+    for index, material in enumerate(model.materials):
+        inside = model.by_cell(bodies.cell_body == index)
+        areas = model.layout.reduce_tied(fem.assemble_summed(model.space, inside * test * measure))
+        share = areas.reshape(model.nodes, -1)[nodes, 0]
+        area += share
+        try:
+            result += share[:, None, None] * _impedance(material, fault, model)
+        except RuptfxError as caught:
+            error = caught
+    parallel.raise_on_all(model.comm, error)
+    return result / area[:, None, None]
+
+
+def _impedance(material: Material, fault: Fault, model: Model) -> np.ndarray:
+    """Return the impedance along the normal of every point, shape (n or 1, components, components)."""
+    if fault.interface.has_normal:
+        return material.impedance(fault.interface.frame[:, 0], model.case.plane)
+    axes = material.impedance(np.eye(model.mesh.geometry.dim), model.case.plane)
+    if np.ptp(axes) > 1e-6 * axes.max():
+        raise CaseError(
+            f"stepper.radiation_damping: the impedance of '{material.kind()}' depends on the direction of the normal, "
+            "which antiplane faults do not know; use kind = 'hybrid'"
+        )
+    return axes[:1]
