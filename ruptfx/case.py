@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
 
@@ -240,21 +241,31 @@ class Case(CaseFile):
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         allowed = {"stress": "xy", "strain": "xy", "antiplane": "z", "solid": "xyz"}.get(self.plane, "xy")
-        for key, boundary in self.all_boundaries():
-            boundary.check(key, self.plane, allowed)
-        self._check_attachments(allowed)
-        self._check_initial_velocity(allowed)
-        self._check_stages()
-        self._check_instruments(allowed)
-        self._check_intervals()
+        checks: list[Callable[[], None]] = [
+            *(partial(boundary.check, key, self.plane, allowed) for key, boundary in self.all_boundaries()),
+            partial(self._check_attachments, allowed), partial(self._check_initial_velocity, allowed),
+            self._check_stages, partial(self._check_instruments, allowed), self._check_intervals, self._check_forces,
+            self._check_rotations, self._check_fracture, self._check_axisymmetric, self._check_tensors,
+        ]  # fmt: skip
+        problems = []
+        for check in checks:
+            try:
+                check()
+            except ValueError as error:
+                problems.append(str(error))
+        if problems:
+            raise ValueError("\n".join(problems))
+        support.check(self)
+        return self
+
+    def _check_forces(self) -> None:
         if self.output.forces_interval is not None and all(fault.sliding is None for fault in self.faults.values()):
             raise ValueError(
                 f"output.forces_interval = {self.output.forces_interval:g} s: forces are recorded where an interface "
                 "slides; add the table [faults.NAME.sliding], or remove this key"
             )
-        self._check_rotations()
-        self._check_fracture()
-        self._check_axisymmetric()
+
+    def _check_tensors(self) -> None:
         tensors = {n: f.initial_stress.tensor for n, f in self.faults.items() if f.initial_stress.tensor is not None}
         first = next(iter(tensors), "")
         for name, tensor in tensors.items():
@@ -263,8 +274,6 @@ class Case(CaseFile):
                     f"faults.{name}.initial_stress.tensor = {tensor}: faults.{first} has {tensors[first]}, and the "
                     "bodies have one uniform initial stress; give normal and shear where an interface carries another"
                 )
-        support.check(self)
-        return self
 
     def _check_attachments(self, components: str) -> None:
         seen = set[str]()

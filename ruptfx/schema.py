@@ -64,7 +64,7 @@ class CaseError(RuptfxError):
                 # A table is known by its key.
                 shown = "" if isinstance(item["input"], Mapping | BaseModel) else f" = {shown_value(item['input'])}"
                 reason = item["msg"].removeprefix("Value error, ")
-                lines.append(f"{key}{shown}: {reason[0].lower()}{reason[1:]}")
+                lines += [f"{key}{shown}: {each[0].lower()}{each[1:]}" for each in reason.splitlines()]
         return cls("\n".join(dict.fromkeys(lines)))
 
 

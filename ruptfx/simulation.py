@@ -17,10 +17,11 @@ from ruptfx import RuptfxError, fem, lumped, stages
 from ruptfx.case import Case
 from ruptfx.checks.cost import need_memory
 from ruptfx.drawing import painter
+from ruptfx.input.quantities import with_prefix
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
 from ruptfx.platform import launch, parallel
-from ruptfx.platform.progress import Progress
+from ruptfx.platform.progress import Progress, working
 from ruptfx.platform.stopwatch import phase, restart
 from ruptfx.record import Files, Record
 from ruptfx.recording import directories, run_directory
@@ -117,7 +118,7 @@ def simulate(
         if not (resume or overwrite):
             run_directory.prepare(comm, out)
         began = time.perf_counter()
-        with phase("model"):
+        with phase("model"), working("building the model", progress and comm.rank == 0):
             need_memory(case, comm)
             model = Model(case, comm)
             motion = stages.bind(model)
@@ -128,7 +129,8 @@ def simulate(
         if comm.rank == 0:
             complete()
         if draws:
-            _draw(comm, out)
+            with working("drawing the figures", progress and comm.rank == 0):
+                _draw(comm, out)
     return Record(out, trust=True)
 
 
@@ -160,6 +162,7 @@ def _run(
             recorder.observe(state)
             recorder.record(state)
         stepping, first = time.perf_counter(), state.step
+        bar.begin(state.time / case.duration)
         error = None
         while not recorder.finished(state) and not stopping.ended:
             # A rank with an error steps on, as the others wait for its messages; it is raised where all ranks meet.
@@ -175,8 +178,9 @@ def _run(
             if due:
                 recorder.record(state)
                 bar.update(
-                    state.time / case.duration, f"t = {state.time:9.3g} s of {case.duration:.3g}  "
-                    f"step {state.step:6d}  peak slip rate {recorder.peak_slip_rate:8.3g} m/s"
+                    state.time / case.duration,
+                    f"{with_prefix(state.time, 's')} of {with_prefix(case.duration, 's')}  step {state.step}  "
+                    f"peak slip rate {with_prefix(recorder.peak_slip_rate, 'm/s')}"
                 )  # fmt: skip
                 stopping.check(state)
             stop = signals.anywhere(comm)
@@ -185,7 +189,8 @@ def _run(
             if stop:
                 home = directories.home(out)
                 raise Interrupted(
-                    f"stopped by {stop} at {state.time:.6g} s of {case.duration:.6g}, step {state.step}; "
+                    f"stopped by {stop} at {with_prefix(state.time, 's')} of {with_prefix(case.duration, 's')}, step "
+                    f"{state.step}; "
                     f"{recorder.records} records are kept in {out}"
                     + f", and the run in {home} is as it was" * (home != out) + f"; go on with: ruptfx resume {home}"
                 )

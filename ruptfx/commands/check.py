@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from ruptfx.commands._shared import EXIT_ERROR, CaseFile, Overrides, reported, screen
+from ruptfx.input.quantities import with_prefix
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._check_table import Row
+
+COLOURS = {"error": "red", "warning": "yellow"}
 
 
 def check(case: CaseFile, set_: Overrides = None) -> None:
@@ -29,12 +38,38 @@ def check(case: CaseFile, set_: Overrides = None) -> None:
             return
         from ruptfx.checks.preflight import preflight
 
-        table = Table("quantity", "value", "unit", "note", title=parsed.title or str(case), title_justify="left")
-        failed = False
-        for row in preflight(parsed):
-            failed |= row.verdict == "error"
-            colour = {"error": "red", "warning": "yellow"}.get(row.verdict, "")
-            table.add_row(row.quantity, row.text, row.unit, row.note, style=colour)
+        rows = merged(list(preflight(parsed)))
+        note = Column("note", overflow="fold")
+        table = Table("quantity", "value", "unit", note, title=parsed.title or str(case), title_justify="left")
+        said = [row for row in rows if row.verdict != "ok"]
+        for row in rows:
+            value, unit = engineering(row)
+            text = row.note if row.verdict == "ok" else f"{row.verdict} {said.index(row) + 1}, below"
+            table.add_row(row.quantity, value, unit, text, style=COLOURS.get(row.verdict, ""))
         screen.print(table)
-        if failed:
+        for order, row in enumerate(said, 1):
+            value = " ".join(filter(None, engineering(row)))
+            screen.print(f"{row.verdict} {order}: {row.quantity} = {value}: {row.note}", style=COLOURS[row.verdict],
+                         soft_wrap=True)  # fmt: skip
+        if any(row.verdict == "error" for row in said):
             raise typer.Exit(EXIT_ERROR)
+
+
+def merged(rows: list[Row]) -> list[Row]:
+    """Return the rows with those of bodies that say the same as one: "upper, lower: c_p"."""
+    found: dict[Row, list[str]] = {}
+    for row in rows:
+        owner, colon, what = row.quantity.partition(": ")
+        found.setdefault(replace(row, quantity=what if colon else row.quantity), []).append(owner if colon else "")
+    return [
+        replace(row, quantity=f"{', '.join(dict.fromkeys(owners))}: {row.quantity}" if owners[0] else row.quantity)
+        for row, owners in found.items()
+    ]
+
+
+def engineering(row: Row) -> tuple[str, str]:
+    """Return value and unit of a row as text; times, stresses and lengths with the prefix that suits them."""
+    if isinstance(row.value, str) or row.unit not in ("s", "Pa", "m"):
+        return row.text, row.unit
+    number, _, unit = with_prefix(row.value, row.unit, 4).partition(" ")
+    return number, unit

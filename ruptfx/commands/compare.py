@@ -43,11 +43,9 @@ def compare(
     """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
 
     Of two runs, first what differs in the cases, then results that differ by more than 0.1 %. Of measured signals:
-    misfit and best time shift; units are read from the header of the file.
+    misfit and best time shift, as in `ruptfx compare RUN gauge.csv --instrument G1`; units are read from the header.
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
-
-    Example: ruptfx compare runs/impact gauge.csv --instrument G1
     """
     with reported():
         if second.is_file():

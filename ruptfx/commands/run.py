@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
-from ruptfx.platform.progress import Progress
+from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, screen
+from ruptfx.platform.progress import Progress, working
 
 if TYPE_CHECKING:
     from ruptfx.case import Case
@@ -69,7 +69,8 @@ def run(
     with reported():
         from ruptfx import fem
 
-        comm = fem.MPI.COMM_WORLD
+        with working("loading DOLFINx", not quiet and launch.RANKS not in os.environ, lines=False):
+            comm = fem.MPI.COMM_WORLD
     with reported(comm):
         launch.check_size(comm.size)
         from ruptfx.simulation import simulate
@@ -91,11 +92,14 @@ def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool
     if not case.output.figures:
         painter.dismiss()
     before = _written(out)
+    if not quiet:
+        errors.print(f"starting {ranks} ranks")
     code = launch.run_on(ranks, arguments, **{painter.LATER: "1"})
     if code:
         raise typer.Exit(code)
     if case.output.figures and _written(out) != before:
-        painter.draw(out)
+        with working("drawing the figures", not quiet):
+            painter.draw(out)
     if not quiet:
         _show_pictures(out)
 

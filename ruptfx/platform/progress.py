@@ -1,14 +1,46 @@
-"""Progress display: a bar on a terminal, elsewhere a line now and then."""
+"""Progress display: a spinner or a bar with the time left on a terminal, elsewhere a line now and then."""
 
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.console import Console
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
 from ruptfx.platform.terminal import console
+
+
+@contextmanager
+def working(on: str, show: bool = True, lines: bool = True) -> Iterator[None]:
+    """Name a phase of unknown length: a spinner with a clock on a terminal, elsewhere one line.
+
+    Parameters
+    ----------
+    on : str
+        What is being done, such as "building the model".
+    show, lines : bool
+        Show anything, and show it where there is no terminal.
+    """
+    screen = _console()
+    if not (show and screen.is_terminal):
+        if show and lines:
+            screen.print(on)
+        yield
+        return
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    with Bar(*columns, console=screen, transient=True) as spinner:
+        spinner.add_task(on, total=None)
+        yield
+
+
+def _console() -> Console:
+    # Under mpiexec the terminal of the launcher counts; `ruptfx run` sets the variable.
+    return console(force_terminal=True if os.environ.get("RUPTFX_TERMINAL") else None, stderr=True)
 
 
 class Progress:
@@ -20,15 +52,14 @@ class Progress:
     """
 
     def __init__(self, show: bool = True) -> None:
-        # Under mpiexec the terminal of the launcher counts; `ruptfx run` sets the variable.
-        terminal = True if os.environ.get("RUPTFX_TERMINAL") else None
-        self._console = console(force_terminal=terminal, stderr=True)
+        self._console = _console()
         self._show, self._tenth = show, 0
+        self._began, self._first = time.monotonic(), 0.0
         self._bar: Bar | None = None
         if show and self._console.is_terminal:
             self._bar = Bar(
                 TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-                TimeElapsedColumn(), TimeRemainingColumn(), console=self._console,
+                TextColumn("left"), TimeRemainingColumn(), console=self._console,
             )  # fmt: skip
             self._task = self._bar.add_task("", total=1.0)
 
@@ -51,8 +82,17 @@ class Progress:
         if self._bar:
             self._bar.update(self._task, completed=done, description=text)
         elif self._show and tenth > self._tenth:
-            self._console.print(f"{10 * tenth:3d} %  {text}")
+            self._console.print(f"{10 * tenth:3d} %  {text}{self._left(done)}")
         self._tenth = tenth
+
+    def _left(self, done: float) -> str:
+        """Return the time left at the mean speed so far, where it is more than a few seconds."""
+        seconds = (time.monotonic() - self._began) * (1 - done) / max(done - self._first, 1e-9)
+        return f"  left {int(seconds) // 60}:{int(seconds) % 60:02d}" if 5 < seconds < 1e7 else ""
+
+    def begin(self, fraction: float) -> None:
+        """Start the clock of the time left at work that is partly finished: a resumed run."""
+        self._began, self._first = time.monotonic(), fraction
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -20,7 +21,10 @@ from typer.testing import CliRunner, Result
 from ruptfx import __version__
 from ruptfx.case import Case, FaultCase
 from ruptfx.cli import app
+from ruptfx.commands.check import engineering
+from ruptfx.commands.check import merged as merged_rows
 from ruptfx.friction.coulomb import Coulomb
+from ruptfx.mechanisms._check_table import Row
 from ruptfx.platform import launch
 from ruptfx.reference.describe import TOPICS, about, entries, entries_of, keys_of
 from ruptfx.results import summary_fields
@@ -296,8 +300,38 @@ def test_check_prints_the_table(tmp_path: Path, needs_fem: None) -> None:
     result = ruptfx("check", write(tmp_path, table=impact(6e6, 2.0)))
     assert result.exit_code == 0, said(result)
     # Plate speeds of Homalite: c_l = sqrt(E / (rho (1 - nu^2))) = 2201.7, c_s = 1255.2, c_R = 1155.9 m/s.
+    assert "upper, lower: c_p" in said(result), "equal bodies once"
     for text in ("2201.", "1255.", "1155.", "stable time step", "time step", "expected run time", "memory", "strength"):
         assert text in said(result)
+
+
+@pytest.mark.fem
+def test_check_prints_warnings_as_sentences_below_the_table(tmp_path: Path, needs_fem: None) -> None:
+    """Of a material without effect: the row refers to the sentence, which is one line in a pipe."""
+    table = impact(6e6, 2.0)
+    table["materials"] |= {"upper": "pmma", "lower": "aluminium"}
+    below = ruptfx("check", write(tmp_path, table=table)).output.partition("└")[2].splitlines()
+    (line,) = [line for line in below if "materials.default" in line]
+    assert re.fullmatch(r"warning \d+: materials\.default = isotropic_elastic: without effect.*remove it", line)
+
+
+def test_rows_of_check() -> None:
+    """Rows of bodies that say the same are one, times and stresses have the prefix that suits them."""
+    rows = [Row("upper: c_p", 2201.0, "m/s"), Row("lower: c_p", 2201.0, "m/s"), Row("base: c_p", 6000.0, "m/s"),
+            Row("time step", 1.86e-7, "s"), Row("a: stress", 71981.2, "Pa", "x"), Row("b: stress", 71981.2, "Pa", "y")]
+    found = [(row.quantity, *engineering(row)) for row in merged_rows(rows)]
+    assert found == [
+        ("upper, lower: c_p", "2201", "m/s"), ("base: c_p", "6000", "m/s"), ("time step", "186", "ns"),
+        ("a: stress", "71.98", "kPa"), ("b: stress", "71.98", "kPa"),
+    ]  # fmt: skip
+
+
+def test_all_contradictions_of_a_case_are_listed_at_once(tmp_path: Path) -> None:
+    table = impact(6e6, 2.0)
+    table |= {"initial_velocity": {"upper": [1.0]}, "output": {"forces_interval": 1e-6, "interface_interval": 1e-20}}
+    lines = ruptfx("check", write(tmp_path, table=table)).output.splitlines()
+    for words in ("initial_velocity.upper", "output.forces_interval", "output.interface_interval"):
+        assert sum(words in line for line in lines) == 1, words
 
 
 @pytest.mark.fem

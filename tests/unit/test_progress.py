@@ -1,6 +1,8 @@
 from __future__ import annotations
 
-from ruptfx.platform.progress import Progress
+import time
+
+from ruptfx.platform.progress import Progress, working
 
 
 def shown(capsys, *fractions):
@@ -23,3 +25,27 @@ def test_quiet(capsys):
     with Progress(show=False) as progress:
         progress.update(0.5, "text")
     assert capsys.readouterr() == ("", "")
+
+
+def test_phases_are_named(capsys, monkeypatch):
+    with working("building the model"), working("loading", lines=False), working("drawing", show=False):
+        pass
+    assert capsys.readouterr() == ("", "building the model\n")
+    monkeypatch.setenv("RUPTFX_TERMINAL", "1")
+    with working("building the model"):
+        time.sleep(0.2)
+    shown = capsys.readouterr().err
+    assert "building the model" in shown and "0:00:0" in shown
+
+
+def test_the_time_left_is_that_of_the_remaining_part(capsys, monkeypatch):
+    """A run resumed at 0.5 needs 20 s for a tenth of the whole: 80 s are left at 0.6."""
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    with Progress() as progress:
+        progress.begin(0.5)
+        now[0] += 20
+        progress.update(0.6, "text")
+        now[0] += 80
+        progress.update(1.0, "text")
+    assert capsys.readouterr().err.splitlines() == [" 60 %  text  left 1:20", "100 %  text"]
