@@ -13,6 +13,7 @@ from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING, cast
 
+from ruptfx.attachments import Attachment
 from ruptfx.boundaries import Boundary
 from ruptfx.contact import ContactMethod
 from ruptfx.cracks import Fracture
@@ -322,6 +323,19 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
     keys = tuple(key for key in choices if key.startswith("attachments."))
     if keys and not stepper.attachments:
         yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
+        return
+    for key in keys:
+        attachment = cast(type[Attachment], choices[key])
+        if "implicit" in stepper.ways and not attachment.implicit:
+            yield Refusal((key,), f"acts in explicit steps only, stepper.kind = '{stepper.kind()}' has others",
+                          (("stepper",),), ((key,),))  # fmt: skip
+        elif not stepper.inertia and attachment.inertia:
+            yield Refusal((key,), f"has no effect without inertia, as in stepper.kind = '{stepper.kind()}'",
+                          (("stepper",),), ((key,),))  # fmt: skip
+    sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
+    if keys and sliding and "implicit" in stepper.ways:
+        reason = "implicit steps of sliding contact are solved at the interfaces alone"
+        yield Refusal(keys, reason, (("stepper",),), (keys, sliding))
 
 
 def _planes(choices: Choices) -> Iterator[Refusal]:

@@ -31,12 +31,16 @@ Integers = NDArray[np.int64]
 
 
 class Attachment(Alternative):
-    """The contract of an attachment; it acts in explicit steps."""
+    """The contract of an attachment; it acts in explicit steps, and in implicit ones where it says so."""
 
     example: ClassVar[str] = ""
     """Entry of a case of two plates in plane stress, each 12 mm long and 4 mm high."""
     source: ClassVar[str] = ""
     """Publication of the equations."""
+    implicit: ClassVar[bool] = False
+    """Whether its mechanism has the forces at the end of implicit steps (`Mechanism.respond`)."""
+    inertia: ClassVar[bool] = False
+    """Whether it acts by inertia only, so that it has no effect in steps of equilibrium."""
 
     name: Name
     """Name of its group in `attachments.h5`, different for each attachment."""

@@ -10,7 +10,7 @@ from ruptfx.attachments import Attached, EdgeAttachment, EdgeNodes
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.faults.bond import TracedBond
 from ruptfx.fields import PointField
-from ruptfx.mechanisms import Floats, Springs
+from ruptfx.mechanisms import Floats, Reaction, Springs, StepEnd
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.units import Stiffness
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ruptfx.state import FaultState, State
 
 TOLERANCE, MOST_HALVINGS, FAILED = 1e-13, 60, 1e-12  # of the damage
+MOST_DAMAGE = 0.1  # growth of damage that steps of variable length allow
+DIFFERENCE, SMALLEST = 1e-6, 1e-15  # of displacements in derivatives: relative, and added [m]
 
 
 class Foundation(EdgeAttachment):
@@ -39,6 +41,8 @@ class Foundation(EdgeAttachment):
         '{ kind = "foundation", name = "base", edge = "lower.bottom", normal = 2e13, tangential = 1e13, '
         'cohesion = { kind = "linear", f_t = 1e5, c = 2e5, G_Ic = 0.05, G_IIc = 0.1 } }'
     )
+
+    implicit: ClassVar[bool] = True
 
     normal: Stiffness
     """Stiffness of the springs along the normal."""
@@ -119,32 +123,78 @@ class Ground(Attached):
 
     def _separation(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the opening [m], the displacement across the normal, and how long that is."""
-        u, n = self.at_nodes(displacement), self._directions()
+        return self._apart(self.at_nodes(displacement))
+
+    def _apart(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        n = self._directions()
         outward = np.sum(u * n, axis=1)
         across = u - outward[:, None] * n
         return -outward, across, np.linalg.norm(across, axis=1)
 
     def add_external(self, state: State, kick: Kick) -> None:
-        fields = self.of(state)
-        opening, across, slip = self._separation(state.displacement)
-        before, damage = fields["damage"], self._solve(fields, opening, slip)
+        u = self.at_nodes(state.displacement)
+        fields, _ = self._answer(self.of(state), u)
+        self._take(state, fields, u - kick.clock.since * self.at_nodes(state.velocity), u)
+        self.at_nodes(state.force, add=self._area * fields["traction"])
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        u = self.at_nodes(end.displacement)
+        fields, (normal, along) = self._answer(self.of(state), u)
+        n = self._directions()
+        both, one = n[:, :, None] * n[:, None, :], np.eye(u.shape[1])
+        stiffness = normal[:, None, None] * both + along[:, None, None] * (one - both)
+        grows = fields["damage"] > self.of(state)["damage"]
+        if grows.any():
+            # The damage depends on all components; its derivative is taken by central differences.
+            for k in range(u.shape[1]):
+                step = np.zeros_like(u)
+                step[:, k] = DIFFERENCE * np.linalg.norm(u, axis=1) + SMALLEST
+                ahead, behind = (self._answer(self.of(state), u + sign * step)[0]["traction"] for sign in (1, -1))
+                slope = -(ahead - behind) / (2 * step[:, k, None])
+                stiffness[grows, :, k] = slope[grows]
+        return Reaction(self.at, self._area * fields["traction"], self._area[:, :, None] * stiffness, fields)
+
+    def force_of(self, state: State) -> Reaction:
+        traction, c = self.of(state)["traction"], self.model.components
+        return Reaction(self.at, self._area * traction, np.zeros((len(self.at), c, c)), self.of(state))
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        self._take(state, dict(reaction.fields), self.at_nodes(state.displacement), self.at_nodes(end.displacement))
+
+    def step_error(self, state: State, reaction: Reaction) -> float:
+        grown = reaction.fields["damage"] - self.of(state)["damage"]
+        return float(grown.max(initial=0.0)) / MOST_DAMAGE
+
+    def _answer(self, fields: FaultState, u: Floats) -> tuple[FaultState, tuple[Floats, Floats]]:
+        """Return the fields at a displacement of the edge, and both secants of their damage [Pa/m].
+
+        Parameters
+        ----------
+        fields : dict of str to ndarray
+            At the start of the step.
+        u : ndarray, shape (n, components)
+            [m]
+        """
+        opening, across, slip = self._apart(u)
+        damage = self._solve(fields, opening, slip)
         tension, shear = self._strengths(damage)
         w = np.maximum(fields["largest_opening"], opening - tension / self._stiffness[0])
         s = np.maximum(fields["largest_slip"], slip - shear / self._stiffness[1])
         with np.errstate(all="ignore"):
             secant = np.where(tension > 0, 1 / (1 / self._stiffness[0] + w / tension), 0.0)
             along = np.where(shear > 0, 1 / (1 / self._stiffness[1] + s / shear), 0.0)
-        pull = np.where(opening > 0, secant, self._stiffness[0]) * opening
-        traction = pull[:, None] * self._directions() - along[:, None] * across
-        # The area between two secants of traction against displacement.
-        u = self.at_nodes(state.displacement)
-        u_before = u - kick.clock.since * self.at_nodes(state.velocity)
-        taken = 0.5 * np.sum(traction * u_before - fields["traction"] * u, axis=1) * self._counted
-        grown = damage > before
+        secant = np.where(opening > 0, secant, self._stiffness[0])
+        traction = (secant * opening)[:, None] * self._directions() - along[:, None] * across
+        return {"traction": traction, "damage": damage, "largest_opening": w, "largest_slip": s}, (secant, along)
+
+    def _take(self, state: State, new: FaultState, u_before: Floats, u: Floats) -> None:
+        """Copy fields to the state and count the losses: areas between two secants of traction against displacement."""
+        fields = self.of(state)
+        taken = 0.5 * np.sum(new["traction"] * u_before - fields["traction"] * u, axis=1) * self._counted
+        grown = new["damage"] > fields["damage"]
         state.energy["fracture"] += float(taken[grown].sum())
         state.energy["impact"] += float(taken[~grown].sum())  # of nodes that open or close within a step
-        self.at_nodes(state.force, add=self._area * traction)
-        for name, values in (("traction", traction), ("damage", damage), ("largest_opening", w), ("largest_slip", s)):
+        for name, values in new.items():
             fields[name][:] = values
 
     def _solve(self, fields: FaultState, opening: Floats, slip: Floats) -> Floats:

@@ -11,7 +11,7 @@ from ruptfx.attachments import Attached, EdgeAttachment, EdgeNodes
 from ruptfx.boundaries import Component, check_component
 from ruptfx.fields import Energy, PointField
 from ruptfx.materials import Plane
-from ruptfx.mechanisms import Floats, Springs
+from ruptfx.mechanisms import Floats, Reaction, Springs, StepEnd
 from ruptfx.schema import Unit
 from ruptfx.units import Frequency
 
@@ -34,6 +34,8 @@ class Resonators(EdgeAttachment):
         '{ kind = "resonators", name = "row", edge = "upper.top", mass = 2.0, frequency = "200 kHz" }'
     )
     source: ClassVar[str] = "Colquitt et al. (2017)"
+    implicit: ClassVar[bool] = True
+    inertia: ClassVar[bool] = True
 
     mass: MassPerArea
     """Mass of the resonators per area of the edge."""
@@ -57,6 +59,7 @@ class Masses(Attached):
     fields = (
         PointField("displacement", "m", "displacement of the mass", vector=True),
         PointField("velocity", "m/s", "velocity of the mass", vector=True),
+        PointField("acceleration", "m/s2", "acceleration of the mass", vector=True, recorded=False),
     )
 
     def __init__(self, model: Model, part: Resonators, edge: EdgeNodes) -> None:
@@ -90,8 +93,46 @@ class Masses(Attached):
     def add_external(self, state: State, kick: Kick) -> None:
         fields, pull = self.of(state), self._square * self._stretch(state)
         self.at_nodes(state.force, add=self._mass * pull)
+        fields["acceleration"][:] = -pull
         fields["velocity"] -= kick.clock.kick * pull
         fields["displacement"] += kick.clock.dt * fields["velocity"]
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        fields, u = self.of(state), self.at_nodes(end.displacement)
+        x, v, a = (fields[name] for name in ("displacement", "velocity", "acceleration"))
+        if end.weights is None:  # in equilibrium with the edge
+            still = {"displacement": u, "velocity": (u - self.at_nodes(state.displacement)) / end.dt}
+            return self._reaction(0 * u, 0.0, {**still, "acceleration": 0 * u})
+        # The unknowns of the masses, eliminated from the equations of the scheme, which are linear.
+        alpha_m, alpha_f, gamma, beta = end.weights
+        predictor = x + end.dt * v + (0.5 - beta) * end.dt**2 * a
+        c_M, square = 1 / (beta * end.dt**2), self._square
+        inertia = c_M * (1 - alpha_m) / (1 - alpha_f)
+        added = -(alpha_m * a + alpha_f * square * self._stretch(state)) / (1 - alpha_f)
+        new = (inertia * predictor + added + square * u) / (inertia + square)
+        rate = c_M * (new - predictor)
+        return self._reaction(square * (new - u), square * inertia / (inertia + square), {
+            "displacement": new, "velocity": v + end.dt * ((1 - gamma) * a + gamma * rate), "acceleration": rate,
+        })  # fmt: skip
+
+    def force_of(self, state: State) -> Reaction:
+        return self._reaction(self._square * self._stretch(state), 0.0, self.of(state))
+
+    def _reaction(self, pull: Floats, stiffness: float, fields: FaultState) -> Reaction:
+        """Return the forces on the edge, from the pull of the springs and their stiffness over the mass."""
+        blocks = stiffness * self._mass[:, :, None] * np.eye(self.model.components)
+        return Reaction(self.at, self._mass * pull, blocks, fields)
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        fields = self.of(state)
+        if end.weights is None:  # kinetic energy and that of the springs are lost, as those of the bodies
+            moved = self.at_nodes(end.displacement - state.displacement)
+            worked = -0.5 * float(np.sum(self._counted * self._square * self._stretch(state) * moved))
+            speed = reaction.fields["velocity"]
+            before = fields["velocity"] ** 2 + self._square * self._stretch(state) ** 2
+            state.energy["damping"] += worked + 0.5 * float(np.sum(self._counted * (before - speed**2)))
+        for name, values in reaction.fields.items():
+            fields[name][:] = values
 
     def add_energies(self, state: State, energies: dict[str, float]) -> None:
         velocity, stretch = self.of(state)["velocity"], self._stretch(state)

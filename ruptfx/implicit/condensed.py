@@ -32,6 +32,7 @@ from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.surfaces import FacingCompliance, Surfaces, SurfaceStiffness, count_nodes
 from ruptfx.implicit.tangent import Tangent
+from ruptfx.mechanisms import responding
 from ruptfx.operators.assembled import is_linear
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
@@ -58,8 +59,11 @@ INEXACT = 1e-3  # relative residual of linear systems: Newton's iteration hardly
 def fits(model: Model) -> bool:
     """Return whether the steps of a model can be condensed; collective.
 
-    Bodies must be linear and factorised by default, with few interface unknowns.
+    Bodies must be linear and factorised by default, with few interface unknowns, and without mechanisms that act on
+    them besides boundaries and faults.
     """
+    if responding(model.mechanisms):
+        return False
     jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
     return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
 

@@ -49,6 +49,7 @@ from ruptfx.implicit.solution import Rates, Solution
 from ruptfx.implicit.solvers import NewtonSolver
 from ruptfx.implicit.step import MAX_OUTER, Step
 from ruptfx.implicit.tangent import Tangent
+from ruptfx.mechanisms import responding
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 from ruptfx.sliding.follower import StepFollower
@@ -101,6 +102,7 @@ class Equilibrium:
         self.driven = model.loads.prescribed
         self.forces = Forces(model)
         self.tangent = Tangent(model, self.forces.dashpot)
+        self.mechanisms = responding(model.mechanisms)
         self._followers = [StepFollower(model, fault) for fault in model.faults if fault.slides]
         if self._followers:
             if petsc_options:
@@ -231,8 +233,9 @@ class Equilibrium:
                 if step.settled():
                     faults = {name: response.state for name, response in step.responses.items()}
                     return Solution(
-                        u, step.internal, faults, dt, iterations, outer, residuals, step.scale, self.answers
-                    )
+                        u, step.internal, faults, dt, iterations, outer, residuals, step.scale, self.answers,
+                        reactions=step.reactions,
+                    )  # fmt: skip
                 step.update_multipliers()
         raise self._failure(step, solver, outer, residuals)
 

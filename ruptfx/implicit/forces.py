@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.implicit.solution import Solution
+from ruptfx.mechanisms import responding
 from ruptfx.state import State
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ class Forces:
         self.model = model
         self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
         self._driven = model.loads.prescribed
+        self._mechanisms = responding(model.mechanisms)
 
     def load(self, time: float) -> np.ndarray:
         """Return F, the nodal force of the boundaries [N]."""
@@ -43,8 +45,11 @@ class Forces:
         return force
 
     def internal(self, state: State) -> np.ndarray:
-        """Return K u + J' W (T - T_0) [N] of a state, with its tractions."""
+        """Return K u + J' W (T - T_0) [N] of a state, with its tractions and the forces of other mechanisms."""
         force: np.ndarray = -self.model.internal_force(state.displacement)
+        for each in self._mechanisms:
+            reaction = each.force_of(state)
+            force.reshape(self.model.nodes, -1)[reaction.nodes] -= reaction.force
         tractions = self.tractions(state)
         for fault in self.model.faults:
             fault.assemble(tractions[fault.name], force)

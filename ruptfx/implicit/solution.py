@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ruptfx.implicit.response import FaultResponse
+    from ruptfx.mechanisms import Mechanism, Reaction, StepEnd
     from ruptfx.sliding.follower import StepFollower
     from ruptfx.state import FaultState, State
 
@@ -25,12 +26,15 @@ class Rates:
         c_C in v = velocity + c_C (u - displacement) [1/s].
     displacement, velocity : ndarray, shape (nodes * components,)
         Predictors [m], [m/s].
+    weights : (float, float, float, float), optional
+        alpha_m, alpha_f, gamma and beta of generalized-alpha, for unknowns besides those of the bodies.
     """
 
     mass: float
     damping: float
     displacement: np.ndarray
     velocity: np.ndarray
+    weights: tuple[float, float, float, float] | None = None
 
     def acceleration_of(self, u: np.ndarray) -> np.ndarray:
         return np.asarray(self.mass * (u - self.displacement))
@@ -70,6 +74,8 @@ class Solution:
         Largest slip of the step over its limit, on sliding interfaces.
     followers : list of StepFollower
         Followers of the sliding interfaces.
+    reactions : list of (Mechanism, StepEnd, Reaction)
+        Other mechanisms with their forces.
     """
 
     displacement: np.ndarray
@@ -86,9 +92,12 @@ class Solution:
     facings: list[float] = field(default_factory=list)
     slid: float = 0.0
     followers: list[StepFollower] = field(repr=False, default_factory=list)
+    reactions: list[tuple[Mechanism, StepEnd, Reaction]] = field(repr=False, default_factory=list)
 
     def commit(self, state: State) -> None:
         """Copy the solution to the state; arrays of the state keep their memory."""
+        for mechanism, end, reaction in self.reactions:
+            mechanism.advance(state, end, reaction)
         moved = self.displacement - state.displacement
         state.displacement[:] = self.displacement
         state.time += self.dt

@@ -11,6 +11,7 @@ from ruptfx.faults.fault import Fault
 from ruptfx.faults.projection import ProjectionError
 from ruptfx.implicit.response import Response
 from ruptfx.implicit.solution import Rates
+from ruptfx.mechanisms import Mechanism, Reaction, StepEnd
 from ruptfx.platform import parallel
 from ruptfx.state import FaultState, State
 
@@ -33,7 +34,7 @@ class Step:
         c_M, c_C and the factor of the penalty, on which the matrix of closed, stuck interfaces depends.
     multipliers : dict of str to FaultState
         Fields with the tractions of the last outer iteration.
-    displacement, residual, internal, responses, scale, round_off, error
+    displacement, residual, internal, responses, reactions, scale, round_off, error
         Results of the last evaluation; `residual` is that of the unknowns, zero at copies of tied nodes, and NaN where
         a law failed on this rank, which is `error`.
         `round_off` [N] is the part of the residual caused by rounding of large displacements.
@@ -58,6 +59,7 @@ class Step:
         }  # fmt: skip
         self.displacement = self.residual = self.internal = np.zeros(0)
         self.responses: dict[str, Response] = {}
+        self.reactions: list[tuple[Mechanism, StepEnd, Reaction]] = []
         self.scale = self.round_off = 0.0
         self._least: float | None = None
         self.error: ProjectionError | None = None
@@ -135,6 +137,10 @@ class Step:
             parts.append(model.mass * self.rates.acceleration_of(u))
             parts.append(equilibrium.forces.damping_force(self.rates.velocity_of(u)))
         self.internal = elastic.copy()
+        end = StepEnd(self.displacement, self.dt, self.rates.weights if self.rates else None)
+        self.reactions = [(each, end, each.respond(self._state, end)) for each in equilibrium.mechanisms]
+        for _, _, reaction in self.reactions:
+            self.internal.reshape(model.nodes, -1)[reaction.nodes] -= reaction.force
         jumps = {fault.name: fault.interface.jump(u) for fault in model.faults}
         try:
             self.respond(jumps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,7 +57,7 @@ class Tangent:
         here = np.flatnonzero(given[: self._owned])
         rows = model.space.dofmap.index_map.local_to_global((here // c).astype(np.int32)) * c + here % c
         self._given_rows = rows.astype(fem.PETSc.IntType)
-        self._built: tuple[tuple[float, float], dict[str, np.ndarray]] | None = None
+        self._built: tuple[tuple[float, float], dict[str, np.ndarray], list[np.ndarray]] | None = None
 
     def _assemble(self, bulk: operators.Bulk) -> Any:
         """Return K of some elements as a matrix with room for the tangents of the interfaces."""
@@ -68,8 +69,9 @@ class Tangent:
         return fem.matrix(stiffness_form(bulk), coupled, tied)
 
     def update(
-        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None
-    ) -> bool | None:
+        self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None,
+        nodal: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+    ) -> bool | None:  # fmt: skip
         """Fill the matrix; return whether it is symmetric, or None if it has not changed; collective.
 
         Parameters
@@ -80,16 +82,20 @@ class Tangent:
             Diagonal entry of rows of driven nodes and of copies of tied nodes, whose other entries are zero.
         held : ndarray, shape (nodes * components,), optional
             Springs to the ground [N/m]; they must be a function of the other parameters.
+        nodal : sequence of (ndarray of shape (n,), ndarray of shape (n, components, components))
+            Local nodes and their stiffness to the ground [N/m], of mechanisms.
         """
         model, matrix = self._model, self.matrix
         same = (
             self._built is not None
             and self._built[0] == (c_M, c_C)
             and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
+            and len(nodal) == len(self._built[2])
+            and all(np.array_equal(block, built) for (_, block), built in zip(nodal, self._built[2], strict=True))
         )
         if not parallel.anywhere(model.comm, not same):
             return None
-        self._built = ((c_M, c_C), blocks)
+        self._built = ((c_M, c_C), blocks, [block for _, block in nodal])
         self._stiffness.copy(matrix, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if model.viscosity is not None and c_C:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
@@ -102,18 +108,27 @@ class Tangent:
         for fault in model.faults:
             if fault.name in blocks:
                 _add_interface(matrix, fault.interface, blocks[fault.name])
+        for nodes, stiffness in nodal:
+            _add_at_nodes(matrix, nodes, stiffness, model.owned_nodes)
         matrix.assemble()
         matrix.zeroRowsColumns(self._given_rows, diag=driven)
-        return not parallel.anywhere(model.comm, any(np.any(block[:, 1:, 0]) for block in blocks.values()))
+        skew = any(np.any(block[:, 1:, 0]) for block in blocks.values())
+        skew = skew or any(np.any(block != np.swapaxes(block, 1, 2)) for _, block in nodal)
+        return not parallel.anywhere(model.comm, skew)
 
 
 def _add_supports(matrix: Any, model: Model) -> None:
     """Add the stiffness of the elastic supports, every node once; collective."""
     for support in model.loads.supports:
-        for node, block in zip(support.nodes.astype(fem.PETSc.IntType), support.stiffness, strict=True):
-            if node < model.owned_nodes:
-                matrix.setValuesBlockedLocal([node], [node], block, addv=fem.PETSc.InsertMode.ADD_VALUES)
+        _add_at_nodes(matrix, support.nodes, support.stiffness, model.owned_nodes)
     matrix.assemble()
+
+
+def _add_at_nodes(matrix: Any, nodes: np.ndarray, blocks: np.ndarray, owned: int) -> None:
+    """Add stiffness to the ground, every node once."""
+    for node, block in zip(nodes.astype(fem.PETSc.IntType), blocks, strict=True):
+        if node < owned:
+            matrix.setValuesBlockedLocal([node], [node], block, addv=fem.PETSc.InsertMode.ADD_VALUES)
 
 
 def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:

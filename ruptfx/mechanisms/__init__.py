@@ -68,6 +68,47 @@ class Springs:
     margin: float = 1.0
 
 
+@dataclass(frozen=True)
+class StepEnd:
+    """Trial displacement at the end of an implicit step.
+
+    Attributes
+    ----------
+    displacement : ndarray, shape (nodes * components,)
+        [m], complete at ghosts.
+    dt : float
+        Length of the step [s].
+    weights : (float, float, float, float), optional
+        alpha_m, alpha_f, gamma and beta of generalized-alpha; None in steps of equilibrium, without inertia.
+    """
+
+    displacement: Floats
+    dt: float
+    weights: tuple[float, float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Forces of a mechanism on the bodies for a trial displacement.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (n,)
+        Local nodes, ghosts included.
+    force : ndarray, shape (n, components)
+        [N], complete at every node.
+    stiffness : ndarray, shape (n, components, components)
+        Exact derivative of minus the force [N/m].
+    fields : dict of str to ndarray
+        Fields of the mechanism at the end of the step.
+    """
+
+    nodes: NDArray[np.int64]
+    force: Floats
+    stiffness: Floats
+    fields: Mapping[str, Floats]
+
+
 class Mechanism:
     """The contract of a mechanism; a method that is not overridden does nothing.
 
@@ -150,6 +191,26 @@ class Mechanism:
         """Return the nodes of an edge without those that stand for others among them."""
         return nodes
 
+    # -- implicit steps ----------------------------------------------------------------------------
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        """Return its forces at the end of an implicit step, with `state` unchanged.
+
+        Only mechanisms that override it act in implicit steps beside the bodies, boundaries and faults.
+        """
+        raise NotImplementedError
+
+    def force_of(self, state: State) -> Reaction:
+        """Return its forces in a state between implicit steps."""
+        raise NotImplementedError
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        """Copy its fields to the state and count its losses; the displacement is that at the start of the step."""
+
+    def step_error(self, state: State, reaction: Reaction) -> float:
+        """Return its error in a step over what is tolerated, largest of this rank; steps of variable length heed it."""
+        return 0.0
+
     # -- explicit steps ----------------------------------------------------------------------------
 
     def nodes(self) -> NDArray[np.bool_]:
@@ -215,6 +276,11 @@ def overriding(mechanisms: Iterable[Mechanism], *phases: str) -> list[Callable[.
         getattr(each, phase) for each in mechanisms for phase in phases
         if getattr(type(each), phase) is not getattr(Mechanism, phase)
     ]  # fmt: skip
+
+
+def responding(mechanisms: Iterable[Mechanism]) -> list[Mechanism]:
+    """Return the mechanisms that act in implicit steps by `Mechanism.respond`."""
+    return [each for each in mechanisms if type(each).respond is not Mechanism.respond]
 
 
 @cache

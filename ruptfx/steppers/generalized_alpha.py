@@ -46,6 +46,7 @@ class GeneralizedAlpha(Stepper):
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
     staged: ClassVar[bool] = True
+    attachments: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"
     """Member of the family."""
@@ -172,7 +173,7 @@ class GeneralizedAlphaMotion:
         loads.drive(velocity, end)
         velocity -= np.where(self._driven, c_C * (loads.moved(state.displacement, state.time, end) - predictor), 0.0)
         # Divided by 1 - alpha_f, so that the forces at the end of the step have the factor 1.
-        rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity)
+        rates = Rates(c_M * (1 - alpha_m) / (1 - alpha_f), c_C, predictor, velocity, self._weights)
         added = -(alpha_m * self.model.mass * acceleration + alpha_f * carried) / (1 - alpha_f)
         solution = self._equilibrium.solve(state, dt, rates, added, guess=state.displacement + dt * state.velocity)
         self._equilibrium.forces.count_work(state, solution, rates.velocity_of(solution.displacement), carried)

@@ -14,6 +14,7 @@ from ruptfx.faults.projection import ProjectionError
 from ruptfx.fields import component_names
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.response import FaultResponse
+from ruptfx.mechanisms import StepEnd
 from ruptfx.platform import parallel
 from ruptfx.sliding.follower import FIELDS as FOLLOWED
 from ruptfx.steppers import AnyStepper, Stepper
@@ -47,6 +48,7 @@ class Hybrid(Stepper):
     why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True
+    attachments: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
     """Stepper of the loading between ruptures. It enforces rigid contact by multipliers, `fast` at split
@@ -229,9 +231,12 @@ class HybridMotion:
                 fields[mean][:] = fields[now]
 
     def _bring_faults_up(self, state: State) -> None:
-        """Advance the faults, whose explicit fields are one step behind, at the present displacement."""
+        """Advance faults and attachments, whose explicit fields are one step behind, at the present displacement."""
         dt, threshold = self._fast.dt, self.model.case.output.rupture_threshold
         error = None
+        end = StepEnd(state.displacement, dt)
+        for mechanism in self._slow.equilibrium.mechanisms:
+            mechanism.advance(state, end, mechanism.respond(state, end))
         for fault, fast in zip(self._slow.model.faults, self._fast.model.faults, strict=True):
             fields, answer = state.faults[fault.name], FaultResponse(fault, threshold)
             multiplier = fields["normal_stress"], fault.components(fields, "shear_traction")

@@ -49,6 +49,7 @@ class QuasiStatic(Stepper):
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True
+    attachments: ClassVar[bool] = True
 
     first_step: Duration | None = None
     """First time step; default: the fastest edge or interface moves by the slip tolerance."""
@@ -193,6 +194,8 @@ class QuasiStaticMotion(SlowMotion):
                 worst = max(worst, float(grown.max(initial=0.0)) / MOST_DAMAGE)
             if self._stepper.strength_tolerance is not None:
                 worst = max(worst, self._strength_error(fault, state, solution) / self._stepper.strength_tolerance)
+        for mechanism, _, reaction in solution.reactions:
+            worst = max(worst, mechanism.step_error(state, reaction))
         return parallel.largest(self.model.comm, worst)
 
     def _strength_error(self, fault: Fault, state: State, solution: Solution) -> float:

@@ -157,10 +157,104 @@ def test_check_has_its_rows(kind: str) -> None:
     assert rows and all(example(kind)["name"] in row.quantity for row in rows)
 
 
+STEPPERS = {
+    "generalized_alpha": {"kind": "generalized_alpha", "scheme": "average_acceleration", "time_step": 1e-7},
+    "quasi_static": {"kind": "quasi_static"},
+    "hybrid": {"kind": "hybrid", "fast_above": 5e-3, "slow_below": 4e-3, "calm_for": 1e-6},
+}
+SLOW_PUSH = {**PUSH, "traction": [-8e4, 4e4], "ramp": 5e-6}  # up to 0.11 MPa the ground fails stably
+IN_STEPS = [
+    (kind, stepper) for kind, cls in ATTACHMENTS.items() for stepper in STEPPERS
+    if cls.implicit and (stepper != "quasi_static" or not cls.inertia)
+]  # fmt: skip
+every_implicit = pytest.mark.parametrize("kind, stepper", IN_STEPS)
+
+
+def implicit(kind: str, stepper: str, changes: dict[str, Any] | None = None) -> Case:
+    slips = {"damping": {"mass": 2e6}, "faults.main.friction": SLIPPERY, "duration": 12e-6}
+    more = slips if stepper == "hybrid" else {"duration": 8e-6}
+    return attached(kind, {"order": 2, "stepper": STEPPERS[stepper], **more,
+                           "boundaries": [SLOW_PUSH, SUPPORT], **(changes or {})})  # fmt: skip
+
+
+SLIPPERY = {"kind": "coulomb", "mu_d": 0.004}
+SUPPORT = {"kind": "spring", "edge": "lower.left", "normal": 1e13, "tangential": 1e13}
+
+
+@every_implicit
+def test_energy_budget_closes_in_implicit_steps(kind: str, stepper: str) -> None:
+    given = implicit(kind, stepper)
+    model, modes = Model(given), [0.0]
+    motion, state = given.stepper.bind(model), model.initial_state()
+    while state.time < given.duration:
+        motion.step(state)
+        modes.append(state.numbers.get("fast", 0.0))
+        energy = motion.energies(state)
+        lost = energy["boundary_work"] - sum(value for name, value in energy.items() if name != "boundary_work")
+        assert abs(lost) < 2e-9 * max(map(abs, energy.values()))
+    if stepper == "hybrid":  # there and back
+        assert {-1.0, 1.0} <= set(np.diff(modes))
+    (mechanism,) = model.attachments
+    found = [np.abs(values).max() for values in mechanism.of(state).values()]
+    assert max(found) > 0 and np.isfinite(found).all()
+
+
+@every_implicit
+def test_the_same_on_any_ranks_in_implicit_steps(kind: str, stepper: str) -> None:
+    found = []
+    for comm in (COMM, fem.MPI.COMM_SELF):
+        model = Model(implicit(kind, stepper), comm)
+        motion, state = model.case.stepper.bind(model), model.initial_state()
+        for _ in range(12):
+            motion.step(state)
+        (mechanism,) = model.attachments
+        rows = comm.bcast(dict(mechanism.record(state)), root=0)
+        energies = np.array([*motion.energies(state).values()])
+        found.append([state.time, energies, *rows.values()])
+    for here, alone in zip(*found, strict=True):
+        np.testing.assert_allclose(here, alone, rtol=1e-7, atol=1e-9 * np.abs(alone).max(initial=0.0))
+
+
+@every_implicit
+def test_resumed_bitwise_in_implicit_steps(kind: str, stepper: str, shared_tmp_path: Path) -> None:
+    plain = implicit(kind, stepper)
+    model = Model(plain)
+    motion, state = plain.stepper.bind(model), model.initial_state()
+    while state.time < 0.6 * plain.duration:
+        motion.step(state)
+    given = implicit(kind, stepper, {"output.checkpoint_steps": state.step, "output.interface_interval": 2e-7})
+    whole, cut = shared_tmp_path / f"{kind}_{stepper}_whole", shared_tmp_path / f"{kind}_{stepper}_cut"
+    for out in (whole, cut):
+        simulate(given, out, COMM, progress=False)
+    if COMM.rank == 0:
+        (cut / "summary.json").unlink()
+        (cut / "attachments.h5").write_bytes(b"cut off")
+        shutil.rmtree(cut / "checkpoints" / "final")
+    COMM.barrier()
+    checkpoint = Checkpoint.latest(COMM, cut, given.hash)
+    assert checkpoint is not None and 0 < checkpoint.manifest["time"] < given.duration
+    simulate(given, cut, COMM, progress=False, resume=True)
+    if COMM.rank == 0:
+        with Record(whole) as one, Record(cut) as other:
+            ours, theirs = (record.attachments[example(kind)["name"]] for record in (one, other))
+            assert ours.identical(theirs) and one.energy.identical(other.energy)
+
+
 @every_attachment
 def test_steps_without_mechanisms_refuse_it(kind: str) -> None:
-    with pytest.raises(CaseError, match=r"attachments\.0\.kind = .*use stepper\.kind = 'leapfrog'"):
-        attached(kind, {"stepper": {"kind": "quasi_static"}})
+    with pytest.raises(CaseError, match=r"attachments\.0\.kind = .*use stepper\.kind = .*'leapfrog'"):
+        attached(kind, {"stepper": {"kind": "quasi_dynamic"}})
+
+
+def test_resonators_need_inertia() -> None:
+    with pytest.raises(CaseError, match=r"attachments\.0\.kind = 'resonators'.*no effect without inertia"):
+        attached("resonators", {"stepper": {"kind": "quasi_static"}})
+
+
+def test_sliding_contact_in_implicit_steps_refuses_attachments() -> None:
+    changes = {"stepper": {"kind": "quasi_static"}, "faults.main.sliding": {}}
+    with pytest.raises(CaseError, match=r"attachments\.0.*sliding"):
+        attached("foundation", changes)
 
 
 def test_each_has_its_own_name() -> None:
