@@ -285,6 +285,7 @@ def study(name: str, picture: str, file: str = "mode_map", folder: Path = DEMOS 
     return Command(f"study demos/{name}.toml --out study", {picture: file}, folder)
 
 
+LESSON = "--set mesh.element_size=4e-3 --set duration=20e-6"  # the run of the first lesson
 COMMANDS = (
     *(Command(f"bench {name} --fine --out bench", {name: name})
       for name in ("tpv205", "time_order", "self_similar", "smooth_rupture", "bp1", "lamb", "westergaard", "spall")),
@@ -298,6 +299,10 @@ COMMANDS = (
     Command("rough_rupture.py", {"rough_rupture": "arrivals"}),
     Command("rough_rupture.py small", {"rough_rupture_small": "arrivals"}),
     Command("mesh demos/gmsh.toml --out gmsh_mesh.png", {"gmsh_mesh": "gmsh_mesh"}),
+    Command(f"run demos/impact.toml --out run {LESSON}", {"first_rupture": "space_time"}),
+    Command("compare first pressed", {"first_comparison": "comparison"}, PICTURES,
+            (f"run demos/impact.toml --out first {LESSON}",
+             f"run demos/impact.toml --out pressed {LESSON} --set faults.main.initial_stress.normal=30e6")),
     Command("run demos/impact.toml --out run", {"impact_fringes": "fringes"}, DEMOS / "pictures"),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),

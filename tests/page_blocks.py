@@ -6,12 +6,16 @@
 - A `toml`, `python` or other block with a `:caption:` is saved under that name, and not run.
 - `toml` blocks without one are parts of a case: they are put into one, which must know every key; other languages are
   only shown.
+- `<!-- output of the block above -->` before a `text` block: what the `python` block must print,
+  `...` standing for anything.
 - `<!-- not run: why -->` before a block leaves it out.
 """
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
+import io
 import os
 import re
 import shutil
@@ -27,6 +31,7 @@ FENCE = re.compile(
     r"^(?P<indent> *)(?P<fence>```+|:::+)(?P<head>[^\n`]*)\n(?P<body>.*?)^(?P=indent)(?P=fence) *$",
     re.MULTILINE | re.DOTALL,
 )
+OUTPUT = re.compile(r"<!-- output of the block above -->\s*$")
 NOT_RUN = re.compile(r"<!-- not run: \S.*?-->\s*$", re.DOTALL)
 SECONDS = 240
 
@@ -41,6 +46,7 @@ class Block:
     caption: str
     text: str
     wanted: bool
+    output: bool = False
 
     def __str__(self) -> str:
         return f"{self.page}:{self.line}"
@@ -64,13 +70,15 @@ def _blocks(page: Path, text: str, first_line: int) -> Iterator[Block]:
         code = re.sub(r"\A( *:[\w-]+:.*\n)+\n*", "", body) if options else body
         code = re.sub(f"^{found['indent']}", "", code, flags=re.MULTILINE)
         wanted = not NOT_RUN.search(text[: found.start()])
-        yield Block(page, line, language, options.get("caption", ""), code, wanted)
+        output = bool(OUTPUT.search(text[: found.start()]))
+        yield Block(page, line, language, options.get("caption", ""), code, wanted, output)
 
 
 def run_page(page: Path, directory: Path) -> None:
     """Run all blocks of a page in a directory that holds the demos, as a clone does."""
     shutil.copytree(ROOT / "demos", directory / "demos", ignore=shutil.ignore_patterns("__pycache__"))
     names: dict[str, object] = {"__name__": "__main__"}
+    printed = io.StringIO()
     for block in blocks(page):
         if not block.wanted:
             continue
@@ -82,7 +90,11 @@ def run_page(page: Path, directory: Path) -> None:
             _check_part(block)
         elif block.language == "python":
             source = "\n" * block.line + block.text  # tracebacks name the line of the page
-            exec(compile(source, str(page), "exec"), names)
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                exec(compile(source, str(page), "exec"), names)
+        elif block.output:
+            assert matches(block.text, printed.getvalue()), f"{block} shows otherwise than\n{printed.getvalue()}"
         elif block.language in ("sh", "console"):
             _run_shell(block, directory)
 

@@ -94,3 +94,16 @@ def test_shown_output_is_compared_line_by_line() -> None:
     assert not matches("end\nspeed ...\n", "speed 1\nend\n")  # the other order
     assert matches("zone ... m\n", "│ zone │ 8.1 │ m │\n")
     assert not matches("[x]\n", "x\n")  # brackets are characters
+
+
+def test_output_of_python_blocks_is_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, shown in (("right", "speed 1.5 ..."), ("wrong", "speed 2 ...")):
+        page = tmp_path / f"{name}.md"
+        page.write_text(
+            f"```python\nprint('speed 1.5 m/s')\n```\n\n<!-- output of the block above -->\n```text\n{shown}\n```\n"
+        )
+        (tmp_path / name).mkdir()
+    run_page(tmp_path / "right.md", tmp_path / "right")
+    with pytest.raises(AssertionError, match="shows otherwise"):
+        run_page(tmp_path / "wrong.md", tmp_path / "wrong")
