@@ -107,6 +107,43 @@ def test_the_stiffness_of_a_ground_that_fails() -> None:
         assert np.abs(changed - predicted).max() < 10 * length / 1e-6 * np.abs(predicted).max()
 
 
+def frequency(course: list[float], times: list[float]) -> float:
+    """Return the angular frequency from two passages through zero, interpolated between steps."""
+    values, at = np.array(course), np.array(times)
+    before = np.flatnonzero(values[:-1] * values[1:] < 0)
+    passages = at[before] + (at[before + 1] - at[before]) * values[before] / (values[before] - values[before + 1])
+    assert len(passages) == 2
+    return float(np.pi / (passages[1] - passages[0]))
+
+
+def test_a_plate_that_vibrates_on_the_ground() -> None:
+    """The lowest mode along y, cos(w (H / 2 - y) / c), has tan(w H / c) = k c / (E w) and keeps its energy."""
+    stiffness, speed = 1e11, float(np.sqrt(MODULUS / HOMALITE["density"]))
+    w = brentq(lambda w: MODULUS * w / speed * np.tan(w * HEIGHT / speed) - stiffness, 1.0, 1.5 * speed / HEIGHT)
+    period = 2 * np.pi / w
+    steps = {"kind": "generalized_alpha", "scheme": "average_acceleration", "time_step": period / 200}
+    given = on_ground(STRONG, [], {"stepper": steps, "duration": period})
+    given = given.model_copy(update={"attachments": [given.attachments[0].model_copy(update={"normal": stiffness})]})
+    model = Model(given)
+    motion, state = given.stepper.bind(model), model.initial_state()
+    mode = np.zeros((model.nodes, 2))
+    mode[:, 1] = np.cos(w * (HEIGHT / 2 - model.coordinates[:, 1]) / speed)
+    mode = mode.ravel()
+    state.velocity[:] = 1e-3 * mode
+    start = model.energies(state)["kinetic"]
+    course, times = [], []
+    for _ in range(220):
+        motion.step(state)
+        course.append(float(mode @ (model.mass * state.displacement)))
+        times.append(state.time)
+    assert frequency(course, times) == pytest.approx(w, rel=1e-3)
+    energy = motion.energies(state)
+    assert np.abs(state.attached["ground"]["traction"][:, 1]).max() > 0 and not state.attached["ground"]["damage"].any()
+    assert energy["kinetic"] + energy["strain"] + energy["interface_elastic"] == pytest.approx(
+        start + energy["boundary_work"], rel=1e-7
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("scheme", ["generalized_alpha", "average_acceleration"])
 def test_resonators_on_a_bar(scheme: str) -> None:
     """The lowest mode of a bar with masses, tan(w H / c) = -(m / (rho c)) w w_r^2 / (w_r^2 - w^2), has its frequency.
@@ -141,12 +178,7 @@ def test_resonators_on_a_bar(scheme: str) -> None:
         motion.step(state)
         course.append(float(mode @ (model.mass * state.displacement)) / float(mode @ (model.mass * mode)))
         times.append(state.time)
-    values = np.array(course)
-    before = np.flatnonzero(values[:-1] * values[1:] < 0)
-    passages = [np.interp(0.0, np.sort(values[[i, i + 1]]), np.array(times)[[i, i + 1]][np.argsort(values[[i, i + 1]])])
-                for i in before]  # fmt: skip
-    assert len(passages) == 2
-    assert np.pi / (passages[1] - passages[0]) == pytest.approx(w, rel=1e-3)
+    assert frequency(course, times) == pytest.approx(w, rel=1e-3)
     energy = motion.energies(state)
     assert energy["resonators"] > 0.05 * (start["strain"] + start["resonators"])
     if scheme == "average_acceleration":
