@@ -17,16 +17,15 @@ from ruptfx import RuptfxError, fem, operators
 from ruptfx.boundaries._loading import Loads
 from ruptfx.case import Case, FaultCase
 from ruptfx.collisions._step import CollisionStep
-from ruptfx.contact import Way, in_steps
+from ruptfx.contact import Way
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks._step import CrackStep
-from ruptfx.faults.fault import Fault
+from ruptfx.faults.fault import Fault, in_steps
 from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.fields import ENERGIES, KEPT
-from ruptfx.materials import Material, WaveSpeeds
+from ruptfx.materials import WaveSpeeds
 from ruptfx.mechanisms import mechanisms_of
 from ruptfx.nucleation import first_begun
-from ruptfx.operators import ufl_form
 from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.profiles._places import Place, located, positions, shifted
@@ -35,7 +34,7 @@ from ruptfx.sliding.interface import build_sliding
 from ruptfx.space import axisymmetry
 from ruptfx.space.bodies import distribute
 from ruptfx.space.closest import closest
-from ruptfx.space.nodes import Nodes
+from ruptfx.space.discretisation import Discretisation
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
 
@@ -65,7 +64,7 @@ class Viscosity:
     everywhere: bool
 
 
-class Model:
+class Model(Discretisation):
     """The discrete problem of a case on the ranks of a communicator.
 
     Parameters
@@ -81,34 +80,17 @@ class Model:
 
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
-        self.comm = comm or fem.MPI.COMM_WORLD
         sliding = [name for name, fault in case.faults.items() if fault.sliding is not None]
-        self.bodies = distribute(self.comm, case.mesh, self._tied_edges(), sliding, case.fracture is not None)
-        self.mesh = self.bodies.mesh
-        simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
-        if simplex and case.order > 1:
-            raise CaseError(f"order = {case.order}: on triangles and tetrahedra the mass is diagonal for order 1 only")
-        dim = self.mesh.geometry.dim
-        if (dim == 3) != (case.plane == "solid"):
-            raise CaseError(f"plane = '{case.plane}': the mesh has {dim} dimensions")
-        self.components = {"antiplane": 1, "solid": 3}.get(case.plane, 2)
-        if case.plane == "axisymmetric":
-            parallel.raise_on_all(self.comm, axisymmetry.put_on_axis(self.mesh))
-        if case.fracture is not None and self.mesh.basix_cell().name != "triangle":
-            raise CaseError(f"fracture: bodies break along triangles, and this mesh has {self.mesh.basix_cell().name}s")
-        broken = case.fracture is not None
-        if not broken and (len(self.bodies.open_facets) or self.bodies.joints):
+        world, broken = comm or fem.MPI.COMM_WORLD, case.fracture is not None
+        bodies = distribute(world, case.mesh, self._tied_edges(), sliding, broken)
+        if broken and bodies.mesh.basix_cell().name != "triangle":
+            found = bodies.mesh.basix_cell().name
+            raise CaseError(f"fracture: bodies break along triangles, and this mesh has {found}s")
+        if not broken and (len(bodies.open_facets) or bodies.joints):
             raise CaseError(
                 "mesh: it has notches or joints, which open only where bodies may break; add the table [fracture]"
             )
-        self.space = (
-            fem.broken_lagrange(self.mesh, self.components) if broken
-            else fem.lagrange(self.mesh, case.order, self.components)
-        )  # fmt: skip
-        self.layout = Nodes(self.space, self.bodies)
-        self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
-        self.coordinates = self.layout.coordinates
-        self.materials = self._materials()
+        super().__init__(world, bodies, case.materials, case.plane, case.order, broken)
         self.cracks = None if case.fracture is None else (RigidCracks if case.fracture.rigid else CrackStep)(
             self.space, self.bodies, case.fracture, self.materials, case.plane, case.large_rotations,
             case.initial_tensor,
@@ -122,7 +104,6 @@ class Model:
         )
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self.force = fem.SharedVector(self.space)
-        self.mass = self._mass()
         self.placed: dict[str, FaultCase] = {}  # what the case says of the faults, with positions instead of points
         self.faults = [self._fault(name, fault) for name, fault in case.faults.items()]
         unknown = [name for name in self.bodies.interfaces if name not in case.faults]
@@ -194,49 +175,6 @@ class Model:
         mass = self.mass.copy()
         self.layout.sum_tied(mass)
         return np.where(self.loads.prescribed, 0.0, 1 / mass)
-
-    def _materials(self) -> list[Material]:
-        """Return the material of every body, in the order of the bodies."""
-        given = self.case.materials
-        for name in given:
-            if name not in (*self.bodies.names, "default"):
-                raise CaseError(f"materials.{name}: no such body, {nearest(name, [*self.bodies.names, 'default'])}")
-        missing = [name for name in self.bodies.names if name not in given and "default" not in given]
-        if missing:
-            raise CaseError(
-                f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]"
-            )
-        return [given[name] if name in given else given["default"] for name in self.bodies.names]
-
-    def _mass(self) -> np.ndarray:
-        """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
-        ufl = fem.ufl
-        dx = self.measure()
-        density = [material.density for material in self.materials]
-        test = self.around(self.sum_of(ufl.TestFunction(self.space)))
-        mass = fem.assemble_summed(self.space, sum(rho * test * dx(i) for i, rho in enumerate(density)))
-        if self.case.plane == "axisymmetric":
-            gained = axisymmetry.mass_on_axis(self.space, np.array(density)[self.bodies.cell_body])
-            self.layout.sum_shared(gained)
-            mass += gained
-        return mass
-
-    def around(self, density: fem.Expr) -> fem.Expr:
-        """Return a density of the section times 2 pi r in axisymmetric cases, else as it is."""
-        return axisymmetry.around(density, self.mesh, self.case.plane)
-
-    def measure(self) -> fem.ufl.Measure:
-        """Return the measure of all cells with the quadrature of the mass, tagged by material."""
-        return fem.ufl.Measure(
-            "dx",
-            domain=self.mesh,
-            subdomain_data=ufl_form.material_tags(self.bulk),
-            metadata=fem.gll_metadata(self.mesh, self.case.order),
-        )
-
-    def sum_of(self, vector: fem.ufl.core.expr.Expr) -> fem.ufl.core.expr.Expr:
-        """Return the sum of the components of a vector expression."""
-        return vector if self.components == 1 else sum(vector[i] for i in range(self.components))
 
     def _fault(self, name: str, fault: FaultCase) -> Fault:
         if name not in self.bodies.interfaces:
@@ -319,29 +257,7 @@ class Model:
         except RuptfxError as error:
             raise CaseError(f"{key} = {error}") from None
 
-    # -- what loads and steppers ask for ---------------------------------------------------------------------------
-
-    def edge_measure(self, tag: int | tuple[int, ...]) -> fem.ufl.Measure:
-        """Return the measure of a named edge, or of one side of an interface."""
-        return fem.ufl.Measure(
-            "ds",
-            domain=self.mesh,
-            subdomain_data=self.bodies.facets,
-            subdomain_id=tag,
-            metadata=fem.gll_metadata(self.mesh, self.case.order),
-        )
-
-    @cached_property
-    def _constants(self) -> fem.dolfinx.fem.FunctionSpace:
-        """Function space of constants in every cell."""
-        return fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
-
-    def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
-        """Return a function that is constant in every cell, from values of all local cells."""
-        function = fem.dolfinx.fem.Function(self._constants)
-        cells = function.function_space.dofmap.list[:, 0]
-        function.x.array[cells] = values[: len(cells)]
-        return function
+    # -- for steppers ----------------------------------------------------------------------------------------------
 
     def initial_state(self) -> State:
         """Return the state at the start, with the initial stress and the given velocities."""

@@ -15,7 +15,7 @@ from ruptfx.space.edges import Edge
 from ruptfx.space.inside import Inside
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.space.discretisation import Discretisation
 
 
 class Loads:
@@ -23,14 +23,14 @@ class Loads:
 
     Parameters
     ----------
-    model : Model
+    model : Discretisation
     boundaries : sequence of Boundary
     key : str
         Of the case, for messages.
 
     Attributes
     ----------
-    model : Model
+    model : Discretisation
     motions : list of Motion
     forces : list of Force
     ended : list of Force
@@ -49,12 +49,12 @@ class Loads:
 
     start, end = 0.0, np.inf
 
-    def __init__(self, model: Model, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
+    def __init__(self, model: Discretisation, boundaries: Sequence[Boundary], key: str = "boundaries") -> None:
         self.model = model
         self._acts = [(each, self.act(each, f"{key}.{number}")) for number, each in enumerate(boundaries)]
         actions = [action for _, found in self._acts for action in found]
         self.motions = [action.motion for action in actions if action.motion is not None]
-        if model.case.plane == "axisymmetric":
+        if model.plane == "axisymmetric":
             self.motions.append(_resting(2 * np.flatnonzero(axisymmetry.on_axis(model.coordinates)) + 1))
         self.forces = [action.force for action in actions if action.force is not None]
         self.ended: list[Force] = []
@@ -128,7 +128,7 @@ class Loads:
         model = self.model
         marked = np.zeros(model.nodes, dtype=bool)
         marked[dofs // model.components] = True
-        of_end = 1 if model.mesh.geometry.dim == 2 else model.case.order + 1
+        of_end = 1 if model.mesh.geometry.dim == 2 else model.order + 1
         return bool(np.any(marked[model.space.dofmap.list].sum(axis=1) > of_end))
 
     def act(self, boundary: Boundary, key: str) -> list[Action]:

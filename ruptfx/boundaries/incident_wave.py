@@ -70,7 +70,7 @@ class IncidentWave(EdgeBoundary):
     def act_on(self, edge: Edge, key: str) -> Action:
         model, dashpot = edge.model, edge.dashpot()
         material = self._material(edge, key)
-        stiffness = tangent_stiffness(material, model.case.plane)
+        stiffness = tangent_stiffness(material, model.plane)
         d = np.array(self.direction) / np.linalg.norm(self.direction)
         modulus, p = self._motion(stiffness, d)
         speed = np.sqrt(modulus / material.density)

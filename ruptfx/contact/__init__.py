@@ -6,12 +6,11 @@ brings the trial back to tractions that the friction law admits.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ruptfx.fields import Array as Array
-from ruptfx.schema import Alternative, CaseError, alternative
+from ruptfx.schema import Alternative, alternative
 
 Way = Literal["explicit", "implicit"]
 
@@ -158,28 +157,7 @@ class ContactMethod(Alternative):
         return 0.0, 0.0
 
 
-def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
-    """Return faults with the contact methods for steps of one kind (`ContactMethod.in_steps`).
-
-    Raises
-    ------
-    CaseError
-        Contact methods that have no counterpart there.
-    """
-    found = []
-    for fault in faults:
-        contact = fault.contact.in_steps(way, fault.slides)
-        if contact is None:
-            raise CaseError(
-                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use 'compliant' "
-                "or 'split_node'"
-            )
-        found.append(fault if contact is fault.contact else replace(fault, contact=contact))
-    return found
-
-
 if TYPE_CHECKING:
-    from ruptfx.faults.fault import Fault
     AnyContact = ContactMethod
 else:
     AnyContact = alternative("ruptfx.contact")

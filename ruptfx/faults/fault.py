@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ruptfx.cohesion import CohesiveLaw
-from ruptfx.contact import ContactMethod
+from ruptfx.contact import ContactMethod, Way
 from ruptfx.faults import bond
 from ruptfx.faults.bond import TracedBond
 from ruptfx.faults.interface import Interface
@@ -232,3 +232,23 @@ class Fault:
         known = {name: float(state[name][point]) for name in self.state_fields()}
         least = least_strength(self.traced_law(), state, point, values)
         raise explain(self.friction, int(self.interface.number[point]), where, values | known, least)
+
+
+def in_steps(faults: Iterable[Fault], way: Way) -> list[Fault]:
+    """Return faults with the contact methods for steps of one kind (`ContactMethod.in_steps`).
+
+    Raises
+    ------
+    CaseError
+        Contact methods that have no counterpart there.
+    """
+    found = []
+    for fault in faults:
+        contact = fault.contact.in_steps(way, fault.slides)
+        if contact is None:
+            raise CaseError(
+                f"faults.{fault.name}.contact.kind = '{fault.contact.kind()}': not for {way} steps; use 'compliant' "
+                "or 'split_node'"
+            )
+        found.append(fault if contact is fault.contact else replace(fault, contact=contact))
+    return found

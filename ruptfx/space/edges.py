@@ -15,7 +15,7 @@ from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
     from ruptfx.fem import Expr
-    from ruptfx.model import Model
+    from ruptfx.space.discretisation import Discretisation
 
 MOST_COUPLING = 0.01  # largest off-diagonal part of the impedance, over its trace
 Limits = Sequence[Sequence[float] | None]
@@ -26,7 +26,7 @@ class Edge:
 
     Parameters
     ----------
-    model : Model
+    model : Discretisation
     name : str
         ``"upper.left"``.
     key : str
@@ -38,7 +38,7 @@ class Edge:
         No such edge.
     """
 
-    def __init__(self, model: Model, name: str, key: str) -> None:
+    def __init__(self, model: Discretisation, name: str, key: str) -> None:
         self.model, self.name, self._key = model, name, key
         self.tag = model.bodies.tag(name, key)
 
@@ -153,7 +153,7 @@ class Edge:
             )
         dim = model.mesh.geometry.dim
         diagonal = np.array([
-            np.diagonal(material.impedance(np.eye(dim), model.case.plane), axis1=1, axis2=2)
+            np.diagonal(material.impedance(np.eye(dim), model.plane), axis1=1, axis2=2)
             for material in model.materials
         ])  # by body, axis of the normal and component
         return self.integral(lambda tests, n: sum(
@@ -183,7 +183,7 @@ class Edge:
         for index, material in enumerate(model.materials):
             n = normal[self.bodies == index]
             try:
-                exact, axes = (material.impedance(given, model.case.plane) for given in (n, np.eye(n.shape[1])))
+                exact, axes = (material.impedance(given, model.plane) for given in (n, np.eye(n.shape[1])))
             except RuptfxError as caught:
                 error = caught
                 break

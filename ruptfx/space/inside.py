@@ -12,7 +12,7 @@ from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, nearest
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.space.discretisation import Discretisation
 
 SLACK = 1e-8  # of a cell: tolerance for points on its side
 
@@ -22,7 +22,7 @@ class Inside:
 
     Parameters
     ----------
-    model : Model
+    model : Discretisation
     point : sequence of float
         [m].
     body : str or None
@@ -44,7 +44,7 @@ class Inside:
     """
 
     def __init__(
-        self, model: Model, point: Sequence[float], body: str | None, key: str, field: str = "point"
+        self, model: Discretisation, point: Sequence[float], body: str | None, key: str, field: str = "point"
     ) -> None:
         self.model = model
         names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"

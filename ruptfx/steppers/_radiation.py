@@ -13,10 +13,10 @@ from ruptfx.platform import parallel
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.space.discretisation import Discretisation
 
 
-def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
+def radiation_impedance(model: Discretisation, fault: Fault) -> np.ndarray:
     """Return the traction per slip rate of plane waves that leave both sides [Pa s/m], shape (n,); collective.
 
     (1/Z+ + 1/Z-)^-1 with the impedances of the bodies along the normal: mu / (2 c_s) between equal isotropic ones and
@@ -53,7 +53,7 @@ def radiation_impedance(model: Model, fault: Fault) -> np.ndarray:
     return mean
 
 
-def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
+def _side(model: Discretisation, fault: Fault, side: str) -> np.ndarray:
     """Return the impedance of the bodies on one side of every point, shape (n, components, components)."""
     face, bodies = fault.interface, model.bodies
     nodes = face.plus if side == "plus" else face.minus
@@ -73,11 +73,11 @@ def _side(model: Model, fault: Fault, side: str) -> np.ndarray:
     return result / area[:, None, None]
 
 
-def _impedance(material: Material, fault: Fault, model: Model) -> np.ndarray:
+def _impedance(material: Material, fault: Fault, model: Discretisation) -> np.ndarray:
     """Return the impedance along the normal of every point, shape (n or 1, components, components)."""
     if fault.interface.has_normal:
-        return material.impedance(fault.interface.frame[:, 0], model.case.plane)
-    axes = material.impedance(np.eye(model.mesh.geometry.dim), model.case.plane)
+        return material.impedance(fault.interface.frame[:, 0], model.plane)
+    axes = material.impedance(np.eye(model.mesh.geometry.dim), model.plane)
     if np.ptp(axes) > 1e-6 * axes.max():
         raise CaseError(
             f"stepper.radiation_damping: the impedance of '{material.kind()}' depends on the direction of the normal, "

@@ -1,0 +1,141 @@
+"""The bodies in finite elements: mesh, materials, function space, nodes and measures, without the forces on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from ruptfx import fem
+from ruptfx.materials import Material, Plane
+from ruptfx.platform import parallel
+from ruptfx.schema import CaseError, nearest
+from ruptfx.space import axisymmetry
+from ruptfx.space.bodies import Bodies
+from ruptfx.space.nodes import Nodes
+
+
+class Discretisation:
+    """Bodies in finite elements.
+
+    Parameters
+    ----------
+    comm : MPI communicator
+    bodies : Bodies
+    materials : mapping of str to Material
+        By name of a body; "default" for the others.
+    plane : str
+    order : int
+        Of the elements.
+    broken : bool
+        True if every cell has nodes of its own.
+
+    Attributes
+    ----------
+    space : dolfinx FunctionSpace
+        Displacements.
+    layout : Nodes
+    materials : list of Material
+        In the order of the bodies.
+    mass : ndarray, shape (nodes * components,)
+        Lumped mass of every local degree of freedom [kg].
+    components : int
+        Of a displacement.
+    nodes, owned_nodes, total_nodes : int
+        Of this rank with ghosts, owned by it, of all ranks.
+    coordinates : ndarray, shape (nodes, dimensions)
+        [m]
+
+    Raises
+    ------
+    CaseError
+        Elements of an order without diagonal mass, a mesh of other dimensions, bodies without material.
+    """
+
+    def __init__(
+        self, comm: fem.MPI.Comm, bodies: Bodies, materials: Mapping[str, Material], plane: Plane, order: int,
+        broken: bool,
+    ) -> None:  # fmt: skip
+        self.comm, self.bodies, self.plane, self.order = comm, bodies, plane, order
+        self.mesh = bodies.mesh
+        simplex = self.mesh.basix_cell().name in ("triangle", "tetrahedron")
+        if simplex and order > 1:
+            raise CaseError(f"order = {order}: on triangles and tetrahedra the mass is diagonal for order 1 only")
+        dim = self.mesh.geometry.dim
+        if (dim == 3) != (plane == "solid"):
+            raise CaseError(f"plane = '{plane}': the mesh has {dim} dimensions")
+        self.components = {"antiplane": 1, "solid": 3}.get(plane, 2)
+        if plane == "axisymmetric":
+            parallel.raise_on_all(comm, axisymmetry.put_on_axis(self.mesh))
+        self.space = (
+            fem.broken_lagrange(self.mesh, self.components) if broken
+            else fem.lagrange(self.mesh, order, self.components)
+        )  # fmt: skip
+        self.layout = Nodes(self.space, bodies)
+        self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
+        self.coordinates = self.layout.coordinates
+        self.materials = _in_order(materials, bodies.names)
+        self.mass = self._mass()
+
+    def _mass(self) -> np.ndarray:
+        """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
+        ufl = fem.ufl
+        dx = self.measure()
+        density = [material.density for material in self.materials]
+        test = self.around(self.sum_of(ufl.TestFunction(self.space)))
+        mass = fem.assemble_summed(self.space, sum(rho * test * dx(i) for i, rho in enumerate(density)))
+        if self.plane == "axisymmetric":
+            gained = axisymmetry.mass_on_axis(self.space, np.array(density)[self.bodies.cell_body])
+            self.layout.sum_shared(gained)
+            mass += gained
+        return mass
+
+    def measure(self) -> fem.ufl.Measure:
+        """Return the measure of all cells with the quadrature of the mass, tagged by body."""
+        cells = np.arange(len(self.bodies.cell_body), dtype=np.int32)
+        tags = fem.dolfinx.mesh.meshtags(self.mesh, self.mesh.topology.dim, cells, self.bodies.cell_body)
+        return fem.ufl.Measure(
+            "dx", domain=self.mesh, subdomain_data=tags, metadata=fem.gll_metadata(self.mesh, self.order)
+        )
+
+    def around(self, density: fem.Expr) -> fem.Expr:
+        """Return a density of the section times 2 pi r in axisymmetric cases, else as it is."""
+        return axisymmetry.around(density, self.mesh, self.plane)
+
+    def sum_of(self, vector: fem.ufl.core.expr.Expr) -> fem.ufl.core.expr.Expr:
+        """Return the sum of the components of a vector expression."""
+        return vector if self.components == 1 else sum(vector[i] for i in range(self.components))
+
+    def edge_measure(self, tag: int | tuple[int, ...]) -> fem.ufl.Measure:
+        """Return the measure of a named edge, or of one side of an interface."""
+        return fem.ufl.Measure(
+            "ds",
+            domain=self.mesh,
+            subdomain_data=self.bodies.facets,
+            subdomain_id=tag,
+            metadata=fem.gll_metadata(self.mesh, self.order),
+        )
+
+    @cached_property
+    def _constants(self) -> fem.dolfinx.fem.FunctionSpace:
+        """Function space of constants in every cell."""
+        return fem.dolfinx.fem.functionspace(self.mesh, ("DG", 0))
+
+    def by_cell(self, values: np.ndarray) -> fem.dolfinx.fem.Function:
+        """Return a function that is constant in every cell, from values of all local cells."""
+        function = fem.dolfinx.fem.Function(self._constants)
+        cells = function.function_space.dofmap.list[:, 0]
+        function.x.array[cells] = values[: len(cells)]
+        return function
+
+
+def _in_order(given: Mapping[str, Material], bodies: list[str]) -> list[Material]:
+    """Return the material of every body, in the order of the bodies."""
+    for name in given:
+        if name not in (*bodies, "default"):
+            raise CaseError(f"materials.{name}: no such body, {nearest(name, [*bodies, 'default'])}")
+    missing = [name for name in bodies if name not in given and "default" not in given]
+    if missing:
+        raise CaseError(f"materials: body '{missing[0]}' has none; add [materials.{missing[0]}] or [materials.default]")
+    return [given[name] if name in given else given["default"] for name in bodies]
