@@ -8,6 +8,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from page_blocks import ROOT, blocks
@@ -87,3 +88,16 @@ def test_every_figure_is_in_the_python_reference() -> None:
     reference = (ROOT / "docs" / "reference" / "python.md").read_text()
     figures = {path.stem for path in (ROOT / "ruptfx" / "plots").glob("[a-z]*.py")}
     assert figures <= set(re.findall(r"autofunction:: (\w+)$", reference, re.MULTILINE))
+
+
+def test_references_are_whole_and_in_order() -> None:
+    """Every entry has authors, a year and a journal or a publisher; links are those of their DOIs."""
+    text = (ROOT / "docs" / "reference" / "references.md").read_text()
+    for part in text.split("\n## ")[1:]:
+        entries = [" ".join(entry.split()) for entry in part.split("\n- ")[1:]]
+        assert entries and all(re.match(r"[A-Z][\w-]+, [A-Z].* \((19|20)\d\d\)\. ", entry) for entry in entries)
+        assert all("*" in entry or "doi:" in entry for entry in entries)
+        keys = [(entry.split(",")[0], re.search(r"\((\d{4})\)", entry)[1]) for entry in entries]  # type: ignore[index]
+        assert keys == sorted(keys)
+    for shown, link in re.findall(r"\[doi:([^\]]+)\]\(https://doi\.org/([^)]+)\)", text):
+        assert unquote(link) == shown
