@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+import toml_examples
 from page_blocks import ROOT, blocks
 
 from ruptfx.reference import describe
 from ruptfx.schema import alternatives
-
-sys.path.insert(0, str(ROOT / "docs" / "_extensions"))
-import toml_examples
 
 KINDS = [(topic, name) for topic in (*describe.FOLDERS, "histories") for name in describe.names_of(topic)]
 
