@@ -91,10 +91,56 @@ class Files:
         self.path, self.trust, self.omitted = Path(path), trust, list[str]()
         self._checks, self._checked = checks, set[str]()
         self._open: list[h5py.File] = []
+        self.since, self.until = 0.0, float(np.inf)
         if not self.path.is_dir():
             raise RecordError(f"{self.path}: no such directory; give the directory that 'ruptfx run' wrote")
         if not (self.path / "case.toml").is_file():
             raise RecordError(f"{self.path}: no run directory: it holds no case.toml")
+
+    def between(self, since: float | None = None, until: float | None = None) -> Self:
+        """Return the record with the saved times of a part of the run, for its figures.
+
+        Parameters
+        ----------
+        since, until : float, optional
+            First and last time [s]; default are those of the run.
+
+        Raises
+        ------
+        RecordError
+            The last time is not later than the first.
+        """
+        part = type(self)(self.path, self.trust, self._checks)
+        part.since, part.until = 0.0 if since is None else since, np.inf if until is None else until
+        if not part.until > part.since >= 0:
+            raise RecordError(f"from {part.since:g} to {part.until:g} s: give an earlier and a later time")
+        part.omitted = self.omitted
+        return part
+
+    @property
+    def is_part(self) -> bool:
+        """Whether the record has only a part of the saved times."""
+        return self.since > 0 or self.until < np.inf
+
+    def _within(self, data: Any) -> Any:
+        """Return histories at the times of this record.
+
+        Raises
+        ------
+        RecordError
+            Nothing was saved then.
+        """
+        if not self.is_part:
+            return data
+        times = data["time"].values
+        near = 1e-9 * (abs(times[-1]) if len(times) else 0.0)
+        rows = slice(int(np.searchsorted(times, self.since - near)), int(np.searchsorted(times, self.until + near)))
+        if rows.stop <= rows.start and len(times):
+            raise RecordError(
+                f"{self.path}: nothing was saved from {self.since:g} to {self.until:g} s; the saved times are "
+                f"{times[0]:g} to {times[-1]:g} s"
+            )
+        return data.isel(time=rows)
 
     def _existing(self, name: str) -> Path:
         path = self.path / name
@@ -177,7 +223,7 @@ class Files:
             data["position"], data["normal_stress"]
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
-        return data if written == data.sizes["time"] else data.isel(time=slice(written))
+        return self._within(data if written == data.sizes["time"] else data.isel(time=slice(written)))
 
     @cached_property
     def instruments(self) -> Mapping[str, Data]:
@@ -198,7 +244,7 @@ class Files:
             file = self._opened(path)
             for name in names:
                 data = self._histories(file, name)
-                found[name] = data.isel(time=slice(_written(data["time"].values)))
+                found[name] = self._within(data.isel(time=slice(_written(data["time"].values))))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
         return found
@@ -224,7 +270,7 @@ class Files:
         path = self._existing("bulk.h5")
         try:
             data = self._snapshots(self._opened(path))
-            return data.isel(time=slice(_written(data["time"].values)))
+            return self._within(data.isel(time=slice(_written(data["time"].values))))
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             raise RecordError(f"{path}: damaged or unfinished ({error}); {_AGAIN}") from None
 
@@ -253,10 +299,12 @@ class Files:
         axes = {"points": ("point", "axis"), "lines": ("facet", "end"), "normal": ("facet", "axis"),
                 "bodies": ("facet", "side"), "length": ("facet",), "joint": ("facet",), "time": ("time",)}  # fmt: skip
         data = self._arrays(self._existing("cracks.h5"), lambda name: axes.get(name, ("time", "facet")))
-        return data.isel(time=slice(_written(data["time"].values)))
+        return self._within(data.isel(time=slice(_written(data["time"].values))))
 
     @cached_property
     def events(self) -> Data:
+        if self.is_part:
+            raise MissingFileError(f"{self.path}: statistics of events are those of the whole run")
         return self._arrays(self._existing("events.h5"), lambda name: ("event",))
 
     def _arrays(self, path: Path, axes: Callable[[str], tuple[str, ...]]) -> Any:
@@ -296,7 +344,8 @@ class Files:
                 columns[name]
         except (ValueError, KeyError) as error:
             raise RecordError(f"{path}: damaged ({error!r}); {_AGAIN}") from None
-        return self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
+        found = self._table(columns, {name: "s" if name == "time" else unit(name) for name in columns}, notes)
+        return self._within(found)
 
     def _table(self, columns: dict[str, np.ndarray], units: dict[str, str], notes: str) -> Any:
         """Return columns against time, with their units."""

@@ -114,6 +114,27 @@ def _name_plugin(path: Path) -> Iterator[list[str]]:
         sys.stderr.flush()
 
 
+def seconds(option: str, text: str | None) -> float | None:
+    """Return the time that an option gives as a number or with a unit [s]; None without the option.
+
+    Raises
+    ------
+    RuptfxError
+    """
+    from ruptfx.input.quantities import parse
+
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return parse(text, "s")
+    except ValueError as error:
+        raise RuptfxError(f"{option} {text}: {error}") from None
+
+
 def runs(incomplete: str) -> list[str]:
     """Return run and study directories that begin with the typed text, and folders that lead to some."""
     parent, _, start = incomplete.rpartition("/")

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from ruptfx import RuptfxError
-from ruptfx.commands._shared import reported, runs, runs_and_files, screen
+from ruptfx.commands._shared import reported, runs, runs_and_files, screen, seconds
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,9 +51,10 @@ def compare(
         if second.is_file():
             from ruptfx.commands._measured import show
 
-            if most_shift is not None and not (_seconds(most_shift) > 0):
+            most = seconds("--most-shift", most_shift)
+            if most is not None and not most > 0:
                 raise RuptfxError(f"--most-shift {most_shift}: give a positive time, such as '5 us'")
-            show(first, second, instrument, channel, None if most_shift is None else _seconds(most_shift), out)
+            show(first, second, instrument, channel, most, out)
             return
         if instrument or channel or most_shift:
             raise RuptfxError(f"{second}: no file; --instrument, --channel and --most-shift are for measured signals")
@@ -71,19 +72,6 @@ def compare(
             out.parent.mkdir(parents=True, exist_ok=True)
             overlay(one, other).savefig(out, dpi=150)
             screen.print(f"Picture: {out}", soft_wrap=True)
-
-
-def _seconds(text: str) -> float:
-    from ruptfx.input.quantities import parse
-
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    try:
-        return parse(text, "s")
-    except ValueError as error:
-        raise RuptfxError(f"--most-shift {text}: {error}") from None
 
 
 def _show_results(one: Record, other: Record, verbose: bool) -> None:

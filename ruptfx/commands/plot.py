@@ -7,21 +7,40 @@ from typing import Annotated
 
 import typer
 
-from ruptfx.commands._shared import errors, reported, runs, screen
+from ruptfx import RuptfxError
+from ruptfx.commands._shared import completed_from, errors, reported, runs, screen, seconds
+from ruptfx.input.quantities import with_prefix
+
+
+def figures() -> list[str]:
+    """Return the names of all figures."""
+    from ruptfx import plots
+
+    return list(plots.FIGURES)
 
 
 def plot(
     run: Annotated[Path, typer.Argument(help="Run or study directory.", autocompletion=runs, show_default=False)],
     format_: Annotated[list[str], typer.Option("--format", help="png, pdf or svg; repeatable.")] = ["png"],  # noqa: B006
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this figure, such as space_time; repeatable.", autocompletion=completed_from(figures)),
+    ] = None,
+    since: Annotated[str | None, typer.Option("--from", help="Only times from this one on, as '10 us'.")] = None,
+    until: Annotated[str | None, typer.Option("--to", help="Only times up to this one, as '30 us'.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Run plug-ins of the run where figures need them.")] = False,
 ) -> None:
     """Draw the figures of a run, or the map of a study, again; needs no DOLFINx.
 
     Plug-ins of the run are not executed without --trust; figures that need them are then skipped and listed.
 
-    Example: ruptfx plot runs/impact --format pdf --format png
+    Figures of a part of a run, with --from and --to, have the times in their names.
+
+    Example: ruptfx plot runs/impact --figure space_time --from "10 us" --to "30 us" --format pdf
     """
     with reported():
+        if (figure or since or until) and any((run / name).exists() for name in ("study.json", "result.nc")):
+            raise RuptfxError(f"{run}: --figure, --from and --to are for runs with bodies; leave them out")
         if (run / "study.json").exists():
             from ruptfx.study.execute import draw
 
@@ -36,9 +55,22 @@ def plot(
             return
         from ruptfx import plots
         from ruptfx.record import Record
+        from ruptfx.schema import nearest
 
-        with Record(run, trust) as record:
-            for path in plots.save_all(record, formats=tuple(format_)):
+        for name in figure or []:
+            if name not in plots.FIGURES:
+                raise RuptfxError(f"--figure {name}: {nearest(name, list(plots.FIGURES))}")
+        first, last = seconds("--from", since), seconds("--to", until)
+        with Record(run, trust) as whole, whole.between(first, last) as record:
+            for name in figure or []:
+                if not plots.suits(name, record):
+                    drawn = ", ".join(each for each in plots.FIGURES if plots.suits(each, record))
+                    raise RuptfxError(f"--figure {name}: the run has no data for it; it has {drawn}")
+            suffix = "".join(
+                f"_{word}_{with_prefix(time, 's').replace(' ', '')}"
+                for word, time in (("from", first), ("to", last)) if time is not None
+            )  # fmt: skip
+            for path in plots.save_all(record, formats=tuple(format_), only=figure or None, suffix=suffix):
                 screen.print(str(path))
             for omitted in dict.fromkeys(record.omitted):
                 errors.print(f"left out: {omitted}; a plug-in of the run has the law. If you trust it, add --trust",

@@ -55,7 +55,7 @@ def all_figures(record: Files, only: Sequence[str] | None = None) -> dict[str, F
 
 def save_all(
     record: Files, directory: str | Path | None = None, formats: Sequence[str] = ("png",),
-    only: Sequence[str] | None = None,
+    only: Sequence[str] | None = None, suffix: str = "",
 ) -> list[Path]:
     """Draw and save every figure.
 
@@ -68,6 +68,8 @@ def save_all(
         File types, for example ``("png", "pdf")``.
     only : sequence of str, optional
         Names of figures; default is all. Those that do not suit the run are left out.
+    suffix : str
+        End of the file names before their types.
 
     Returns
     -------
@@ -85,8 +87,8 @@ def save_all(
         target.mkdir(parents=True, exist_ok=True)
         for name, figure in all_figures(record, only).items():
             for kind in formats:
-                save(figure, target / f"{name}.{kind}", kind)
-                paths.append(target / f"{name}.{kind}")
+                paths.append(target / f"{name}{suffix}.{kind}")
+                save(figure, paths[-1], kind)
     except (OSError, ValueError) as error:
         raise RuptfxError(f"{target}: figures cannot be saved there: {error}") from None
     return paths

@@ -29,6 +29,7 @@ def front(record: Files) -> Figure:
     """
     data = record.interface
     position, arrival = data["position"].values, data["rupture_time"].values
+    arrival = np.where((arrival >= record.since) & (arrival <= record.until), arrival, np.nan)
     (x_size, x_unit), (t_size, t_unit) = scale(np.ptp(position), "m"), scale(end_time(record), "s")
     figure, (axes,) = new_figure(1, 2, 2.6, sharex=True)
     axes[0].plot(position / x_size, arrival / t_size, ".-", ms=2, color="#1a1a1a")  # a point may stand alone

@@ -55,10 +55,10 @@ def space_time(record: Files) -> Figure:
     ax = axes[0, 0]
     ax.set(
         xlabel=along(record, x_size, x_unit), ylabel=f"Time ({t_unit})",
-        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(0, until / t_size),
+        xlim=(position[0] / x_size, position[-1] / x_size), ylim=(record.since / t_size, until / t_size),
     )
-    if 0 < since < until:  # loaded first
-        ax.set_ylim(bottom=(since - 0.1 * (until - since)) / t_size)
+    if record.since < since < until:  # loaded first
+        ax.set_ylim(bottom=max(record.since, since - 0.1 * (until - since)) / t_size)
     peak, white = rate.max(initial=0.0), ""
     if peak > 0 and len(time) > 1:
         low, high, logarithmic = rate_range(record, rate)

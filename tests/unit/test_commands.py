@@ -189,6 +189,49 @@ def test_compare(runs: Path, tmp_path: Path) -> None:
     assert "no file; --instrument" in stray
 
 
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of 5 us that slips behind its hit edge."""
+    pytest.importorskip("dolfinx")
+    folder = tmp_path_factory.mktemp("pushed")
+    edge = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0, "ramp": 1e-6}
+    weak = {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.01}, "boundaries": [edge]}
+    (folder / "case.toml").write_text(tomli_w.dumps(merged(plates(), weak)))
+    assert ruptfx("run", folder / "case.toml", "--out", folder / "run", "--quiet").exit_code == 0
+    return folder / "run"
+
+
+def test_plot_of_one_figure_and_a_part_of_the_run(pushed: Path) -> None:
+    result = ruptfx("plot", pushed, "--figure", "space_time", "--from", "2 us", "--to", "3e-6", "--format", "svg")
+    assert result.exit_code == 0, said(result)
+    assert result.output.split() == [str(pushed / "figures" / "space_time_from_2us_to_3us.svg")]
+    for options, words in (
+        (("--figure", "spacetime"), "did you mean 'space_time'?"),
+        (("--figure", "emission"), "no data for it; it has "), (("--from", "9 us"), "the saved times are 0 to 5"),
+        (("--from", "3 us", "--to", "2 us"), "give an earlier and a later time"), (("--to", "3 m"), "--to 3 m: "),
+    ):
+        refused = ruptfx("plot", pushed, *options)
+        assert refused.exit_code == 1 and words in said(refused), said(refused)
+
+
+def test_a_part_of_a_record_has_its_times_and_values(pushed: Path) -> None:
+    """All histories, and the axis of the figure; the whole record stays as it is."""
+    from ruptfx import plots
+
+    with Record(pushed) as whole, whole.between(2e-6, 3e-6) as part:
+        times = whole.interface.time.values
+        inside = (times >= 2e-6 * (1 - 1e-9)) & (times <= 3e-6 * (1 + 1e-9))
+        assert 0 < inside.sum() < len(times)
+        np.testing.assert_array_equal(part.interface.slip_rate, whole.interface.slip_rate.values[inside])
+        assert set(part.energy.time.values) == {t for t in whole.energy.time.values if 2e-6 <= t <= 3e-6}
+        assert set(part.bulk.time.values) == {t for t in whole.bulk.time.values if 2e-6 <= t <= 3e-6}
+        axes = plots.space_time(part).axes[0]
+        assert axes.get_ylim() == pytest.approx((2.0, part.interface.time.values[-1] * 1e6))  # us
+        arrival = plots.front(part).axes[0].lines[0].get_ydata()
+        assert np.isfinite(arrival).any() and np.nanmin(arrival) >= 2.0 and np.nanmax(arrival) <= 3.0
+        assert plots.space_time(whole).axes[0].get_ylim()[0] == 0 and len(whole.interface.time) == len(times)
+
+
 def test_completion_of_runs_and_keys(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(runs.parent)
     (runs / "measured.csv").write_text("t,v\n")
