@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from ruptfx import __version__, fem
 
@@ -22,20 +22,29 @@ COMMANDS = {
 """By the heading under which `--help` lists them."""
 
 
-
 class Command(TyperCommand):
     """A command whose flags are shown without a type: they take no value."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        params: list[Any] = super().get_params(ctx)
-        for each in params:
-            if getattr(each, "is_flag", False) and each.metavar is None:
-                each.metavar = " "
-        return params
+        return _without_types(super().get_params(ctx))
+
+
+class Group(TyperGroup):
+    """The program, whose flags are shown in the same way."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _without_types(super().get_params(ctx))
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    for each in params:
+        if getattr(each, "is_flag", False) and each.metavar is None:
+            each.metavar = " "
+    return params
 
 
 app = typer.Typer(
-    help="Frictional contact and rupture on FEniCSx.", no_args_is_help=True, pretty_exceptions_enable=False
+    cls=Group, help="Frictional contact and rupture on FEniCSx.", no_args_is_help=True, pretty_exceptions_enable=False
 )
 
 

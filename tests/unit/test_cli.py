@@ -432,6 +432,8 @@ def test_defaults_are_those_of_toml() -> None:
 def test_flags_are_shown_without_a_type() -> None:
     text = said(ruptfx("run", "--help"))
     assert "--quiet" in text and "<bool>" not in text.lower() and "boolean" not in text.lower()
+    whole = said(ruptfx("--help"))
+    assert "--version" in whole and "bool" not in whole.lower()
 
 
 
