@@ -14,7 +14,7 @@ from ruptfx.sliding.surface import Floats
 from ruptfx.state import FaultState, State
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.space.discretisation import Discretisation
 
 LOG = logging.getLogger("ruptfx.run")
 LARGE = 0.05  # strain or rotation of a facet, an estimate of the error of the theory of small strains
@@ -145,12 +145,12 @@ class StepFollower(Follower):
 
     Parameters
     ----------
-    model : Model
+    model : Discretisation
     fault : Fault
         Its interface slides.
     """
 
-    def __init__(self, model: Model, fault: Fault) -> None:
+    def __init__(self, model: Discretisation, fault: Fault) -> None:
         super().__init__(fault)
         self.name, self._model = fault.name, model
         none = np.zeros(0)
