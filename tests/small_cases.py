@@ -10,7 +10,9 @@ import numpy as np
 from pydantic import PrivateAttr
 
 from ruptfx.case import Case, parse_case
+from ruptfx.check_law.examples import holds
 from ruptfx.meshes import MeshSource
+from ruptfx.schema import alternatives
 
 # The default operator, or the one under test everywhere: RUPTFX_TEST_OPERATOR=ufl_form python -m pytest
 OPERATOR = os.environ.get("RUPTFX_TEST_OPERATOR", "matrix_free")
@@ -25,6 +27,14 @@ SETS = {
     "P1": {"mu_s": 0.6, "mu_d": 0.4, "V_0": 100.0, "V_1": 29.0, "p": 1.2, "m": 5.0, "L_0": 10e-6, "L_p": 40e-6},
     "P2": {"mu_s": 0.6, "mu_d": 0.1, "V_0": 100.0, "V_1": 0.5, "p": 1.2, "m": 5.0, "L_0": 2e-6, "L_p": 100e-6},
 }
+
+
+def friction_laws() -> list[tuple[str, str | None]]:
+    """Return every law of the folder, wrappers around the simplest law and the one with most parameters."""
+    laws = alternatives("ruptfx.friction")
+    plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
+    held = [plain[0][1], plain[-1][1]]
+    return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
 
 
 def merged(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

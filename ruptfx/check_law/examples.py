@@ -125,14 +125,6 @@ def holds(cls: type[Part]) -> bool:
     return any(folder(schema) for schema in properties(cls).values())
 
 
-def friction_laws() -> list[tuple[str, str | None]]:
-    """Return every law of the folder, wrappers around the simplest law and the one with most parameters."""
-    laws = alternatives("ruptfx.friction")
-    plain = sorted((len(cls.model_fields), kind) for kind, cls in laws.items() if not holds(cls))
-    held = [plain[0][1], plain[-1][1]]
-    return [(kind, inner) for kind, cls in laws.items() for inner in (held if holds(cls) else [None])]
-
-
 def friction(kind: str, held: str | None = None, seed: int = 0, profiles: bool = False) -> Part:
     """Return an example law."""
     cls = alternatives("ruptfx.friction")[kind]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 from reference_step import advance_reference, advance_settled
-from small_cases import COMPLIANT, HOMALITE, case, march, tilted
+from small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
 
-from ruptfx.check_law.examples import friction, friction_laws, table
+from ruptfx.check_law.examples import friction, table
 
 pytest.importorskip("dolfinx")
 

@@ -9,12 +9,12 @@ import pytest
 from labels import label_faults
 from pydantic import TypeAdapter
 from scipy.integrate import simpson
-from small_cases import case, two_boxes
+from small_cases import case, friction_laws, two_boxes
 
 from ruptfx import RuptfxError
 from ruptfx.check_law import figure
 from ruptfx.check_law.checks import CHECKS, missing, toml
-from ruptfx.check_law.examples import friction, friction_laws, holds
+from ruptfx.check_law.examples import friction, holds
 from ruptfx.faults.projection import TracedLaw
 from ruptfx.friction import COMMON, RESERVED, AnyFriction
 from ruptfx.friction._lengths import Breakdown, RateDependence

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from reference_step import respond_reference
-from small_cases import HOMALITE, case, memory_friction, smooth_field
+from small_cases import HOMALITE, case, friction_laws, memory_friction, smooth_field
 from test_contact import POINTS, an_interface, compliances, jump_under, sizes, with_cohesion
 
-from ruptfx.check_law.examples import friction, friction_laws, table
+from ruptfx.check_law.examples import friction, table
 
 pytest.importorskip("dolfinx")
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_cases import friction_laws
 
-from ruptfx.check_law.examples import friction, friction_laws
+from ruptfx.check_law.examples import friction
 from ruptfx.faults.projection import ProjectionError, TracedLaw, project
 from ruptfx.friction import FrictionLaw
 from ruptfx.friction.coulomb import Coulomb
