@@ -104,7 +104,7 @@ def signs() -> Figure:
     axes.text(2.5, -0.45, "tangent t", color=BLUE)
     arrow(axes, (6.3, 0.35), (7.9, 0.35), ORANGE)
     arrow(axes, (7.9, -0.35), (6.3, -0.35), ORANGE)
-    axes.text(5.3, 0.6, "positive slip: plus minus minus, along t", color=ORANGE)
+    axes.text(5.3, 0.6, "positive slip: $u^+ - u^- > 0$ along t", color=ORANGE)
     axes.text(5.3, -0.95, "a positive shear traction resists it", color=ORANGE)
     for x in (4.5, 5.1):
         arrow(axes, (x, 2.8), (x, 2.05), "black")
