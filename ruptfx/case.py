@@ -53,6 +53,8 @@ FOLDERS = [
 ]  # fmt: skip
 
 
+RECORDS = {"solid": 60}
+"""Interface records of a run by default where it is not 300: those of a surface are large."""
 MOST_RECORDS = 1e7
 """Records of one kind in a run; more are a mistake, a missing unit for example."""
 
@@ -86,13 +88,13 @@ Velocity = Annotated[list[float], Field(min_length=1, max_length=3), Unit("m/s")
 
 
 class Output(Part):
-    """Saved data and their intervals; default are 300 interface records and 6 bulk snapshots.
+    """Saved data and their intervals; default are 300 interface records, in 3D 60, and 6 bulk snapshots.
 
     Records are made at the multiples of an interval, and a last one at the duration.
     """
 
     interface_interval: Duration | None = None
-    """Time between records of the interface; duration / 300 without it."""
+    """Time between records of the interface; duration / 300 without it, in 3D duration / 60."""
     interface_steps: Annotated[int, Field(ge=1)] | None = None
     """Also save the interface every so many steps, for steps of variable length."""
     forces_interval: Duration | None = None
@@ -402,7 +404,7 @@ class Case(CaseFile):
         """Time between records [s] of interfaces, bodies, and averaged forces."""
         output = self.output
         found = {
-            "interface": output.interface_interval or self.duration / 300,
+            "interface": output.interface_interval or self.duration / RECORDS.get(self.plane, 300),
             "bulk": output.bulk_interval or self.duration / 6,
         }
         return found if output.forces_interval is None else {**found, "forces": output.forces_interval}

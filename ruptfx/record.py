@@ -477,7 +477,7 @@ class Record(Files):
     def __repr__(self) -> str:
         parts: dict[str, Callable[[], str]] = {
             "case": lambda: f"{self.case.get('title', '')}, {self.case.get('plane', '')}".strip(", "),
-            "interface": lambda: _extent(self.interface, "position"),
+            "interface": lambda: _extent(self.interface, str(self.interface["position"].dims[0])),
             "bulk": lambda: _extent(self.bulk, "point"),
             "energy": lambda: f"{self.energy.sizes['time']} times",
             "summary": lambda: f"mode {self.summary.get('mode')}" if self.summary else "none yet",

@@ -118,6 +118,20 @@ def slip_weakening(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(table, changes or {})
 
 
+def strike_slip(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A small fault that reaches the surface, with a square patch above its strength."""
+    table = slip_weakening({"plane": "solid", "order": 2, "duration": 3e-6})
+    table["mesh"] = {
+        "kind": "box_with_fault", "fault_length": 12e-3, "fault_width": 8e-3, "element_size": 1e-3, "beyond": 2e-3,
+        "distance": 3e-3,
+    }  # fmt: skip
+    table["positions"] = "x"
+    table["faults"]["main"]["initial_stress"]["shear"] = {
+        "kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3],
+    }  # fmt: skip
+    return merged(table, changes or {})
+
+
 def smooth_field(model: Any, seed: int = 0) -> np.ndarray:
     """A displacement that depends on the place only, the same on any number of ranks, shape (nodes * components,)."""
     random = np.random.default_rng(seed)

@@ -234,6 +234,48 @@ def _write_energy(path: Path, time: Array) -> None:
     path.write_text(f"# s, then J per metre of thickness; closure is a fraction\n{header}\n{rows}\n", encoding="utf-8")
 
 
+SURFACE = 40e3, 20e3  # m
+
+
+def write_surface_run(path: Path, speed: float = 2500.0, count: int = 41, structured: bool = True) -> Path:
+    """Write the run of a circular rupture that leaves the middle of a surface at a speed; slip rate is 1 m/s behind it.
+
+    Slip is the slip rate times the time since the front, and the shear modulus 32 GPa.
+    """
+    path.mkdir(parents=True)
+    (path / "case.toml").write_text(tomli_w.dumps({"title": "Surface", "plane": "solid", "duration": 10.0}))
+    (path / "run.log").write_text("synthetic\n")
+    time = np.linspace(0.0, 10.0, count)
+    x, y = np.linspace(-0.5, 0.5, 81) * SURFACE[0], np.linspace(0, 1, 41) * SURFACE[1]
+    strike, dip = (values.ravel() for values in np.meshgrid(x, y, indexing="ij"))
+    ends = (np.where(np.isin(each, each[[0, -1]]), 0.5, 1.0) for each in (x, y))
+    share = 500.0**2 * np.outer(*ends).ravel()
+    if not structured:
+        keep = np.arange(len(strike)) % 7 > 0
+        strike, dip, share = strike[keep], dip[keep], share[keep]
+    arrival = np.hypot(strike, dip - 0.5 * SURFACE[1]) / speed
+    slip = np.maximum(time[:, None] - arrival, 0.0)
+    rate = (slip > 0).astype(float)
+    fields = {
+        "slip_1": slip, "slip_2": 0 * slip, "slip_rate_1": rate, "slip_rate_2": 0 * slip,
+        "shear_traction_1": 70e6 - 7e6 * rate, "shear_traction_2": 0 * slip, "normal_stress": 120e6 + 0 * slip,
+        "opening": 0 * slip,
+    }  # fmt: skip
+    of_points = {"position": strike, "dip": dip, "x": strike, "y": 0 * dip, "z": -dip, "area": share,
+                 "peak_slip_rate": rate.max(axis=0), "rupture_time": np.where(arrival < 10.0, arrival, np.nan)}
+    data = xarray.Dataset(
+        {name: (("time", "point"), values) for name, values in fields.items()}
+        | {name: ("point", values) for name, values in of_points.items()}, {"time": ("time", time)},
+        attrs={"fault": "main", "plane": "solid", "position_measure": "x", "c_p": 6000.0, "c_s": 3464.0, "c_R": 3185.0,
+               "c_p_of_bodies": [6000.0, 6000.0], "c_s_of_bodies": [3464.0, 3464.0], "bodies": ["plus", "minus"],
+               "shear_modulus_of_bodies": [32e9, 32e9], "V_imp": 0.0, "rupture_threshold": 1e-3},
+    )  # fmt: skip
+    data.to_netcdf(path / "interface.h5", engine="h5netcdf")
+    _write_energy(path / "energy.csv", time)
+    (path / "summary.json").write_text("{}")
+    return path
+
+
 def write_cracks(path: Path, failed: int) -> None:
     """Add facets to a run, three or as many as have failed, the first in tension, and an edge that was pulled.
 

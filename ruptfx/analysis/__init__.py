@@ -10,6 +10,7 @@ from ruptfx import RuptfxError, Table
 from ruptfx.analysis.energy import budget
 from ruptfx.analysis.modes import Modes, classify
 from ruptfx.analysis.resolution import peak_is_resolved
+from ruptfx.analysis.surface import is_surface, of_surface
 
 if TYPE_CHECKING:
     from ruptfx.record import Data, Files
@@ -26,7 +27,8 @@ UNITS_OF_FRACTURE = {
 UNITS = {
     "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
     "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
-    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE,
+    "first_sliding": "s", "healing_time": "s", "moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s",
+    **UNITS_OF_FRACTURE,
 }  # units of the summary; every other entry is a name or a pure number
 
 
@@ -106,6 +108,8 @@ def summarise(record: Files) -> Table:
         values |= summarise_fracture(record)
     if (record.path / "energy.csv").is_file():
         values["energy_closure"] = budget(record.energy)["energy_closure"]
+    if record.interfaces and is_surface(record.interface):
+        values |= of_surface(record.interface)
     return {name: _plain(value) for name, value in values.items()}
 
 

@@ -9,7 +9,8 @@ from ruptfx.analysis import UNITS
 from ruptfx.input.quantities import with_prefix
 
 ROWS = (
-    "first_sliding", "peak_slip_rate", "max_slip", "max_opening", "pulse_width", "pulse_spacing", "healing_time",
+    "moment", "rupture_area", "first_sliding", "peak_slip_rate", "max_slip",
+    "max_opening", "pulse_width", "pulse_spacing", "healing_time",
     "first_peak_stress", "events", "tensile_share", "b_value", "fractal_dimension", "failed_length", "fragments",
     "energy_closure", "steps", "wall_time",
 )  # fmt: skip
@@ -25,7 +26,7 @@ def verdict(summary: Table) -> str:
     summary : dict
         Content of `summary.json`.
     """
-    parts = [*_sliding(summary), *_fracture(summary)]
+    parts = [*_sliding(summary), *_surface(summary), *_fracture(summary)]
     if reason := summary.get("not_resolved"):
         parts.append(f"not resolved: {reason}")
     return ", ".join(parts)
@@ -49,6 +50,19 @@ def _sliding(summary: Table) -> Iterator[str]:
         if over := summary.get(f"tip_speed_over_{wave}"):
             yield f"{over:.2f} {wave} ± {max(error * over / speed, 0.01):.2f}"
             return
+
+
+def _surface(summary: Table) -> Iterator[str]:
+    if "rupture_area" not in summary:
+        return
+    if summary.get("moment_magnitude") is None:
+        yield "never slipped"
+        return
+    yield f"magnitude {summary['moment_magnitude']:.2f}"
+    if speed := summary.get("rupture_speed"):
+        yield f"front at {with_prefix(speed, 'm/s')} (median)"
+    if share := summary.get("supershear_share"):
+        yield f"supershear on {100 * share:.0f} %"
 
 
 def _fracture(summary: Table) -> Iterator[str]:
@@ -77,5 +91,9 @@ def shown(name: str, value: float) -> str:
     """Return a value of the summary as a reader wants it: three digits, unit with prefix, shares in per cent."""
     if name in _SHARES:
         return f"{100 * value:.3g} %"
+    if name == "rupture_area":  # prefixes are those of lengths
+        return f"{value / 1e6:.3g} km2" if value > 1e4 else f"{value:.3g} m2"
     unit = UNITS.get(name, "s" if name in ("wall_time", "time_step") else "")
+    if unit == "N m":
+        return f"{value:.3g} N m"
     return with_prefix(value, unit) if unit else f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -59,13 +59,14 @@ def tables(record: Record, folder: Path) -> Iterator[Path]:
     Fields without time are columns of one table. Yield the paths.
     """
     for name, data in record.interfaces.items():
-        position = data.position.values
-        still = {str(key): field for key, field in data.data_vars.items() if field.dims == ("position",)}
+        position, along = data.position.values, data.position.dims  # of a surface its points
+        still = {str(key): field for key, field in data.data_vars.items()
+                 if field.dims == along and key != "position"}  # fmt: skip
         units = [f"{key} [{field.attrs.get('units', '1')}]" for key, field in still.items()]
         rows = np.column_stack([position, *(field.values for field in still.values())])
         yield _save(folder / f"{name}.csv", ",".join(["position [m]", *units]), rows)
         for key, field in data.data_vars.items():
-            if field.dims == ("time", "position"):
+            if field.dims == ("time", *along):
                 header = f"{key} [{field.attrs.get('units', '1')}]: time [s] below, position [m] to the right\ntime,"
                 header += ",".join(f"{value:.9g}" for value in position)
                 rows = np.column_stack([data.time.values, field.values])

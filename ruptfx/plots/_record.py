@@ -8,6 +8,7 @@ import numpy as np
 
 from ruptfx.analysis import OPEN, SLIDING, UNCOVERED, nucleation, slides_far
 from ruptfx.analysis.modes import LEVEL
+from ruptfx.analysis.surface import is_surface
 from ruptfx.figure_style import Array
 from ruptfx.record import Data, Files
 
@@ -180,6 +181,11 @@ UNEVEN = 100.0  # largest over median time between records above which a run cou
 def has_slip_rates(record: Files) -> bool:
     """Return whether the run has an interface with slip rates."""
     return bool(record.interfaces) and "slip_rate" in record.interface
+
+
+def has_surface(record: Files) -> bool:
+    """Return whether the first interface is a surface."""
+    return bool(record.interfaces) and is_surface(record.interface)
 
 
 def slid(record: Files) -> bool:

@@ -15,6 +15,7 @@ from ruptfx.record import Files
 
 MOST = 12  # largest number of panels of a figure
 LEGEND = 0.18  # height of a legend line over that of a panel
+SHORT = 9  # letters of a label of which three fit side by side
 LABEL = 20  # letters per line of an axis label
 LINES = ("-", "--", ":")
 _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
@@ -52,12 +53,15 @@ def instruments(record: Files) -> Figure:
         for channel, line in zip(channels, values, strict=True):
             # An extension along x equals the strain xx: line styles keep both visible.
             style = LINES[kinds.index(_COMPONENT.sub("", channel)) % len(LINES)]
-            label = channel_label(channel, data[channel].attrs)
+            named = _COMPONENT.search(channel)
+            alone = named and len(kinds) == 1 and len(channels) > 2
+            label = named[1] if named and alone else channel_label(channel, data[channel].attrs)
             ax.plot(data["time"].values / t_size, line / size, style, label=label)
         ax.set_ylabel(f"{fill(_common(channels), LABEL)}\n({printed})")
         ax.set_title(name, loc="right")
         if len(channels) > 1:
-            columns_of_legend = min(len(channels), 3)
+            longest = max(len(str(line.get_label())) for line in ax.lines)
+            columns_of_legend = min(len(channels), 3 if longest <= SHORT else 2)
             low, high = ax.get_ylim()  # room above the data, for a legend that hides none of it
             ax.set_ylim(low, high + LEGEND * -(-len(channels) // columns_of_legend) * (high - low))
             ax.legend(loc="upper left", ncols=columns_of_legend, columnspacing=1.0, handlelength=1.6)

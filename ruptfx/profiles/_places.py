@@ -89,7 +89,10 @@ def located(part: AnyPart, locate: Callable[[str, Place], Any], key: str) -> Any
         elif isinstance(value, Part):
             changes[name] = located(value, locate, where)
         elif isinstance(value, list) and any(isinstance(item, Part) for item in value):
-            changes[name] = [located(item, locate, f"{where}.{number}") for number, item in enumerate(value)]
+            changes[name] = [
+                located(item, locate, f"{where}.{number}") if isinstance(item, Part) else item
+                for number, item in enumerate(value)
+            ]
     return part.substituted(changes) if changes else part
 
 

@@ -13,6 +13,11 @@ from ruptfx.faults.fault import Fault
 from ruptfx.fields import MONITORS, Field
 from ruptfx.recording.growing_file import GrowingFile
 
+PLACE = {
+    "position": ("m", "position along the interface"), "dip": ("m", "distance down dip, from the upper edge"),
+    "area": ("m2", "area of the surface that the point stands for"),
+}  # fmt: skip
+"""Units and meanings of what the file says of points besides x, y and z."""
 BLOCK = 50  # records written at once; one by one, HDF5 would cost more than the mechanics
 
 
@@ -23,8 +28,8 @@ class InterfaceFile(GrowingFile):
     ----------
     path : Path
     fault : Fault
-    place : ndarray, shape (points, 1 + dim)
-        Position along the interface and coordinates [m].
+    place : dict of ndarray, shape (points,)
+        Positions, coordinates [m] and tributary area of the points, as in `PLACE`.
     attributes : dict
         Global attributes of the file.
     kept : int or None
@@ -34,7 +39,7 @@ class InterfaceFile(GrowingFile):
     """
 
     def __init__(
-        self, path: Path, fault: Fault, place: np.ndarray, attributes: Table, kept: int | None,
+        self, path: Path, fault: Fault, place: dict[str, np.ndarray], attributes: Table, kept: int | None,
         fields: Iterable[Field],
     ) -> None:  # fmt: skip
         super().__init__(path)
@@ -45,19 +50,22 @@ class InterfaceFile(GrowingFile):
                 self._file.resize_dimension("time", kept)
             return
         file = self._file
-        file.dimensions = {"time": None, "position": len(place)}
-        names = ("position", "x", "y", "z")
-        for key, values in zip(names, place.T, strict=False):
-            text = f"position along the interface: {fault.interface.line.meaning}" if key == "position" else key
-            _variable(file, key, ("position",), "m", text, values)
+        # A coordinate of a dimension has distinct values; the points of a surface have two positions.
+        axis = "point" if "dip" in place else "position"
+        file.dimensions = {"time": None, axis: len(place["position"])}
+        for key, values in place.items():
+            unit, text = PLACE.get(key, ("m", key))
+            if key == "position":
+                text += f": {fault.interface.line.meaning}"
+            _variable(file, key, (axis,), unit, text, values)
         _variable(file, "time", ("time",), "s", "time")
         for field in fields:
             for name in field.names(fault.tangents) if field.recorded else ():
-                _variable(file, name, ("time", "position"), field.unit, field.long_name, meanings=field.meanings)
+                _variable(file, name, ("time", axis), field.unit, field.long_name, meanings=field.meanings)
         for name, unit in fault.state_fields().items():
-            _variable(file, name, ("time", "position"), unit, f"state variable {name}")
+            _variable(file, name, ("time", axis), unit, f"state variable {name}")
         for monitor in MONITORS:
-            _variable(file, monitor.name, ("position",), monitor.unit, monitor.long_name)
+            _variable(file, monitor.name, (axis,), monitor.unit, monitor.long_name)
         file.attrs.update(attributes)
         self.flush()
 
@@ -73,7 +81,7 @@ class InterfaceFile(GrowingFile):
             file.resize_dimension("time", begin + len(self._waiting))
             file["time"][begin:] = [now for now, _ in self._waiting]
             for name in self._waiting[0][1].keys() & file.variables.keys():
-                if file[name].dimensions == ("position",):
+                if "time" not in file[name].dimensions:
                     file[name][:] = self._waiting[-1][1][name]
                 else:
                     file[name][begin:] = np.stack([fields[name] for _, fields in self._waiting])

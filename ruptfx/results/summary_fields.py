@@ -39,6 +39,11 @@ DESCRIPTIONS = {
     "peak_slip_rate": "Largest slip rate of all points and records.",
     "max_slip": "Largest slip.",
     "max_opening": "Largest opening.",
+    "moment": "Seismic moment of a surface: mean shear modulus times slip, integrated over it.",
+    "moment_magnitude": "Its moment magnitude (Hanks and Kanamori 1979).",
+    "rupture_area": "Area of the surface that ruptured.",
+    "rupture_speed": "Median of one over the gradient of the rupture time, where there is a front.",
+    "supershear_share": "Share of that part of the surface on which the front is faster than the shear wave.",
     "first_peak_stress": "Of a rectangular specimen, positive in compression: first maximum that is followed by a "
     "fall of 3 % before it is exceeded; force over width.",
     "first_peak_strain": "Approach of the ends of the specimen over its height at that time.",

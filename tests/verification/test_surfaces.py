@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import march, merged, slip_weakening
+from small_cases import march, slip_weakening, strike_slip
 
 pytest.importorskip("dolfinx")
 
@@ -63,25 +63,11 @@ def test_an_extruded_section_moves_as_the_plane(plane: str, held: str, rake: flo
         np.testing.assert_allclose(found, 3e-3 * wanted, rtol=1e-9, err_msg=name)
 
 
-def box(changes: dict[str, Any] | None = None) -> dict[str, Any]:
-    """A small fault that reaches the surface, with a square patch above its strength."""
-    table = slip_weakening({"plane": "solid", "order": 2, "duration": 3e-6})
-    table["mesh"] = {
-        "kind": "box_with_fault", "fault_length": 12e-3, "fault_width": 8e-3, "element_size": 1e-3, "beyond": 2e-3,
-        "distance": 3e-3,
-    }  # fmt: skip
-    table["positions"] = "x"
-    table["faults"]["main"]["initial_stress"]["shear"] = {
-        "kind": "rectangle", "inside": 3.7e6, "outside": 2.8e6, "strike": [-3e-3, 3e-3], "dip": [1e-3, 5e-3],
-    }  # fmt: skip
-    return merged(table, changes or {})
-
-
 @pytest.mark.parametrize("dip, top", [(90.0, 0.0), (60.0, 0.0), (45.0, 2e-3)])
 def test_positions_and_patches_of_a_dipping_fault(dip: float, top: float) -> None:
     """Positions are x and the distance down dip; a patch has its area, and its load acts along the rake."""
     changes = {"mesh.dip": dip, "mesh.fault_top": top, "faults.main.initial_stress.rake": 30.0}
-    model = Model(parse_case(box(changes)))
+    model = Model(parse_case(strike_slip(changes)))
     fault = model.faults[0]
     face = fault.interface
     angle = np.deg2rad(dip)
@@ -99,7 +85,7 @@ def test_positions_and_patches_of_a_dipping_fault(dip: float, top: float) -> Non
 
 
 def test_the_center_of_a_patch_is_a_point_of_the_surface() -> None:
-    table = box()
+    table = strike_slip()
     table["faults"]["main"]["initial_stress"]["shear"] = 2.8e6
     patch = {"kind": "smooth_patch", "extra": 1e6, "radius": 2e-3, "rise": 1e-6}
     table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 0.0, "z": -4e-3}}]
@@ -120,7 +106,7 @@ def test_a_rake_in_two_dimensions_is_refused() -> None:
 
 def test_a_symmetric_rupture_of_a_box_closes_its_budget() -> None:
     """Slip is symmetric in x, largest at the surface of all depths, and energy is conserved."""
-    model, _, state = march(parse_case(box()))
+    model, _, state = march(parse_case(strike_slip()))
     face, fields = model.faults[0].interface, state.faults["main"]
     grid = fields["slip_1"].reshape(len(np.unique(face.position)), -1)
     np.testing.assert_allclose(grid, grid[::-1], atol=1e-9 * grid.max())

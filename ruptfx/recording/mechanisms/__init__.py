@@ -66,7 +66,7 @@ class Records:
 
     of: ClassVar[type[Mechanism]] = Mechanism
     schedule: str = "interface"
-    figures: ClassVar[Mapping[str, int]] = {}
+    figures: Mapping[str, int] = {}
     memory: ClassVar[float] = 0.0
     pictures: ClassVar[float] = 0.0
 

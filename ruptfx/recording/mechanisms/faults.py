@@ -22,16 +22,22 @@ if TYPE_CHECKING:
     from ruptfx.state import State
 
 
+OF_LINES = {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
+OF_SURFACES = {"rupture_map": 6, "slip_rate_maps": 8, "moment_rate": 1}
+"""Figures of the two kinds of interfaces, each with its cost in plain panels."""
+
+
 class FaultRecords(Records):
     """`interface.h5`, or `interface_NAME.h5` for each of several faults."""
 
     of = Faults
-    figures = {"space_time": 2, "snapshots": 9, "slip_profiles": 2, "front": 2}
 
     def __init__(self, model: Model, mechanisms: Sequence[Faults]) -> None:
         super().__init__(model, mechanisms)
+        surfaces = [fault.interface.across is not None for fault in model.faults]
+        self.figures = OF_SURFACES if all(surfaces) else OF_LINES
         self._of = {fault.name: mechanism for mechanism in mechanisms for fault in mechanism.faults}
-        self._places: list[np.ndarray] = []
+        self._places: list[dict[str, np.ndarray]] = []
         self._files: dict[str, InterfaceFile] = {}
 
     def names(self) -> list[str]:
@@ -83,7 +89,7 @@ class FaultRecords(Records):
             numbers += records * fault.interface.total * (len(names) + len(fault.state_fields()))
         return numbers
 
-    def _attributes(self, fault: Fault, place: np.ndarray, about: Table) -> Table:
+    def _attributes(self, fault: Fault, place: dict[str, np.ndarray], about: Table) -> Table:
         case, speeds, line = self.model.case, self.model.wave_speeds(), fault.interface.line
         # The end of the interface next to a driven edge, or the left end.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
@@ -93,8 +99,9 @@ class FaultRecords(Records):
             "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
             "plane": case.plane, "c_p": speeds.c_p, "c_s": speeds.c_s, "c_R": speeds.c_R,
             "bodies": self.model.bodies.names, "c_p_of_bodies": of_bodies[:, 0], "c_s_of_bodies": of_bodies[:, 1],
+            "shear_modulus_of_bodies": np.array([m.density for m in self.model.materials]) * of_bodies[:, 1] ** 2,
             "V_imp": case.impact_speed, "rupture_threshold": case.output.rupture_threshold,
-            "loaded_end": float(place[-1 if right else 0, 0]), "complete": 0,
+            "loaded_end": float(place["position"][-1 if right else 0]), "complete": 0,
             "nucleation_time": onset, "nucleation_position": center,
             "record": "all fields of a record are those of its time; tractions, slip rate, slip and state satisfy the "
             "laws of contact and friction there",
@@ -107,7 +114,9 @@ def file_name(model: Model, fault: Fault, begin: str, ending: str) -> str:
     return f"{begin}.{ending}" if len(model.faults) == 1 else f"{begin}_{fault.name}.{ending}"
 
 
-def _positions(comm: fem.MPI.Comm, face: Interface) -> np.ndarray:
-    """Position along an interface and coordinates of its points [m] on rank 0, shape (points, 1 + dim)."""
+def _positions(comm: fem.MPI.Comm, face: Interface) -> dict[str, np.ndarray]:
+    """Return positions and coordinates of the points of an interface on rank 0 [m]; of a surface dip and area, too."""
     columns = {"position": face.position, **dict(zip("xyz", face.points.T, strict=False))}
-    return np.column_stack([*parallel.gather_fields(comm, face.number, face.owned, columns).values()])
+    if face.across is not None:
+        columns |= {"dip": face.across, "area": face.weight}
+    return parallel.gather_fields(comm, face.number, face.owned, columns)

@@ -1,0 +1,94 @@
+"""Numbers of a rupture on a surface: moment, magnitude, area, rupture speed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx import Table
+
+if TYPE_CHECKING:
+    from ruptfx.record import Data
+
+REACH = 4  # nodes to either side over which rupture times are differentiated: about an element
+
+
+def is_surface(data: Data) -> bool:
+    """Return whether the data are of a surface, with two positions of every point."""
+    return "dip" in data
+
+
+def grid(data: Data) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the positions along strike and down dip of a structured surface [m]; None if its points form no grid.
+
+    Its points are in the order of the grid, with those of one column next to each other.
+    """
+    extent = max(np.ptp(data["position"].values), np.ptp(data["dip"].values), 1e-300)
+    strike, dip = (np.unique(np.round(data[name].values / extent, 7)) * extent for name in ("position", "dip"))
+    return (strike, dip) if len(strike) * len(dip) == len(data["position"].values) else None
+
+
+def magnitude_of(data: Data, name: str, row: int) -> np.ndarray:
+    """Return the length of a tangential field of a surface at a record, shape (points,)."""
+    return np.hypot(*(data[f"{name}_{tangent}"].isel(time=row).values for tangent in (1, 2)))
+
+
+def shear_modulus(data: Data) -> float:
+    """Return the mean shear modulus of the bodies, rho c_s^2 [Pa]."""
+    return float(np.mean(data.attrs["shear_modulus_of_bodies"]))
+
+
+def moment_rate(data: Data) -> np.ndarray:
+    """Return the moment rate at every record [N m/s]: shear modulus times slip rate, integrated over the surface."""
+    area = data["area"].values
+    rates = [float(area @ magnitude_of(data, "slip_rate", row)) for row in range(data.sizes["time"])]
+    return shear_modulus(data) * np.array(rates)
+
+
+def rupture_velocity(data: Data) -> np.ndarray | None:
+    """Return the rupture speed at the points of a structured surface [m/s], shape (strike, dip); None without a grid.
+
+    It is one over the gradient of the rupture time, from differences over `REACH` nodes to either side (less at the
+    rim). NaN where the stencil has not ruptured, and where the speed exceeds that of the fastest wave: points that
+    start to slip together, as in a nucleation patch, have no front.
+    """
+    positions = grid(data)
+    if positions is None:
+        return None
+    times = data["rupture_time"].values.reshape(len(positions[0]), len(positions[1]))
+    slowness = np.zeros_like(times)
+    for axis, x in enumerate(positions):
+        last = len(x) - 1
+        low, high = np.maximum(np.arange(len(x)) - REACH, 0), np.minimum(np.arange(len(x)) + REACH, last)
+        rise = np.take(times, high, axis=axis) - np.take(times, low, axis=axis)
+        run = (x[high] - x[low]).reshape((-1, 1) if axis == 0 else (1, -1))
+        slowness += (rise / run) ** 2
+    with np.errstate(divide="ignore"):
+        speed = 1 / np.sqrt(slowness)
+    return np.where(speed <= np.max(data.attrs["c_p_of_bodies"]), speed, np.nan)
+
+
+def of_surface(data: Data) -> Table:
+    """Return the scalars of a rupture on a surface for the summary.
+
+    The moment magnitude is (log10 M_0 - 9.1) / 1.5 with M_0 in N m (Source: Hanks and Kanamori 1979).
+    """
+    if not data.sizes["time"]:
+        return {}
+    area, slip = data["area"].values, magnitude_of(data, "slip", -1)
+    moment = shear_modulus(data) * float(area @ slip)
+    ruptured = np.isfinite(data["rupture_time"].values)
+    found: Table = {
+        "moment": moment,
+        "moment_magnitude": (np.log10(moment) - 9.1) / 1.5 if moment > 0 else np.nan,
+        "rupture_area": float(area[ruptured].sum()),
+        "max_slip": float(slip.max()),
+        "peak_slip_rate": float(np.max(data["peak_slip_rate"].values)),
+    }
+    speed = rupture_velocity(data)
+    if speed is not None and np.isfinite(speed).any():
+        known, weight = np.isfinite(speed), area.reshape(speed.shape)
+        found["rupture_speed"] = float(np.median(speed[known]))
+        found["supershear_share"] = float(weight[speed > data.attrs["c_s"]].sum() / weight[known].sum())
+    return found

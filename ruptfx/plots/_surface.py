@@ -1,0 +1,60 @@
+"""Maps of a surface: strike to the right, dip downwards, equal scales."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh, TriMesh
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.contour import ContourSet
+from matplotlib.tri import Triangulation
+
+from ruptfx.analysis.surface import grid
+from ruptfx.figure_style import Array, scale
+from ruptfx.record import Data
+
+
+def draw(ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap) -> QuadMesh | TriMesh:
+    """Draw values at the points of a surface as colours."""
+    size, _ = axis_scale(data)
+    strike, dip = data["position"].values / size, data["dip"].values / size
+    positions = grid(data)
+    drawn: QuadMesh | TriMesh
+    if positions is None:
+        drawn = ax.tripcolor(Triangulation(strike, dip), values, norm=norm, cmap=colours, shading="gouraud")
+    else:
+        s, d = (each / size for each in positions)
+        table = values.reshape(len(s), len(d)).T
+        drawn = ax.pcolormesh(s, d, table, norm=norm, cmap=colours, shading="gouraud", rasterized=True)
+    ax.set(aspect="equal", xlim=(strike.min(), strike.max()), ylim=(dip.max(), dip.min()))
+    return drawn
+
+
+def contours(ax: Axes, data: Data, times: Array, levels: Array) -> None:
+    """Draw labelled contours of times at the points of a surface; none where they are NaN."""
+    size, _ = axis_scale(data)
+    positions = grid(data)
+    lines: ContourSet
+    style: dict[str, Any] = {"colors": "#1a1a1a", "linewidths": 0.6}
+    if positions is None:
+        triangles = Triangulation(data["position"].values / size, data["dip"].values / size)
+        triangles.set_mask(~np.isfinite(times)[triangles.triangles].all(axis=1))
+        lines = ax.tricontour(triangles, np.nan_to_num(times), levels, **style)
+    else:
+        s, d = (each / size for each in positions)
+        lines = ax.contour(s, d, np.ma.masked_invalid(times.reshape(len(s), len(d)).T), levels=levels, **style)
+    ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6)
+
+
+def axis_scale(data: Data) -> tuple[float, str]:
+    """Return size and unit of lengths on a surface."""
+    return scale(max(np.ptp(data["position"].values), np.ptp(data["dip"].values)), "m")
+
+
+def label(ax: Axes, data: Data, left: bool = True, below: bool = True) -> None:
+    """Label the axes of a map."""
+    _, unit = axis_scale(data)
+    name = "x" if data.attrs.get("position_measure") == "x" else "Along strike"
+    ax.set(xlabel=f"{name} ({unit})" if below else "", ylabel=f"Down dip ({unit})" if left else "")

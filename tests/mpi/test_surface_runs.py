@@ -1,0 +1,67 @@
+"""Runs with a surface in three dimensions: the same files on 1, 2 and 3 ranks, and after a kill."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from compare import largest_difference
+from small_cases import strike_slip
+from whole_runs import finish, kill_all, start, starts_jobs, write
+
+from ruptfx.record import Record
+
+pytestmark = starts_jobs
+
+CHANGES = {
+    "duration": 3e-6, "output.checkpoint_steps": 10, "output.bulk_interval": 3e-6, "output.bulk_fields": ["velocity"],
+    "instruments": [
+        {"kind": "receiver", "name": "beside", "interval": 3e-7, "point": [1e-3, 1.3e-3, 0.0]},
+        {"kind": "fault_receiver", "name": "fault", "interval": 3e-7, "point": [2.2e-3, 0.0, -3.1e-3]},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("surface")
+    case = write(folder, strike_slip(CHANGES))
+    for ranks in (1, 2, 3):
+        code, text = finish(start(case, folder / str(ranks), ranks, "--quiet"))
+        assert code == 0, text
+    return folder
+
+
+def test_files_from_1_2_and_3_ranks(runs: Path) -> None:
+    for ranks in (2, 3):
+        differences = largest_difference(runs / "1", runs / str(ranks))
+        # The slip along the dip is rounding of the slip along strike here: it has no scale of its own.
+        wrong = {key: value for key, value in differences.items() if not value < 1e-10}
+        assert not wrong
+    with Record(runs / "2") as record:
+        data = record.interface
+        assert data.sizes["time"] > 20 and data.slip_1.dims == ("time", "point")
+        assert data.slip_1.max() > 1e-7 and np.isfinite(data.rupture_time).any()
+        assert float(data.area.sum()) < 12e-3 * 8e-3  # without the rim
+        summary = json.loads((runs / "2" / "summary.json").read_text())
+        moment = 5.3e9 / 2.7 * float((data.area * np.hypot(data.slip_1, data.slip_2).isel(time=-1)).sum())
+        assert summary["moment"] == pytest.approx(moment, rel=1e-9) and summary["energy_closure"] < 1e-12
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path: Path) -> None:
+    case = write(tmp_path, strike_slip(CHANGES))
+    process, deadline = start(case, tmp_path / "run", ranks, "--quiet"), time.monotonic() + 120
+    while not list((tmp_path / "run" / "checkpoints").glob("step_*")) and time.monotonic() < deadline:
+        assert process.poll() is None, "the run ended before it could be stopped"
+        time.sleep(0.005)
+    kill_all(process)
+    code, text = finish(start(case, tmp_path / "run", ranks, "--quiet", "--resume"))
+    assert code == 0, text
+    differences = largest_difference(runs / str(ranks), tmp_path / "run")
+    # Of the energies, `impact` is rounding here, 1e-18 of the work: the normal of this fault does not move.
+    assert differences.pop("energy.csv") < 1e-16
+    assert max(differences.values()) == 0
