@@ -24,8 +24,11 @@ from ruptfx.faults.fault import Fault, in_steps
 from ruptfx.faults.interface import Interface, build_interface
 from ruptfx.fields import ENERGIES, KEPT
 from ruptfx.materials import WaveSpeeds
+from ruptfx.materials._traced import TracedMaterial, traced
 from ruptfx.mechanisms import mechanisms_of
 from ruptfx.nucleation import first_begun
+from ruptfx.operators._geometry import is_tensor
+from ruptfx.operators._memory import MemorySweep
 from ruptfx.platform import parallel
 from ruptfx.profiles import evaluate
 from ruptfx.profiles._places import Place, located, positions, shifted
@@ -115,6 +118,7 @@ class Model(Discretisation):
             raise CaseError(f"positions = 'x': no interface is flat and along x; remove the line. {found}")
         self.loads = Loads(self, case.boundaries)
         self.attachments = [each.bind(self, f"attachments.{number}") for number, each in enumerate(case.attachments)]
+        self.memory = self._memory()
         self.viscosity: Viscosity | None = None
         self.mechanisms = mechanisms_of(self)
         self.viscosity = self.viscous_layer()  # as stable steps without it allow
@@ -175,6 +179,32 @@ class Model(Discretisation):
         mass = self.mass.copy()
         self.layout.sum_tied(mass)
         return np.where(self.loads.prescribed, 0.0, 1 / mass)
+
+    @property
+    def memory_laws(self) -> dict[str, TracedMaterial]:
+        """Traced formulas of the materials with memory, by name of the body."""
+        named = zip(self.bodies.names, self.materials, strict=True)
+        return {name: traced(material, self.case.plane) for name, material in named if material.has_memory()}
+
+    @property
+    def points_of_cells(self) -> int:
+        """Number of points of a cell that have a state of their own."""
+        return self.space.dofmap.list.shape[1] if is_tensor(self.mesh) else 1
+
+    def _memory(self) -> dict[str, MemorySweep]:
+        """Return the sweeps over the elements of materials with memory that this rank has, by name of the body."""
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        found, error = {}, None
+        for number, (name, material) in enumerate(zip(self.bodies.names, self.materials, strict=True)):
+            only = self.bodies.cell_body == number
+            if not material.has_memory() or not only[:owned].any():
+                continue
+            try:
+                found[name] = MemorySweep(replace(self.bulk, only=only), material, f"materials.{name}")
+            except RuptfxError as caught:  # the elements of a rank may differ
+                error = caught
+        parallel.raise_on_all(self.comm, error)
+        return found
 
     def _fault(self, name: str, fault: FaultCase) -> Fault:
         if name not in self.bodies.interfaces:

@@ -39,6 +39,8 @@ class State:
         Frictional forces between colliding cells; empty without `[collisions]`.
     attached : dict of str to dict of ndarray
         Fields of attachments at their nodes, by name of the attachment.
+    memory : dict of ndarray
+        State of materials with memory at the points of elements, by name of the body.
     watched : bool
         True if energies are requested after the next step, which may then sum them on its way.
     unseen : bool
@@ -63,6 +65,7 @@ class State:
     points: dict[str, FaultState] = field(default_factory=dict)
     pairs: FaultState = field(default_factory=dict)
     attached: dict[str, FaultState] = field(default_factory=dict)
+    memory: FaultState = field(default_factory=dict)
     unseen: bool = False
     behind: Callable[[State], None] | None = field(default=None, repr=False)
 

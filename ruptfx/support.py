@@ -369,8 +369,27 @@ def _materials(choices: Choices) -> Iterator[Refusal]:
             yield Refusal((key,), f"fracture.kind = '{kind}' breaks isotropic bodies", ((key,),))
 
 
+def _memory(choices: Choices) -> Iterator[Refusal]:
+    stepper = _stepper(choices)
+    materials = {key: cast(type[Material], cls) for key, cls in choices.items() if key.startswith("materials.")}
+    keys = tuple(key for key, cls in materials.items() if cls.has_memory())
+    if not keys:
+        return
+    if not stepper.memory:
+        yield Refusal(keys, f"stepper.kind = '{stepper.kind()}' takes no materials with memory", (("stepper",), keys))
+    if "fracture" in choices:
+        yield Refusal(keys, "bodies that break have no memory", (keys,))
+    elif "large_rotations" in choices:
+        yield Refusal(keys, "a material with memory is for small rotations", (keys,), (("large_rotations",),))
+    plane = next((key.removeprefix(PLANE) for key in choices if key.startswith(PLANE)), None)
+    wrong = tuple(key for key in keys if plane is not None and plane not in materials[key].planes())
+    if wrong:
+        known = _listed([repr(each) for each in materials[wrong[0]].planes()], "and")
+        yield Refusal(wrong, f"works with plane = {known} only, not '{plane}'", (wrong,))
+
+
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials,
+    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials, _memory,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""`ruptfx check-law`: check of the contract of a friction or cohesive law on examples; a table and a picture."""
+"""`ruptfx check-law`: check of the contract of a law or a material on examples; a table and a picture."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from pydantic import ValidationError
 
 from ruptfx import RuptfxError
 from ruptfx.case import override
-from ruptfx.check_law import checks, cohesive, examples
+from ruptfx.check_law import checks, cohesive, examples, materials
 from ruptfx.codegen.tracing import located
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.friction import FrictionLaw
+from ruptfx.materials import Material
 from ruptfx.plugins import active, load
 from ruptfx.schema import CaseError, find, kinds, nearest
 
-Law = FrictionLaw | CohesiveLaw
+Law = FrictionLaw | CohesiveLaw | Material
 
 
 class Contract(NamedTuple):
@@ -33,6 +34,7 @@ class Contract(NamedTuple):
 CONTRACTS = {
     "ruptfx.friction": Contract("friction law", checks.missing, checks.CHECKS),
     "ruptfx.cohesion": Contract("cohesive law", cohesive.missing, cohesive.CHECKS),
+    "ruptfx.materials": Contract("material", materials.missing, materials.CHECKS),
 }
 SEEDS = (0, 1, 2)
 
@@ -51,8 +53,8 @@ class Report(NamedTuple):
     Attributes
     ----------
     name : str
-        "friction law" or "cohesive law".
-    law : FrictionLaw or CohesiveLaw
+        "friction law", "cohesive law" or "material".
+    law : FrictionLaw, CohesiveLaw or Material
         Example for the picture.
     rows : list of Row
     """
@@ -68,7 +70,7 @@ class Report(NamedTuple):
 
 
 def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
-    """Check all friction and cohesive laws of a file, or the one of that kind.
+    """Check all friction laws, cohesive laws and materials of a file, or the one of that kind.
 
     Parameters
     ----------
@@ -93,16 +95,18 @@ def check_law(law: str, changes: Iterable[str] = ()) -> list[Report]:
                 raise RuptfxError(f"check-law {law}: no file (its name ends with .py), and no kind: "
                                   f"{nearest(law, known)}")  # fmt: skip
         if not found:
-            raise RuptfxError(f"check-law {law}: defines no class derived from FrictionLaw or CohesiveLaw")
+            raise RuptfxError(f"check-law {law}: defines no class derived from FrictionLaw, CohesiveLaw or Material")
         return [_report(package, kind, list(changes)) for package, kind in found]
 
 
 def _report(package: str, kind: str, changes: list[str]) -> Report:
     cls, contract = find(package, kind), CONTRACTS[package]
-    tables = [examples.table(cls, seed) for seed in SEEDS]
-    for table in tables:
+
+    def change(table: dict[str, Any]) -> None:
         for item in changes:
             override(table, item)
+
+    tables = examples.tables(cls, len(SEEDS), change)
     try:
         laws: list[Law] = [cast("Law", cls.model_validate(copy.deepcopy(table))) for table in tables]
     except ValidationError as error:
@@ -136,7 +140,10 @@ def save_figure(law: Law, path: Path) -> None:
 
     try:
         with np.errstate(all="ignore"):
-            drawn = figure.draw_cohesive(law) if isinstance(law, CohesiveLaw) else figure.draw(law)
+            drawn = (
+                figure.draw_cohesive(law) if isinstance(law, CohesiveLaw)
+                else figure.draw_material(law) if isinstance(law, Material) else figure.draw(law)
+            )  # fmt: skip
             drawn.savefig(path)
     except Exception as error:
         raise RuptfxError(f"{path}: no picture ({type(error).__name__}: {error})") from error

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import zlib
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -87,6 +89,8 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
                 result[name] = {"kind": "gaussian", **profile}
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)
+        elif any(item.get("type") == "array" and "minItems" in item for item in options):
+            result[name] = [0.0] * next(item["minItems"] for item in options if "minItems" in item)
         elif "const" in schema:
             result[name] = schema["const"]
         elif any("enum" in item for item in options):
@@ -98,6 +102,23 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         elif "default" not in schema:
             raise NotImplementedError(f"{cls.__name__}.{name}: examples.py knows no value for {schema}")
     return result
+
+
+def tables(cls: type[Part], count: int, change: Callable[[Table], object]) -> list[Table]:
+    """Return tables with other numbers each that a class accepts after a change; without any, the first ones."""
+    first, found = [], []
+    for seed in range(200):
+        values = table(cls, seed)
+        change(values)
+        first.append(values)
+        try:
+            cls.model_validate(copy.deepcopy(values))
+        except (CaseError, ValidationError):
+            continue
+        found.append(values)
+        if len(found) == count:
+            return found
+    return first[:count]
 
 
 def material(kind: str, plain: bool = False) -> Part:

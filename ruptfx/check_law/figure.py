@@ -1,4 +1,4 @@
-"""Pictures of laws: friction against slip rate and after velocity steps; strength and energy of cohesion."""
+"""Pictures of laws: friction against slip rate, strength and energy of cohesion, stress and strain of materials."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ruptfx.check_law.cohesive import ANGLES, jump_at, straight_path
+from ruptfx.check_law.materials import elastic
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.figure_style import MUTED, STEADY, STICK_SLIP, letter, new_figure, note, styled
 from ruptfx.friction import FrictionLaw
+from ruptfx.materials import Material
+from ruptfx.materials._tensor import COMPONENTS
+from ruptfx.materials._traced import traced
 
 STRESSES = (1e6, 3e6, 10e6)  # Pa
 RATE = 0.1  # m/s
@@ -96,3 +100,31 @@ def _rest(law: FrictionLaw, sigma: float) -> dict[str, np.ndarray]:
     normal = np.full(400, sigma)
     state = law.initial_state(normal, 0.3 * normal, np.full(400, RATE))
     return {name: value + np.zeros(400) for name, value in state.items()}
+
+
+@styled
+def draw_material(material: Material) -> Figure:
+    """Draw stress against strain in cycles of shear and of uniaxial strain, fast and slow.
+
+    Parameters
+    ----------
+    material : Material
+    """
+    figure, (axes,) = new_figure(1, 2, 2.8)
+    cycle = 1e-3 * np.sin(np.linspace(0, 5 * np.pi, 1001))
+    for axis, part, name in ((axes[0], "xy", "Shear"), (axes[1], "xx", "Uniaxial")):
+        for period, colour in ((1e-6, "#56b4e9"), (1e-3, "#0072b2"), (1.0, "#1a1a1a")):
+            law = traced(material, "solid") if material.has_memory() else None
+            state = {} if law is None else {key: np.full(1, value) for key, value in law.state.items()}
+            stress = []
+            for strain in cycle:
+                parts = {each: np.full(1, strain if each == part else 0.0) for each in COMPONENTS}
+                if law is None:
+                    stress.append(elastic(material, np.stack(list(parts.values())))[COMPONENTS.index(part), 0])
+                else:
+                    found, state = law.evaluate(parts, state, period / 400)
+                    stress.append(found[part][0])
+            axis.plot(cycle * 1e3, np.array(stress) / 1e6, color=colour, label=f"period {period:g} s")
+        axis.set(xlabel=f"{name} strain (0.001)", ylabel="Stress (MPa)")
+    axes[0].legend()
+    return figure

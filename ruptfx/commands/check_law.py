@@ -14,11 +14,11 @@ from ruptfx.commands._shared import EXIT_ERROR, reported, screen
 
 def check_law(
     law: Annotated[str, typer.Argument(
-        help="Python file with friction or cohesive laws, or a kind.", show_default=False)],
+        help="Python file with friction laws, cohesive laws or materials, or a kind.", show_default=False)],
     set_: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE, a parameter, e.g. mu_s=0.6.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the pictures.")] = Path("."),
 ) -> None:
-    """Check that a friction or cohesive law satisfies its contract, and draw it; exit non-zero if a check fails.
+    """Check that a law or material satisfies its contract, and draw it; exit non-zero if a check fails.
 
     Example: ruptfx check-law my_law.py --set mu_s=0.6 --set L=20e-6
     """

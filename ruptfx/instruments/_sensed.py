@@ -158,6 +158,11 @@ class Sensed:
             On all ranks: no such edge.
         """
         model = self.model
+        if model.memory_laws:
+            raise CaseError(
+                f"{key}: forces on edges are computed for elastic bodies, and the material of "
+                f"'{next(iter(model.memory_laws))}' has memory; remove it, or use kind = 'isotropic_elastic'"
+            )
         edge = Edge(model, name, key)
         found = []
         owned = np.arange(model.nodes * model.components) < model.owned_nodes * model.components

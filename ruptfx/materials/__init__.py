@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
@@ -11,12 +11,15 @@ from pydantic import BeforeValidator, WithJsonSchema
 from ruptfx import RuptfxError
 from ruptfx.materials._library import LIBRARY, constants_of
 from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent_stiffness
+from ruptfx.materials._tensor import IDENTITY, Tensor
 from ruptfx.schema import Alternative, alternative, by_name
 from ruptfx.units import Density, FringeConstant
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
 IN_PLANE: tuple[Plane, ...] = ("stress", "strain")
 """Where bodies move in a plane."""
+WITH_MEMORY: tuple[Plane, ...] = ("strain", "antiplane", "solid")
+"""Where any material with memory works."""
 """What the displacement is: two components in plane stress or strain, the one out of plane, all three in 3D, or two in
 the section of bodies of revolution, along the axis and the radius."""
 
@@ -33,11 +36,34 @@ class WaveSpeeds(NamedTuple):
     c_R: float
 
 
+class StateField(NamedTuple):
+    """A state variable of every point of a material.
+
+    Attributes
+    ----------
+    unit : str
+    start : float
+        Initial value, of a tensor that of all components.
+    tensor : bool
+        A symmetric tensor, `Tensor`; else a number.
+    """
+
+    unit: str
+    start: float = 0.0
+    tensor: bool = False
+
+
 class Material(Alternative):
-    """Contract of a material."""
+    """Contract of a material.
+
+    `energy_density` is the elastic energy. A material with memory also has `stress`, `state_fields` and `stored`: its
+    stress is written as a NumPy formula, which is traced into the sweep over the elements.
+    """
 
     isotropic: ClassVar[bool] = False
-    """Whether it is isotropic linear elastic, given by Young's modulus and Poisson's ratio."""
+    """Whether its elastic energy is isotropic and linear, given by Young's modulus and Poisson's ratio."""
+    linear: ClassVar[bool] = False
+    """Whether `stress` is linear in strain and state; with memory only such a material works in plane stress."""
 
     density: Density
     """Mass per volume."""
@@ -55,6 +81,48 @@ class Material(Alternative):
         plane : str
             For axisymmetric bodies `solid`; for short waves in them `strain`.
         """
+        raise NotImplementedError
+
+    @classmethod
+    def has_memory(cls) -> bool:
+        """Return whether the stress depends on more than the present strain."""
+        return cls.stress is not Material.stress
+
+    @classmethod
+    def planes(cls) -> tuple[Plane, ...]:
+        """Return the planes in which it works."""
+        if not cls.has_memory():
+            return ("stress", "strain", "antiplane", "solid", "axisymmetric")
+        return ("stress", *WITH_MEMORY) if cls.linear else WITH_MEMORY
+
+    def state_fields(self) -> dict[str, StateField]:
+        """Return the state variables of `stress` by name."""
+        return {}
+
+    def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
+        """Return the stress at the end of a step and the new state, in NumPy operations without branches.
+
+        With dt = 0 it must return the present stress, and the state without change. The stress must not grow faster
+        with strain than that of `energy_density`, which determines the stable time step.
+
+        Parameters
+        ----------
+        strain : Tensor
+            At the end of the step.
+        state : dict
+            Numbers and tensors by name, at its beginning.
+        dt : float
+            Length of the step [s].
+
+        Returns
+        -------
+        Tensor, dict
+            Stress less the initial one [Pa], tension positive.
+        """
+        raise NotImplementedError
+
+    def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
+        """Return the stored energy per volume [J/m3]; the rest of the work of the stress is dissipated."""
         raise NotImplementedError
 
     def lame(self, plane: Plane) -> tuple[float, float] | None:
@@ -160,3 +228,7 @@ else:
     AnyMaterial = Annotated[
         alternative("ruptfx.materials"), BeforeValidator(constants_of), WithJsonSchema(by_name("materials", [*LIBRARY]))
     ]
+
+__all__ = [
+    "IDENTITY", "IN_PLANE", "AnyMaterial", "Material", "Plane", "StateField", "Tensor", "WaveSpeeds",
+]  # fmt: skip

@@ -178,7 +178,7 @@ class BulkFields:
         found = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}
         found = {name: values for name, values in found.items() if name in self._fields}
         if {"stress", "fringe"} & set(self._fields):
-            found["stress"] = self._stress(displacement)
+            found["stress"] = self._stress(displacement, state)
         ends = np.cumsum([values.shape[1] for values in found.values()])
         rows = model.layout.collect(np.column_stack(list(found.values())).ravel())
         found = dict(zip(found, np.split(rows, ends[:-1], axis=1), strict=True))
@@ -205,7 +205,7 @@ class BulkFields:
     def close(self) -> None:
         self._file.close()
 
-    def _stress(self, displacement: np.ndarray) -> np.ndarray:
+    def _stress(self, displacement: np.ndarray, state: State) -> np.ndarray:
         """Return the total stress at local nodes, averaged over elements by mass lumping, tension positive [Pa]."""
         model, c = self.model, self.model.components
         if self._volume is None:
@@ -218,6 +218,8 @@ class BulkFields:
         sums[:] = 0
         if not (isinstance(model.operator, MatrixFree) and model.operator.add_stress(displacement, sums)):
             self._add_stress(displacement, sums)
+        for name, sweep in model.memory.items():
+            sweep.add_inelastic_stress(displacement, state.memory[name], sums)
         if model.comm.size > 1:
             vector.scatter_reverse(fem.dolfinx.la.InsertMode.add)
             vector.scatter_forward()

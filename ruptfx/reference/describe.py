@@ -261,7 +261,8 @@ def _with_held(found: Mapping[str, type[Part]]) -> Iterator[Entry]:
 
 def _entry(name: str, cls: type[Part]) -> Entry:
     labels = {label: getattr(cls, label) for label in ("formula", "example", "source") if getattr(cls, label, "")}
-    if state := getattr(cls, "state_fields", None):
+    state = getattr(cls, "state_fields", None)
+    if isinstance(state, dict) and state:  # those of materials depend on their numbers
         labels["state"] = ", ".join(f"{key} [{unit}]" for key, unit in state.items())
     return Entry(name, _marked(first_line(cls)), _details(cls), labels, keys_of(cls))
 

@@ -99,6 +99,8 @@ class Stepper(Alternative):
     """Whether bodies may turn by any angle."""
     attachments: ClassVar[bool] = False
     """Whether its steps ask mechanisms for their forces, so that masses and springs may be attached to the bodies."""
+    memory: ClassVar[bool] = False
+    """Whether its steps advance materials with memory."""
     multipliers: ClassVar[bool] = True
     """Whether the contact method may use multipliers of outer iterations."""
     elastic_contact_only: ClassVar[bool] = False

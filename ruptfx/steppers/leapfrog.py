@@ -40,6 +40,7 @@ class Leapfrog(Stepper):
     fracture: ClassVar[bool] = True
     large_rotations: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
+    memory: ClassVar[bool] = True
 
     safety: Fraction = 0.9
     """Time step over the stable one."""

@@ -1,0 +1,231 @@
+"""Materials with memory: points against closed forms, Q of plane waves, energy budget, elastic limit, cost.
+
+Plane S and P waves travel through a column: the ratio of their spectra at two depths gives Q, compared with that of
+the case, and the phase velocity, compared with that of the complex modulus (Emmerich and Korn 1987). Cyclic shear
+beyond yield is compared with the solution of its differential equation by SciPy.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ruptfx import Table, fem
+from ruptfx.bench import Check
+from ruptfx.case import Case
+from ruptfx.materials._traced import traced
+from ruptfx.materials.drucker_prager import DruckerPrager
+from ruptfx.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.meshes import MeshSource, RawMesh
+from ruptfx.model import Model
+
+if TYPE_CHECKING:
+    from ruptfx.fem import MPI
+
+ROCK: Table = {"young_modulus": 5.3e9, "poisson_ratio": 0.35, "density": 1246.0}
+SOLID: Table = {
+    **ROCK, "Q_p": 30.0, "Q_s": 20.0, "lowest_frequency": 3e4, "frequency_ratio": 10.0, "mechanisms": 3
+}  # fmt: skip
+YIELDING: Table = {
+    **ROCK, "cohesion": 1e6, "friction_angle": 0.5, "relaxation_time": 1e-7,
+    "initial_stress": [-6e6, -6e6, -6e6, 0.0, 0.0, 0.0],
+}  # fmt: skip
+DURATION = 120e-6  # s, of plane waves
+SCIPY = "scipy"
+CREEP = "closed form of springs and dashpots"
+
+
+class Block(MeshSource):
+    """A rectangle of square elements without interface."""
+
+    columns: int
+    rows: int
+    size: float
+
+    def build(self) -> RawMesh:
+        """Return the elements row by row."""
+        x, y = np.meshgrid(np.arange(self.columns + 1), np.arange(self.rows + 1))
+        points = self.size * np.stack([x.ravel(), y.ravel()], axis=1)
+        number = np.arange(len(points)).reshape(self.rows + 1, self.columns + 1)
+        cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]], axis=-1).reshape(-1, 4)
+        sides = {"bottom": number[0], "top": number[-1], "left": number[:, 0], "right": number[:, -1]}
+        return RawMesh(
+            "quadrilateral", points, cells, bodies=["rock"], cell_body=np.zeros(len(cells), int),
+            edges={f"rock.{name}": np.stack([row[:-1], row[1:]], axis=1) for name, row in sides.items()}, interfaces={},
+        )  # fmt: skip
+
+
+def run(fine: bool, comm: MPI.Comm) -> list[Check]:
+    return [*_relaxation(), *_flow(), *_waves(fine, comm), *_blocks(comm), *_cost(fine)]
+
+
+def _points(material: Any, shear: np.ndarray, dt: float) -> np.ndarray:
+    """Return the shear stress of one point along a path of shear strain [Pa]."""
+    law = traced(material, "strain")
+    state = {name: np.full(1, value) for name, value in law.state.items()}
+    found = []
+    for strain in shear:
+        parts = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, strain)}
+        stress, state = law.evaluate(parts, state, dt)
+        found.append(float(stress["xy"][0]))
+    return np.array(found)
+
+
+def _relaxation() -> list[Check]:
+    """Compare a strain that grows linearly, then rests: exact at every step."""
+    given = StandardLinearSolids.model_validate(SOLID)
+    dt, ramp, rate = 5e-8, 4e-6, 250.0
+    t = dt * np.arange(1, 321)
+    stress = _points(given, rate * np.minimum(t, ramp), dt)
+
+    def grown(at: np.ndarray) -> np.ndarray:
+        delayed = sum(y * (at + np.expm1(-r * at) / r) for y, r in zip(given.coefficients[1], given.rates, strict=True))
+        return np.where(at > 0, 2 * given.shear_modulus * rate * (at - delayed), 0.0)
+
+    exact = grown(t) - grown(np.maximum(t - ramp, 0.0))
+    apart = float(np.abs(stress / exact - 1).max())
+    return [Check("standard_linear_solids: ramp and relaxation of a point", 0.0, apart, 1e-8, source=CREEP)]
+
+
+def _flow() -> list[Check]:
+    """Compare a cycle of shear with SciPy, and long steps with perfect plasticity."""
+    from scipy.integrate import solve_ivp
+
+    given = DruckerPrager.model_validate(YIELDING)
+    shear, relaxation = given.shear_modulus, given.relaxation_time
+    limit = float(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5))
+    size, period = 5e-3, 4e-6
+
+    def rate(t: float, stress: np.ndarray) -> np.ndarray:
+        beyond = np.sign(stress) * np.maximum(np.abs(stress) - limit, 0.0)
+        forced = 2 * shear * size * 2 * np.pi / period * np.cos(2 * np.pi * t / period)
+        return np.asarray(forced - beyond / relaxation)
+
+    found = []
+    for steps in (20000, 40000):
+        t = period * np.arange(1, steps + 1) / steps
+        stress = _points(given, size * np.sin(2 * np.pi * t / period), period / steps)
+        found.append(stress[steps // 8 - 1 :: steps // 8])
+    exact = solve_ivp(
+        rate, (0, period), [0.0], "DOP853", period * np.arange(1, 9) / 8, rtol=1e-11, atol=1e-3, max_step=period / 4000
+    ).y[0]
+    coarse, half = (float(np.abs(each - exact).max() / limit) for each in found)
+    plastic = _points(given, 1e-3 * np.arange(1, 20), 1e3 * relaxation)
+    richer = float(np.abs(2 * found[1] - found[0] - exact).max() / limit)
+    return [
+        Check("drucker_prager: cycle of a point, error ratio of half the step", 2.0, coarse / half, 0.05, "1", SCIPY),
+        Check("drucker_prager: cycle of a point, extrapolated to short steps", 0.0, richer, 1e-6, "1", SCIPY),
+        Check("drucker_prager: long steps stay on the yield surface", 1.0, plastic[-1] / limit, 1e-8),
+    ]
+
+
+def _case(material: Table, kind: str, mesh: MeshSource, boundaries: list[Table], plane: str) -> Case:
+    return Case.model_validate({
+        "plane": plane, "order": 4, "duration": 1.0, "mesh": mesh, "boundaries": boundaries,
+        "materials": {"default": {"kind": kind, **material}}, "output": {"figures": False},
+    })  # fmt: skip
+
+
+def _waves(fine: bool, comm: MPI.Comm) -> list[Check]:
+    """Measure plane waves in columns, S in antiplane and P in plane strain, by their spectra at two depths."""
+    given, checks = StandardLinearSolids.model_validate(SOLID), []
+    size, first, apart = 1e-3 if fine else 2e-3, 8e-3, 40e-3
+    for wave, plane in (("S", "antiplane"), ("P", "strain")):
+        speed = given.wave_speeds("strain").c_s if wave == "S" else given.wave_speeds("strain").c_p
+        length = 0.5 * (speed * DURATION + first + apart) + 10e-3  # nothing comes back from the upper end
+        mesh = Block(columns=2, rows=int(np.ceil(length / size)), size=size)
+        rollers: list[Table] = [
+            {"kind": "driven", "edge": f"rock.{side}", "component": "x", "velocity": 0.0} for side in ("left", "right")
+        ]  # fmt: skip
+        case = _case(SOLID, "standard_linear_solids", mesh, rollers if wave == "P" else [], plane)
+        model = Model(case, comm)
+        state, motion = model.initial_state(), case.stepper.bind(model)
+        c = model.components
+        y = model.coordinates[:, 1]
+        # The state at the start: a pulse of velocity at the free lower end, whose spectrum spans the band.
+        pulse = np.exp(-((y / (speed * 1.2e-6)) ** 2))
+        state.velocity.reshape(-1, c)[:, c - 1] = pulse
+        x = model.coordinates[:, 0]
+        where = [np.flatnonzero((np.abs(y - depth) < 1e-9) & (np.abs(x) < 1e-9)) for depth in (first, first + apart)]
+        series: list[list[float]] = [[], []]
+        for _ in range(int(DURATION / motion.dt)):
+            motion.step(state)
+            for which, nodes in zip(series, where, strict=True):
+                here = float(state.velocity.reshape(-1, c)[nodes[0], c - 1]) if len(nodes) else 0.0
+                which.append(here)
+        frequency = np.array([4e4, 7e4, 1.2e5, 2e5])
+        t = motion.dt * (np.arange(len(series[0])) + 0.5)
+        spectra = np.exp(-2j * np.pi * frequency[:, None] * t) @ np.array(series).T
+        ratio = spectra[:, 1] / spectra[:, 0]
+        of_bulk, of_shear = given.relaxed(frequency)
+        modulus = of_shear if wave == "S" else of_bulk + 4 / 3 * of_shear
+        exact = np.sqrt(modulus / given.density)  # complex speed
+        velocity = 1 / (1 / exact).real
+        turns = np.round(frequency * apart / velocity + np.angle(ratio) / (2 * np.pi))
+        found = frequency * apart / (turns - np.angle(ratio) / (2 * np.pi))
+        # exp(i (omega t - k x)): the imaginary part of the slowness is negative where the wave decays.
+        slowness = 1 / found + 1j * np.log(np.abs(ratio)) / (2 * np.pi * frequency * apart)
+        found_modulus = slowness**-2
+        quality = found_modulus.real / found_modulus.imag
+        wanted = given.Q_s if wave == "S" else given.Q_p
+        for f, q, v, exact_v in zip(frequency, quality, found, velocity, strict=True):
+            named = f"{wave} waves at {f / 1e3:g} kHz"
+            checks.append(Check(f"Q of {named}", wanted, float(q), 0.05, source="the case", relative=True))
+            checks.append(Check(
+                f"phase velocity of {named}", float(exact_v), float(v), 2e-3, "m/s", "complex modulus", relative=True
+            ))  # fmt: skip
+    return checks
+
+
+def _blocks(comm: MPI.Comm) -> list[Check]:
+    """Check the energy budget of a block that is struck, and displacements of one that cannot yield."""
+    mesh, checks = Block(columns=12, rows=8, size=1e-3), []
+    push: list[Table] = [{"kind": "driven", "edge": "rock.bottom", "component": "y", "velocity": 20.0, "ramp": 1e-6}]
+    results = {}
+    for name, kind, material in (
+        ("elastic", "isotropic_elastic", ROCK), ("standard_linear_solids", "standard_linear_solids", SOLID),
+        ("drucker_prager", "drucker_prager", YIELDING),
+        ("without yield", "drucker_prager", {**YIELDING, "cohesion": 1e12}),
+    ):  # fmt: skip
+        case = _case(material, kind, mesh, push, "strain")
+        model = Model(case, comm)
+        state, motion = model.initial_state(), case.stepper.bind(model)
+        for number in range(120):
+            state.watched = number == 119
+            motion.step(state)
+        energy, results[name] = motion.energies(state), state.displacement
+        work = energy.pop("boundary_work")
+        if kind == name:
+            checks.append(Check(f"{name}: unaccounted energy", 0.0, (sum(energy.values()) - work) / work, 1e-10))
+            lost = energy["material_dissipation"] / work
+            checks.append(Check(f"{name}: dissipated part of the work", 0.01, lost, relation="at least"))
+    apart = np.abs(results["without yield"] - results["elastic"]).max() / np.abs(results["elastic"]).max()
+    checks.append(Check("drucker_prager without yield: difference to elastic displacements", 0.0, float(apart), 1e-12))
+    return checks
+
+
+def _cost(fine: bool) -> list[Check]:
+    """Measure the speed of steps over that of elastic bodies, order 4 in plane strain."""
+    side = 200 if fine else 100
+    mesh, seconds = Block(columns=side, rows=side, size=1e-3), {}
+    for kind, material in (
+        ("isotropic_elastic", ROCK), ("drucker_prager", YIELDING), ("standard_linear_solids", SOLID)
+    ):  # fmt: skip
+        case = _case(material, kind, mesh, [], "strain")
+        model = Model(case, fem.MPI.COMM_SELF)
+        state, motion = model.initial_state(), case.stepper.bind(model)
+        state.velocity[:] = np.random.default_rng(0).normal(size=len(state.velocity))
+        times = []
+        for _ in range(30):
+            began = time.process_time()
+            motion.step(state)
+            times.append(time.process_time() - began)
+        seconds[kind] = float(np.median(times[5:]))
+    elastic = seconds.pop("isotropic_elastic")
+    aims = {"drucker_prager": 0.4, "standard_linear_solids": 0.25}
+    return [
+        Check(f"{kind}: speed over that of elastic bodies", aims[kind], elastic / each, source="aim",
+              relation="at least", timing=True) for kind, each in seconds.items()
+    ]  # fmt: skip

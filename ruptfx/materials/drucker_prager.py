@@ -1,0 +1,78 @@
+"""Drucker-Prager viscoplasticity."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ruptfx.materials import IDENTITY, StateField, Tensor
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.schema import Unit
+from ruptfx.units import Duration
+
+Cohesion = Annotated[float, Field(ge=0), Unit("Pa")]
+FrictionAngle = Annotated[float, Field(ge=0, lt=1.5), Unit("rad")]
+StressTensor = Annotated[list[float], Field(min_length=6, max_length=6), Unit("Pa")]
+
+
+class DruckerPrager(IsotropicElastic):
+    """Isotropic elasticity up to yield, then viscoplastic flow without change of volume.
+
+    Yield: sqrt(J2) <= Y = max(c cos phi - sigma_m sin phi, 0), with the mean stress sigma_m (tension positive). The
+    part of the deviatoric stress beyond Y decays with the relaxation time T: s = s_trial r with
+    r = (Y + (tau - Y) exp(-dt / T)) / tau.
+    Source: Andrews (2005), JGR 110, B01307; SCEC/USGS benchmarks TPV12 and TPV13 (Harris et al. 2011, SRL 82).
+    """
+
+    linear: ClassVar[bool] = False
+
+    cohesion: Cohesion
+    """Cohesion c."""
+    friction_angle: FrictionAngle
+    """Angle of internal friction phi."""
+    relaxation_time: Duration
+    """Relaxation time T of the stress beyond yield."""
+    initial_stress: StressTensor
+    """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces."""
+
+    def __hash__(self) -> int:
+        return hash(self.model_dump_json())  # a list has no hash of its own
+
+    @model_validator(mode="after")
+    def _elastic_at_first(self) -> DruckerPrager:
+        tau, strength = self.shear_and_strength(Tensor(*self.initial_stress))
+        if tau > strength:
+            raise ValueError(
+                f"initial_stress: beyond yield, sqrt(J2) = {tau:.4g} Pa above {strength:.4g} Pa; raise cohesion or "
+                "compression"
+            )
+        return self
+
+    def shear_and_strength(self, total: Tensor) -> tuple[Any, Any]:
+        """Return sqrt(J2) and its limit Y [Pa] of a stress."""
+        deviator = total.deviator()
+        limit = self.cohesion * cos(self.friction_angle) - total.trace() / 3 * sin(self.friction_angle)
+        return np.sqrt(0.5 * deviator.dot(deviator)), np.maximum(limit, 0.0)
+
+    def state_fields(self) -> dict[str, StateField]:
+        return {"plastic_strain": StateField("1", tensor=True)}
+
+    def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
+        first, shear = self.lame("strain")
+        elastic = strain - state["plastic_strain"]
+        trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
+        total = trial + Tensor(*self.initial_stress)
+        tau, limit = self.shear_and_strength(total)
+        beyond = np.where(tau > limit, 1 - limit / np.where(tau > 0, tau, 1.0), 0.0)
+        returned = (beyond * -np.expm1(-dt / self.relaxation_time)) * total.deviator()
+        return trial - returned, {"plastic_strain": state["plastic_strain"] + returned / (2 * shear)}
+
+    def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
+        """Return the elastic energy less what the initial stress has given to the plastic strain."""
+        first, shear = self.lame("strain")
+        elastic = strain - state["plastic_strain"]
+        trace, given = elastic.trace(), Tensor(*self.initial_stress).dot(state["plastic_strain"])
+        return 0.5 * first * trace * trace + shear * elastic.dot(elastic) - given

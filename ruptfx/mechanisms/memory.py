@@ -1,0 +1,112 @@
+"""Materials with memory: the force of the inelastic stress, and what the bodies store and dissipate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.fields import Energy
+from ruptfx.mechanisms import Floats, Mechanism, Rows
+from ruptfx.mechanisms._check_table import Row
+from ruptfx.platform import parallel
+
+if TYPE_CHECKING:
+    from ruptfx.mechanisms._check_table import Plan
+    from ruptfx.mechanisms._nodes import Kick
+    from ruptfx.model import Model
+    from ruptfx.state import State
+
+WORK, HALF = "work of inelastic stress", "half a step of it"
+
+
+class Memory(Mechanism):
+    """State of the points of elements, and the force that the inelastic stress adds to the elastic one.
+
+    The sweep comes before that of the bulk kernel, so that nodes advance there with both forces.
+    """
+
+    order = 10
+    energies = (Energy("material_dissipation", "energy dissipated in materials with memory", "dissipated"),)
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self._force: Floats = np.zeros(len(model.mass))
+
+    @classmethod
+    def present(cls, model: Model) -> bool:
+        return any(material.has_memory() for material in model.materials)
+
+    def begin(self, state: State) -> None:
+        state.memory = {name: sweep.begin() for name, sweep in self.model.memory.items()}
+        state.energy |= {WORK: 0.0, HALF: 0.0}
+
+    def add_first(self, state: State, kick: Kick) -> None:
+        self._force[:] = 0
+        for name, sweep in self.model.memory.items():
+            sweep.add_force(state.displacement, state.memory[name], kick.clock.since, self._force)
+        self._power = float(self._force @ state.velocity)
+        state.force += self._force
+
+    def account(self, state: State, kick: Kick) -> None:
+        power = float(self._force @ state.velocity)
+        state.energy[WORK] -= 0.5 * kick.clock.kick * (self._power + power)
+        state.energy[HALF] = -0.5 * kick.clock.dt * power
+
+    def add_energies(self, state: State, energies: dict[str, float]) -> None:
+        """Dissipated until the time of the faults: work of the stress less what is stored then."""
+        then = state.at_faults()[1]
+        stored = sum(
+            sweep.stored(then, state.memory[name]) - sweep.elastic(then) for name, sweep in self.model.memory.items()
+        )  # fmt: skip
+        work = state.energy[WORK]
+        dissipated = work - state.energy[HALF] - stored
+        energies["material_dissipation"] += dissipated
+        energies["strain"] += work - dissipated  # that of the elastic operator is of the whole strain
+
+    def add_resistance(self, state: State, force: Floats) -> None:
+        inelastic = np.zeros_like(force)
+        for name, sweep in self.model.memory.items():
+            sweep.add_force(state.at_faults()[1], state.memory[name].copy(), 0.0, inelastic)  # the present stress
+        self.model.layout.sum_shared(inelastic)
+        force += inelastic
+
+    def check(self, plan: Plan) -> Iterator[Row]:
+        for name, law in self.model.memory_laws.items():
+            yield Row(f"body '{name}': state variables per point", len(law.state))
+
+    # -- checkpoints -------------------------------------------------------------------------------
+
+    def saved(self, state: State) -> Mapping[str, Rows]:
+        numbering, comm = self.model.layout.numbering, self.model.comm
+        found: dict[str, Rows] = {}
+        for name, law in self.model.memory_laws.items():
+            sweep, number = self.model.memory.get(name), self._cells(name)
+            every, group = np.ones(len(number), dtype=bool), {}
+            for place, field in enumerate(law.state):
+                points = range(self.model.points_of_cells)
+                rows = np.zeros((0, len(points))) if sweep is None else (
+                    sweep.rows(state.memory[name], numbering)[:, :, place])  # fmt: skip
+                columns = {str(point): rows[:, point] for point in points}
+                gathered = parallel.gather_fields(comm, number, every, columns)
+                group[field] = np.stack(list(gathered.values()), axis=1)
+            found[f"memory/{name}"] = group
+        return found
+
+    def restore(self, state: State, read: Callable[[str], np.ndarray]) -> None:
+        numbering = self.model.layout.numbering
+        for name, law in self.model.memory_laws.items():
+            number, sweep = self._cells(name), self.model.memory.get(name)
+            fields = [read(f"memory/{name}/{field}")[number] for field in law.state]
+            if sweep is not None and fields:
+                sweep.fill(state.memory[name], np.stack(fields, axis=2), numbering)
+
+    def _cells(self, name: str) -> np.ndarray:
+        """Return the place of the cells of a body in an order that no partition changes; collective."""
+        model = self.model
+        sweep = model.memory.get(name)
+        cells = np.zeros(0, dtype=np.int64) if sweep is None else sweep.cells
+        corners = model.mesh.geometry.dim + 1 if model.points_of_cells == 1 else 2**model.mesh.geometry.dim
+        numbers = model.layout.numbering[model.space.dofmap.list[cells, :corners]]
+        return parallel.places(model.comm, np.sort(numbers, axis=1).astype(float))

@@ -1,0 +1,187 @@
+// Inelastic stress of a material with memory: the sweep over its elements.  _memory.py writes this file after matrix_free.c,
+// whose geometry and gradients it uses, and in front of both the macros of a traced material:
+// FIELDS, numbers of state at a point; PARTS, components of strain; LAW_READ, declarations of state and strain; LAW_STEP, LAW_PRESENT and
+// LAW_STORED, the formulas.
+
+#include <math.h>
+
+#define POINTS (SIMPLEX ? 1 : NODES)
+
+struct memory {
+    const lanes *size;     // [batch]: sqrt|det J|, or the sign of det J where it varies in the cell; 0 for padding cells
+    const lanes *inverse;  // [batch]: 1 / sqrt|det J|, or 1
+    lanes *state;          // [batch][POINTS][FIELDS]
+};
+
+enum { ADVANCED, PRESENT, ENERGY };  // what a sweep computes: forces after a step, present stresses, stored energy
+
+#define STATE(k) state[(k) * LANES + l]
+#define STRAIN(k) strain[(k) * LANES + l]
+#define STRESS(k) stress[(k) * LANES + l]
+
+// The formulas of one point, in every lane.
+static inline __attribute__((always_inline)) void at_point(const int what, double dt, const double *restrict strain,
+                                                           double *restrict state, double *restrict stress)
+{
+    (void)dt;
+    if (what == ADVANCED)
+#pragma omp simd
+        for (int l = 0; l < LANES; l++) {
+            LAW_READ
+            LAW_STEP
+        }
+    if (what == PRESENT)
+#pragma omp simd
+        for (int l = 0; l < LANES; l++) {
+            LAW_READ
+            LAW_PRESENT
+        }
+    if (what == ENERGY)
+#pragma omp simd
+        for (int l = 0; l < LANES; l++) {
+            double stored;
+            LAW_READ
+            LAW_STORED
+            STRESS(0) = stored;
+        }
+}
+
+// Position of a strain component in the order xx, yy, xy; xx, yy, zz, xy, yz, xz; xz, yz.
+#if COMPONENTS == 1
+#define PLACE(c, a) (a)
+#else
+#define PLACE(c, a) ((c) == (a) ? (c) : DIM == 2 ? 2 : (c) + (a) == 1 ? 3 : (c) + (a) == 3 ? 4 : 5)
+#endif
+
+INLINE lanes memory_batch(const int geometry, const int what, const struct plan *plan, const struct memory *memory, long b,
+                          double dt, const double *displacement, double *sums)
+{
+    const int *dof = plan->dof + b * NODES * LANES;
+    struct cell cell = open_cell(geometry, plan->number + plan->start[b]);
+    lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES], total = {0};
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes x[COMPONENTS];
+        gather(displacement, dof + node * LANES, x);
+        UNROLL for (int c = 0; c < COMPONENTS; c++) u[c][node] = x[c];
+    }
+#if SIMPLEX
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++) p[d][c][0] = u[c][d + 1] - u[c][0];
+#else
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
+#endif
+    KEEP for (int q = 0; q < POINTS; q++) {
+        lanes size = memory->size[b], inverse = memory->inverse[b], h[COMPONENTS][DIM], e[PARTS], s[PARTS];
+        lanes *const state = memory->state + (b * POINTS + q) * FIELDS;
+#if !SIMPLEX
+        if (geometry == MULTILINEAR) {
+#if DIM == 2
+            const double xi[2] = {POINT[q / N], POINT[q % N]};
+#else
+            const double xi[3] = {POINT[q / (N * N)], POINT[q / N % N], POINT[q % N]};
+#endif
+            lanes j[DIM][DIM];
+            tangents(cell.geometry, xi, j);
+            inverse = adjugate(j, cell.g);
+        }
+#endif
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            UNROLL for (int a = 0; a < DIM; a++) {
+                if (geometry == BOX)
+                    h[c][a] = cell.geometry[a] * p[a][c][q];
+                else {
+                    h[c][a] = cell.g[0][a] * p[0][c][q];
+                    UNROLL for (int d = 1; d < DIM; d++) h[c][a] += cell.g[d][a] * p[d][c][q];
+                }
+                h[c][a] *= inverse;
+            }
+#if COMPONENTS == 1
+        UNROLL for (int a = 0; a < DIM; a++) e[a] = 0.5 * h[0][a];
+#else
+        UNROLL for (int c = 0; c < DIM; c++)
+            UNROLL for (int a = c; a < DIM; a++) e[PLACE(c, a)] = 0.5 * (h[c][a] + h[a][c]);
+#endif
+        at_point(what, dt, (const double *)e, (double *)state, (double *)s);
+        const lanes volume = geometry == MULTILINEAR ? size / inverse : size * size;
+        if (what == ENERGY) {
+            total += -MINUS_WEIGHT[q] * volume * s[0];
+            continue;
+        }
+        if (what == PRESENT) {
+            UNROLL for (int n = 0; n < (SIMPLEX ? NODES : 1); n++) {
+                const int node = SIMPLEX ? n : q;
+                const double weight = -MINUS_WEIGHT[node] * (SIMPLEX ? 1.0 / NODES : 1.0);
+                UNROLL for (int l = 0; l < LANES; l++) {
+                    double *const here = sums + (long)(dof[node * LANES + l] / COMPONENTS) * PARTS;
+                    UNROLL for (int k = 0; k < PARTS; k++) here[k] += weight * volume[l] * s[k][l];
+                }
+            }
+            continue;
+        }
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            UNROLL for (int d = 0; d < DIM; d++) {
+                if (geometry == BOX)
+                    p[d][c][q] = size * cell.geometry[d] * s[PLACE(c, d)];
+                else {
+                    lanes sum = cell.g[d][0] * s[PLACE(c, 0)];
+                    UNROLL for (int a = 1; a < DIM; a++) sum += cell.g[d][a] * s[PLACE(c, a)];
+                    p[d][c][q] = size * sum;
+                }
+            }
+    }
+    if (what != ADVANCED) return total;
+#if SIMPLEX
+    UNROLL for (int c = 0; c < COMPONENTS; c++) {
+        u[c][0] = -p[0][c][0];
+        UNROLL for (int d = 1; d < DIM; d++) u[c][0] -= p[d][c][0];
+        UNROLL for (int d = 0; d < DIM; d++) u[c][d + 1] = p[d][c][0];
+    }
+#else
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < COMPONENTS; c++)
+            along_all(d > 0, &TRANSPOSED, p[d][c], u[c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
+#endif
+    KEEP for (int node = 0; node < NODES; node++) {
+        lanes x[COMPONENTS];
+        UNROLL for (int c = 0; c < COMPONENTS; c++) x[c] = MINUS_WEIGHT[node] * u[c][node];
+        scatter_add(sums, dof + node * LANES, x);
+    }
+    return total;
+}
+
+static inline double memory_sweep(const int what, const struct plan *plan, const struct memory *memory, long batches,
+                                  double dt, const double *displacement, double *sums)
+{
+    lanes total = {0};
+    for (long b = 0; b < batches; b++)
+        switch (plan->kind[b]) {
+#define MEMORY_CASE(geometry) \
+    case geometry: total += memory_batch(geometry, what, plan, memory, b, dt, displacement, sums); break;
+            MEMORY_CASE(AFFINE)
+#if !SIMPLEX
+            MEMORY_CASE(BOX)
+            MEMORY_CASE(MULTILINEAR)
+#endif
+        }
+    double sum = 0;
+    UNROLL for (int l = 0; l < LANES; l++) sum += total[l];
+    return sum;
+}
+
+void memory_force(const struct plan *plan, const struct memory *memory, long batches, double dt, const double *u,
+                  double *force)
+{
+    memory_sweep(ADVANCED, plan, memory, batches, dt, u, force);
+}
+
+void memory_stress(const struct plan *plan, const struct memory *memory, long batches, const double *u, double *stress)
+{
+    memory_sweep(PRESENT, plan, memory, batches, 0.0, u, stress);
+}
+
+double memory_energy(const struct plan *plan, const struct memory *memory, long batches, const double *u)
+{
+    return memory_sweep(ENERGY, plan, memory, batches, 0.0, u, 0);
+}

@@ -1,0 +1,356 @@
+"""Every material with memory of the folder keeps its contract; a new file is tested without an edit here."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_cases import HOMALITE, plates
+
+from ruptfx.check_law import materials as checks
+from ruptfx.check_law.checks import Broken
+from ruptfx.check_law.examples import tables
+from ruptfx.materials import IDENTITY, Material, Tensor
+from ruptfx.materials._traced import OF_PLANE, traced
+from ruptfx.materials.drucker_prager import DruckerPrager
+from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.schema import alternatives
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import fem
+from ruptfx.case import parse_case
+from ruptfx.model import Model
+from ruptfx.operators import Bulk
+from ruptfx.operators._memory import MemorySweep
+from ruptfx.record import Record
+from ruptfx.recording.checkpoint import Checkpoint
+from ruptfx.simulation import simulate
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+COMM = fem.MPI.COMM_WORLD
+
+KINDS = [kind for kind, cls in alternatives("ruptfx.materials").items() if cls.has_memory()]
+PUSH = {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 20.0, "ramp": 1e-6}
+SLS: dict[str, Any] = {
+    **HOMALITE, "kind": "standard_linear_solids", "Q_p": 25.0, "Q_s": 15.0, "lowest_frequency": 5e4,
+    "frequency_ratio": 10.0,
+}  # fmt: skip
+DP: dict[str, Any] = {
+    **HOMALITE, "kind": "drucker_prager", "cohesion": 1e6, "friction_angle": 0.5, "relaxation_time": 1e-7,
+    "initial_stress": [-6e6, -6e6, -6e6, 0.0, 0.0, 0.0],
+}  # fmt: skip
+
+
+def example(kind: str, seed: int = 0) -> Material:
+    cls = alternatives("ruptfx.materials")[kind]
+    made = cls.model_validate(tables(cls, seed + 1, lambda table: None)[seed])
+    assert isinstance(made, Material)
+    return made
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", checks.CHECKS)
+def test_contract(kind: str, name: str) -> None:
+    with np.errstate(all="ignore"):
+        for seed in range(3):
+            checks.CHECKS[name](example(kind, seed), seed)
+
+
+class Wrong(IsotropicElastic):
+    """Creates energy: a stress that grows with time."""
+
+    def state_fields(self) -> dict[str, Any]:
+        return {}
+
+    def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
+        first, shear = self.lame("strain")
+        return (1 + dt) * (first * strain.trace() * IDENTITY + 2 * shear * strain), {}
+
+    def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
+        return 0.5 * strain.dot(self.stress(strain, state, 0.0)[0])
+
+
+def test_checks_find_a_wrong_material() -> None:
+    wrong = Wrong(**{name: value for name, value in HOMALITE.items() if name != "kind"})
+    for name in ("present stress", "stable time step"):
+        with pytest.raises(Broken):
+            checks.CHECKS[name](wrong, 0)
+
+
+# -- the compiled sweep --------------------------------------------------------------------------------------------
+
+MESHES = [("quadrilateral", 3, 0.0), ("quadrilateral", 2, 0.2), ("triangle", 1, 0.1), ("hexahedron", 2, 0.0),
+          ("hexahedron", 1, 0.1)]  # fmt: skip
+
+
+def bulk_of(material: Material, cell: str, order: int, bend: float, plane: str) -> Bulk:
+    kind = getattr(fem.dolfinx.mesh.CellType, cell)
+    if cell == "hexahedron":
+        mesh = fem.dolfinx.mesh.create_box(fem.MPI.COMM_SELF, [[0, 0, 0], [2, 1, 1]], [3, 2, 2], kind)
+    else:
+        mesh = fem.dolfinx.mesh.create_rectangle(fem.MPI.COMM_SELF, [[0, 0], [2, 1]], [3, 3], kind)
+    x = mesh.geometry.x
+    x[:, 0] += bend * np.sin(2 * x[:, 1]) * x[:, 0]
+    cells = mesh.topology.index_map(mesh.topology.dim).size_local
+    space = fem.lagrange(mesh, order, {"antiplane": 1, "solid": 3}.get(plane, 2))
+    return Bulk(space, plane, [material], np.zeros(cells, dtype=np.int32), only=np.arange(cells) != 1)  # type: ignore[arg-type]
+
+
+def reference(bulk: Bulk, u: np.ndarray, states: dict[int, Any], dt: float) -> np.ndarray:
+    """The force of the inelastic stress from the NumPy formula, cell by cell: -sum of w det J s : grad(test)."""
+    law, space = traced(bulk.materials[0], bulk.plane), bulk.space
+    element, mesh = space.element.basix_element, space.mesh
+    tensor = mesh.basix_cell().name != "triangle"
+    points = np.asarray(element.points)
+    shape = np.asarray(element.tabulate(1, points))[1:, :, :, 0]
+    coordinate = fem.basix.create_element(fem.basix.ElementFamily.P, mesh.basix_cell(), 1)
+    slopes = np.asarray(coordinate.tabulate(1, points))[1:, :, :, 0]
+    if tensor:
+        rule = fem.basix.make_quadrature(mesh.basix_cell(), 2 * element.degree - 1, rule=fem.basix.QuadratureType.gll)
+        match = np.abs(np.asarray(rule[0])[None] - points[:, None]).sum(axis=2).argmin(axis=1)
+        weights = np.asarray(rule[1])[match]
+    else:
+        weights = np.full(len(points), 0.5 / len(points))
+    c, dim = space.dofmap.index_map_bs, mesh.geometry.dim
+    force = np.zeros_like(u)
+    for cell, dofs in enumerate(space.dofmap.list):
+        if not bulk.only[cell]:  # type: ignore[index]
+            continue
+        x = mesh.geometry.x[fem.geometry_dofmap(mesh)[cell], :dim]
+        jacobian = np.einsum("dqk,ka->qda", slopes, x)
+        inverse, size = np.linalg.inv(jacobian), np.abs(np.linalg.det(jacobian))
+        gradient = np.einsum("qad,dqk->qka", inverse, shape)
+        h = np.einsum("qka,kc->qca", gradient, u.reshape(-1, c)[dofs])
+        entries = {name: ("xyz".index(name[0]), "xyz".index(name[1])) for name in law.components}
+        strain = {
+            name: 0.5 * h[:, 0, a] if c == 1 else 0.5 * (h[:, a, b] + h[:, b, a]) for name, (a, b) in entries.items()
+        }  # fmt: skip
+        if not tensor:  # one point with a state
+            strain = {name: values[:1] for name, values in strain.items()}
+        old = states.setdefault(cell, {
+            name: np.full(len(strain[law.components[0]]), value) for name, value in law.state.items()
+        })  # fmt: skip
+        stress, states[cell] = law.evaluate(strain, old, dt)
+        stiffness = checks.tangent_stiffness(bulk.materials[0], bulk.plane)
+        s = np.zeros((len(points), c, dim))
+        for name, (a, b) in entries.items():
+            if c == 1:
+                s[:, 0, a] = stress[name] - stiffness[a, a] * 2 * strain[name]
+                continue
+            elastic = sum(
+                stiffness[a, b, i, j] * (1 if i == j else 2) * strain[other] for other, (i, j) in entries.items()
+            )  # fmt: skip
+            s[:, a, b] = s[:, b, a] = stress[name] - elastic
+        np.subtract.at(
+            force.reshape(-1, c), dofs, np.einsum("q,q,qca,qka->kc", weights, size, s, gradient)
+        )  # fmt: skip
+    return force
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("cell", "order", "bend"), MESHES)
+def test_sweep_agrees_with_the_formula(kind: str, cell: str, order: int, bend: float) -> None:
+    """Three steps of random displacements: force, state and energy, in every plane of the material."""
+    material = example(kind)
+    for plane in material.planes():
+        if (plane == "solid") != (cell == "hexahedron"):
+            continue
+        bulk, random = bulk_of(material, cell, order, bend, plane), np.random.default_rng(1)
+        sweep, states = MemorySweep(bulk, material, "materials.rock"), dict[int, Any]()
+        state, law = sweep.begin(), traced(material, plane)
+        size = bulk.space.dofmap.index_map.size_local * bulk.space.dofmap.index_map_bs
+        for dt in (0.0, 1e-6, 1e-2):
+            u = 0.3 * random.normal(size=size)
+            force = np.zeros(size)
+            sweep.add_force(u, state, dt, force)
+            expected = reference(bulk, u, states, dt)
+            largest = np.abs(stiffness_force(sweep, u)).max()
+            assert np.abs(force - expected).max() < 1e-12 * largest
+        assert np.abs(force).max() > 1e-6 * largest, "the material does not feel time"
+        rows = sweep.rows(state, np.arange(len(bulk.space.dofmap.list) * 100))
+        found = {name: np.sort(rows[:, :, place].ravel()) for place, name in enumerate(law.state)}
+        for name, values in found.items():
+            other = np.sort(np.concatenate([states[int(cell)][name] for cell in sweep.cells]))
+            assert np.allclose(values, other, rtol=1e-9, atol=1e-12 * np.abs(other).max())
+
+
+def stiffness_force(sweep: MemorySweep, u: np.ndarray) -> np.ndarray:
+    force = np.zeros_like(u)
+    sweep.add_internal_force(u, force)
+    return force
+
+
+def steps(changes: dict[str, Any], number: int = 60) -> tuple[dict[str, float], np.ndarray, Model]:
+    case = parse_case(plates({"boundaries": [PUSH], **changes}))
+    model = Model(case)
+    motion, state = case.stepper.bind(model), model.initial_state()
+    for _ in range(number):
+        state.watched = True
+        motion.step(state)
+    return motion.energies(state), state.displacement, model
+
+
+@pytest.mark.parametrize(("plane", "material"), [("strain", SLS), ("stress", SLS), ("strain", DP)])
+def test_budget_closes_and_material_dissipates(plane: str, material: dict[str, Any]) -> None:
+    found, _, _ = steps({"plane": plane, "materials.default": material})
+    work = found.pop("boundary_work")
+    assert abs(sum(found.values()) - work) < 1e-10 * work
+    assert found["material_dissipation"] > 0.02 * work
+
+
+def test_elastic_limit() -> None:
+    """Far below yield, and with quality factors that are hardly felt, displacements are those of elastic bodies."""
+    elastic = steps({"plane": "strain"})[1]
+    strong = steps({"plane": "strain", "materials.default": {**DP, "cohesion": 1e12}})[1]
+    assert np.abs(strong - elastic).max() < 1e-12 * np.abs(elastic).max()
+    one = {**SLS, "Q_p": 9e3, "Q_s": 9e3}
+    hardly = steps({"plane": "strain", "materials.default": one})[1]
+    assert np.abs(hardly - elastic).max() < 1e-2 * np.abs(elastic).max()
+
+
+def test_one_body_with_memory() -> None:
+    """Memory in one body only: the other one has none, and the budget closes."""
+    found, _, model = steps({"plane": "strain", "materials.lower": HOMALITE, "materials.default": SLS})
+    assert list(model.memory) == ["upper"]
+    work = found.pop("boundary_work")
+    assert abs(sum(found.values()) - work) < 1e-10 * work
+
+
+@pytest.mark.parametrize("material", [SLS, DP])
+def test_the_same_on_any_ranks(material: dict[str, Any]) -> None:
+    found = []
+    for comm in (COMM, fem.MPI.COMM_SELF):
+        given = plates({"plane": "strain", "boundaries": [PUSH], "materials.default": material})
+        model = Model(parse_case(given), comm)
+        motion, state = model.case.stepper.bind(model), model.initial_state()
+        for _ in range(60):
+            motion.step(state)
+        energies = motion.energies(state)
+        groups = {
+            name: values for each in model.mechanisms for group in each.saved(state).values()
+            for name, values in group.items() if name.endswith("_xy")
+        }  # fmt: skip
+        found.append([np.array([*energies.values()]), *comm.bcast(groups, root=0).values()])
+    assert len(found[0]) > 1
+    for here, alone in zip(*found, strict=True):
+        np.testing.assert_allclose(here, alone, rtol=1e-9, atol=1e-11 * np.abs(alone).max())
+
+
+@pytest.mark.parametrize("material", [SLS, DP])
+def test_resumed_bitwise(material: dict[str, Any], shared_tmp_path: Path) -> None:
+    given = parse_case(plates({
+        "plane": "strain", "boundaries": [PUSH], "materials.default": material, "output.checkpoint_steps": 30,
+        "output.interface_interval": 2e-7, "output.bulk_interval": 1e-6, "output.bulk_fields": ["stress"],
+    }))  # fmt: skip
+    whole, cut = (shared_tmp_path / f"{material['kind']}_{name}" for name in ("whole", "cut"))
+    for out in (whole, cut):
+        simulate(given, out, COMM, progress=False)
+    if COMM.rank == 0:
+        (cut / "summary.json").unlink()
+        shutil.rmtree(cut / "checkpoints" / "final")
+    COMM.barrier()
+    checkpoint = Checkpoint.latest(COMM, cut, given.hash)
+    assert checkpoint is not None and 0 < checkpoint.manifest["time"] < given.duration
+    simulate(given, cut, COMM, progress=False, resume=True)
+    if COMM.rank == 0:
+        with Record(whole) as one, Record(cut) as other:
+            assert one.energy.identical(other.energy)
+            assert float(np.abs(one.energy["closure"]).max()) < 1e-11
+            assert float(one.energy["material_dissipation"][-1]) > 0
+            assert one.interface.identical(other.interface)
+            assert one.bulk.identical(other.bulk)
+
+
+# -- points against closed forms -----------------------------------------------------------------------------------
+
+
+def test_relaxation_of_standard_linear_solids() -> None:
+    """Shear strain e at once: stress 2 G (1 - sum_l Y_l (1 - exp(-omega_l t))) e; a ramp has its integral."""
+    given = StandardLinearSolids.model_validate({name: value for name, value in SLS.items() if name != "kind"})
+    shear, (_, of_shear), rates = given.shear_modulus, given.coefficients, given.rates
+    law = traced(given, "strain")
+    state = {name: np.zeros(1) for name in law.state}
+    strain = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, 1e-3)}
+    _, state = law.evaluate(strain, state, 0.0)
+    state |= {"strain_xy": np.full(1, 1e-3)}
+    for number in range(1, 50):
+        stress, state = law.evaluate(strain, state, 1e-7)
+        time = number * 1e-7
+        left = 1 - sum(y * (1 - np.exp(-rate * time)) for y, rate in zip(of_shear, rates, strict=True))
+        assert stress["xy"][0] == pytest.approx(2 * shear * 1e-3 * left, rel=1e-10)
+    state, rate_of_strain = {name: np.zeros(1) for name in law.state}, 100.0
+    for number in range(1, 50):
+        time = number * 1e-7
+        stress, state = law.evaluate({**strain, "xy": np.full(1, rate_of_strain * time)}, state, 1e-7)
+        lag = sum(y * (time + np.expm1(-rate * time) / rate) for y, rate in zip(of_shear, rates, strict=True))
+        assert stress["xy"][0] == pytest.approx(2 * shear * rate_of_strain * (time - lag), rel=1e-10)
+
+
+def test_flow_of_drucker_prager() -> None:
+    """Shear at a constant rate from yield on: tau = Y + 2 G T rate (1 - exp(-t / T)); the step is of first order."""
+    given = DruckerPrager.model_validate({name: value for name, value in DP.items() if name != "kind"})
+    law, shear, relaxation, rate = traced(given, "strain"), given.shear_modulus, given.relaxation_time, 1e4
+    limit = float(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5))
+    begun = limit / (2 * shear * rate)
+
+    def error(steps: int) -> float:
+        state, dt, stress = {name: np.zeros(1) for name in law.state}, 5 * relaxation / steps, {}
+        for number in range(steps + 1):
+            strain = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, rate * (begun + number * dt))}
+            stress, state = law.evaluate(strain, state, dt)
+        exact = limit + 2 * shear * relaxation * rate * (1 - np.exp(-5))
+        return abs(float(stress["xy"][0]) - exact) / exact
+
+    coarse, fine = error(1000), error(2000)
+    assert fine < 1e-3
+    assert 1.8 < coarse / fine < 2.2
+
+
+def test_perfect_plasticity_of_drucker_prager() -> None:
+    """With steps much longer than the relaxation time the stress stays on the yield surface: 1e-8 of Y."""
+    given = DruckerPrager.model_validate({name: value for name, value in DP.items() if name != "kind"})
+    law = traced(given, "strain")
+    state = {name: np.zeros(1) for name in law.state}
+    for number in range(1, 20):
+        strain = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, 1e-3 * number)}
+        stress, state = law.evaluate(strain, state, 100 * given.relaxation_time)
+    assert stress["xy"][0] == pytest.approx(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5), rel=1e-8)
+
+
+def test_quality_factors() -> None:
+    """Fitted mechanisms keep Q within 5 % over a band of two decades, with one mechanism per decade and one more."""
+    values = {name: value for name, value in SLS.items() if name != "kind"}
+    given = StandardLinearSolids.model_validate({
+        **values, "Q_p": 50.0, "Q_s": 30.0, "lowest_frequency": 1e4, "frequency_ratio": 100.0, "mechanisms": 4,
+    })  # fmt: skip
+    of_p, of_s = given.quality(np.geomspace(1e4, 1e6, 100))
+    assert np.abs(of_p / 50 - 1).max() < 0.05
+    assert np.abs(of_s / 30 - 1).max() < 0.05
+
+
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"Q_p": 100.0}, "at most"), ({"frequency_ratio": 0.5}, "greater than 1"), ({"Q_s": 1.0}, "greater than 3"),
+])  # fmt: skip
+def test_bad_solids_are_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(Exception, match=said):
+        parse_case(plates({"materials.default": {**SLS, **changes}}))
+
+
+def test_initial_stress_beyond_yield_is_refused() -> None:
+    with pytest.raises(Exception, match="beyond yield"):
+        parse_case(plates({"plane": "strain", "materials.default": {**DP, "initial_stress": [0, 0, 0, 9e6, 0, 0]}}))
+
+
+def test_components_of_a_plane() -> None:
+    """Components that stay zero are not stored: plane strain needs three of a strain, and plane stress sigma_zz = 0."""
+    given = StandardLinearSolids.model_validate({name: value for name, value in SLS.items() if name != "kind"})
+    assert len(traced(given, "strain").state) == 3 * 4
+    assert len(traced(given, "antiplane").state) == 2 * 4
+    law = traced(given, "stress")
+    assert "strain_zz" in law.state and OF_PLANE["stress"] == law.components
