@@ -17,7 +17,7 @@ class Sum(Profile):
         '{ kind = "sum", terms = [1.0, { kind = "boxcar", inside = 2, outside = 0, center = 0.1, half_width = 0.2 }] }'
     )
     terms: Annotated[list[Value | AnyProfile], Field(min_length=1)]
-    """Terms."""
+    """Numbers and profiles that are added, each in the unit of the key."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
