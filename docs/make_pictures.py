@@ -305,6 +305,7 @@ COMMANDS = (
              f"run demos/impact.toml --out pressed {LESSON} --set faults.main.initial_stress.normal=30e6")),
     Command("run demos/impact.toml --out run", {"impact_fringes": "fringes"}, DEMOS / "pictures"),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
+    Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",

@@ -119,7 +119,7 @@ class Files:
 
     @property
     def is_part(self) -> bool:
-        """Whether the record has only a part of the saved times."""
+        """Return whether the record has only a part of the saved times."""
         return self.since > 0 or self.until < np.inf
 
     def _within(self, data: Any) -> Any:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ruptfx.record import Data, Files
 
 __all__ = [
-    "UNITS", "UNITS_OF_FRACTURE", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
+    "UNITS", "UNITS_OF_FRACTURE", "UNITS_OF_SURFACES", "Modes", "classify", "modes_of", "nucleation", "rupture_origin",
     "slides_far", "sliding_rate", "summarise",
 ]
 
@@ -24,11 +24,11 @@ UNITS_OF_FRACTURE = {
     "first_peak_stress": "Pa", "largest_stress": "Pa", "elastic_modulus": "Pa", "first_peak_time": "s",
     "failed_length": "m",
 }
+UNITS_OF_SURFACES = {"moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s"}
 UNITS = {
     "tip_speed": "m/s", "tip_speed_error": "m/s", "peak_slip_rate": "m/s", "fastest_trailing_speed": "m/s",
     "max_slip": "m", "max_opening": "m", "reach": "m", "pulse_width": "m", "pulse_spacing": "m",
-    "first_sliding": "s", "healing_time": "s", "moment": "N m", "rupture_area": "m2", "rupture_speed": "m/s",
-    **UNITS_OF_FRACTURE,
+    "first_sliding": "s", "healing_time": "s", **UNITS_OF_FRACTURE, **UNITS_OF_SURFACES,
 }  # units of the summary; every other entry is a name or a pure number
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
+from ruptfx.profiles import Profile, Value
 from ruptfx.schema import Unit
 
 
@@ -42,3 +43,26 @@ def smooth(distance: np.ndarray, half: float, rim: float) -> np.ndarray:
         distance <= half, 1.0,
         np.where(distance >= half + rim, 0.0, 0.5 * (1 + np.tanh(1 / (inner - 1) + 1 / inner))),
     )  # fmt: skip
+
+
+class Patch(Profile):
+    """`inside` in a patch of a surface, `outside` beyond it."""
+
+    over_surface: ClassVar[bool] = True
+    inside: Value
+    """Value in the patch."""
+    outside: Value
+    """Value beyond it."""
+    strike: Range
+    """Both ends along the first position (strike)."""
+    dip: Range
+    """Both ends along the second position: down dip, from the upper edge of the surface."""
+    rim: Annotated[float, Field(ge=0), Unit("m")] = 0.0
+    """Width of a smooth transition outside of the patch; 0: a sharp edge."""
+
+    def share(self, position: np.ndarray) -> np.ndarray:
+        """Return 1 in the patch and 0 beyond its rim, shape (n,), at positions of shape (n, 2) [m]."""
+        raise NotImplementedError
+
+    def __call__(self, position: np.ndarray) -> np.ndarray:
+        return self.outside + (self.inside - self.outside) * self.share(position)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from ruptfx.analysis import UNITS, UNITS_OF_FRACTURE, rupture_origin, summarise
+from ruptfx.analysis import UNITS, UNITS_OF_FRACTURE, UNITS_OF_SURFACES, rupture_origin, summarise
 from ruptfx.record import Record
 
 TIME, POSITION = synthetic.times(), synthetic.points()
@@ -43,7 +43,8 @@ def test_summary_survives_json(tmp_path):
     found = summary_of(tmp_path, np.zeros((len(TIME), len(POSITION))))
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert found["mode"] == "none" and found["tip_speed"] is None and found["max_slip"] == 0
-    assert UNITS.keys() - UNITS_OF_FRACTURE.keys() <= found.keys() and found["first_sliding"] is None
+    of_lines = UNITS.keys() - UNITS_OF_FRACTURE.keys() - UNITS_OF_SURFACES.keys()
+    assert of_lines <= found.keys() and found["first_sliding"] is None
 
 
 @pytest.mark.parametrize(("speed", "late"), [(0.0, 0.0), (0.1, 1.0)])

@@ -1,6 +1,0 @@
-"""Tests of pages import what makes the pages."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "docs" / "_extensions"))
