@@ -1,6 +1,6 @@
 """Elastic constants of common materials, which a case names: ``materials.upper = "pmma"``.
 
-Sources
+Sources; those of PMMA, polycarbonate, steel and granite were not at hand: these values are as commonly quoted from them
 
 - homalite: constants of the shear-impact study of Coker, Lykotrafitis, Needleman and Rosakis (2005), J. Mech. Phys.
   Solids 53, 884-922, for dynamic loading; under slow loading the modulus is about 3.9 GPa. The fringe constant is a
