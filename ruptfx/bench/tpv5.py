@@ -3,9 +3,9 @@
 SCEC/USGS benchmark: half space, a fault of 30 km x 15 km with slip weakening, a square of 3 km above its strength, and
 two squares of higher and lower stress. Compared is the time at which the slip reaches 0.2 m, with the published curves
 of another code with 100 m between nodes. The benchmark asks for 100 m; here nodes are 375 m apart, with `--fine` also
-250 m. The bar is 0.12 s at 200 m and grows with the square of the spacing, the order found between both spacings:
-0.42 s at 375 m, 0.19 s at 250 m. (A bar of 0.3 s at 375 m, set before the first run, was missed at two stations, by 0.02 and
-0.04 s.) Fronts on coarse nodes are late, as their process zone has two nodes or three.
+250 m. The bar is 0.12 s at 200 m and grows with the square of the spacing, the order found between both spacings: 0.42
+s at 375 m, 0.19 s at 250 m. (A bar of 0.3 s at 375 m, set before the first run, was missed at two stations, by 0.02
+and 0.04 s.) Fronts on coarse nodes are late, as their process zone has two nodes or three.
 """
 
 from __future__ import annotations
