@@ -213,11 +213,11 @@ def test_energy_and_force_of_a_fibre_that_is_pulled(operator: str) -> None:
 def test_stresses_have_the_strain_around_the_axis() -> None:
     """u_r = A r: xx = 2 lambda A, yy = zz = 2 (lambda + G) A everywhere, on the axis, in snapshots and at points."""
     model, A = fibre({}, [], 3), 1e-4
-    displacement = np.zeros((model.nodes, 2))
+    displacement, state = np.zeros((model.nodes, 2)), model.initial_state()
     displacement[:, 1] = A * model.coordinates[:, 1]
     bulk = BulkFields(model)
     expected = np.array([2 * LAME * A, 2 * (LAME + SHEAR) * A, 0.0, 2 * (LAME + SHEAR) * A])
-    found = bulk._stress(displacement.ravel())
+    found = bulk._stress(displacement.ravel(), state)
     np.testing.assert_allclose(found, np.tile(expected, (model.nodes, 1)), rtol=0, atol=1e-9 * expected[1])
     plates = Sensed(model, bulk.initial_stress_at)
     for radius, body in ((0.0, "fibre"), (1.3e-3, "fibre"), (4e-3, "matrix")):

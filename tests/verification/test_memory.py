@@ -43,7 +43,8 @@ CYCLES = {
 
 OF_THE_PROCESS = (
     r"\.(log|_log|comm)\b", r"^checkpoints\._last$",  # the log itself; wall-clock time of the last checkpoint
-    r"^recorder\._(writer|files|forces|instruments|cracks|edges|energies|resume)\b",  # open files; what it resumes
+    # Open files; what it resumes.
+    r"^recorder\._(writer|forces|instruments|energies|resume)\b", r"^recorder\.parts\.\d+\._(files|file)\b",
 )  # fmt: skip
 """Attributes that are not compared: they belong to a process, not to the run."""
 
