@@ -20,8 +20,9 @@ from compare import largest_difference
 pytest.importorskip("dolfinx")
 
 from ruptfx import fem
-from ruptfx.case import read_case
+from ruptfx.case import Case, read_case
 from ruptfx.platform.launch import find_mpiexec
+from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.simulation import simulate
 
 starts_jobs = [
@@ -51,6 +52,24 @@ def run_of(*tables: dict[str, Any]) -> tuple[Any, Any]:
         return out
 
     return case_file, alone
+
+
+def whole_and_resumed(given: Case, folder: Path, damaged: str = "") -> tuple[Path, Path]:
+    """Run a case on all ranks, and again, with the end of that run taken away and computed from its checkpoint."""
+    comm = fem.MPI.COMM_WORLD
+    whole, cut = folder / "whole", folder / "cut"
+    for out in (whole, cut):
+        simulate(given, out, comm, progress=False)
+    if comm.rank == 0:
+        (cut / "summary.json").unlink()
+        if damaged:
+            (cut / damaged).write_bytes(b"cut off")
+        shutil.rmtree(cut / "checkpoints" / "final")
+    comm.barrier()
+    checkpoint = Checkpoint.latest(comm, cut, given.hash)
+    assert checkpoint is not None and 0 < checkpoint.manifest["time"] < given.duration
+    simulate(given, cut, comm, progress=False, resume=True)
+    return whole, cut
 
 
 def start(case: Path, out: Path, ranks: int, *options: str, launcher: bool = True) -> subprocess.Popen[str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from small_cases import HOMALITE, plates
+from whole_runs import whole_and_resumed
 
 from ruptfx.check_law import materials as checks
 from ruptfx.check_law.checks import Broken
@@ -28,8 +28,6 @@ from ruptfx.model import Model
 from ruptfx.operators import Bulk
 from ruptfx.operators._memory import MemorySweep
 from ruptfx.record import Record
-from ruptfx.recording.checkpoint import Checkpoint
-from ruptfx.simulation import simulate
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -248,16 +246,7 @@ def test_resumed_bitwise(material: dict[str, Any], shared_tmp_path: Path) -> Non
         "plane": "strain", "boundaries": [PUSH], "materials.default": material, "output.checkpoint_steps": 30,
         "output.interface_interval": 2e-7, "output.bulk_interval": 1e-6, "output.bulk_fields": ["stress"],
     }))  # fmt: skip
-    whole, cut = (shared_tmp_path / f"{material['kind']}_{name}" for name in ("whole", "cut"))
-    for out in (whole, cut):
-        simulate(given, out, COMM, progress=False)
-    if COMM.rank == 0:
-        (cut / "summary.json").unlink()
-        shutil.rmtree(cut / "checkpoints" / "final")
-    COMM.barrier()
-    checkpoint = Checkpoint.latest(COMM, cut, given.hash)
-    assert checkpoint is not None and 0 < checkpoint.manifest["time"] < given.duration
-    simulate(given, cut, COMM, progress=False, resume=True)
+    whole, cut = whole_and_resumed(given, shared_tmp_path / material["kind"])
     if COMM.rank == 0:
         with Record(whole) as one, Record(cut) as other:
             assert one.energy.identical(other.energy)
