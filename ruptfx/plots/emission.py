@@ -88,7 +88,7 @@ def _load(ax: Axes, record: Files, found: Emission) -> None:
     if pressed is None:
         size, unit = scale(failed, "s")
         ax.plot(failed / size, count, color=COLOURS["tensile"], lw=1)
-        ax.set(xlabel=f"Time ({unit})", ylabel="Number of failed facets")
+        ax.set(xlabel=f"Time ({unit})", ylabel="Number of failures")
         return
     size, unit = scale(pressed.stress, "Pa")
     pulled = pressed.stress.max() < -pressed.stress.min()
@@ -102,7 +102,7 @@ def _load(ax: Axes, record: Files, found: Emission) -> None:
     ax.locator_params(axis="x", nbins=6)
     right = ax.twinx()
     right.plot(np.interp(failed, pressed.time, strain), count, color=COLOURS["shear"], lw=1)
-    right.set_ylabel("Number of failed facets", color=COLOURS["shear"])
+    right.set_ylabel("Number of failures", color=COLOURS["shear"])
     right.tick_params(axis="y", colors=COLOURS["shear"])
 
 

@@ -32,6 +32,7 @@ def test_shear_impact_tells_a_speed_only_where_there_is_one(field, said, tmp_pat
         found = summarise(record)
         monkeypatch.setattr(Record, "summary", found)
         monkeypatch.setattr(ruptfx, "simulate", lambda case, out, overwrite: record, raising=False)
+        monkeypatch.chdir(tmp_path)
         runpy.run_path(str(DEMOS / "shear_impact.py"))
     assert f"leading tip:  {said}" in capsys.readouterr().out
 
