@@ -24,7 +24,7 @@ from ruptfx import RuptfxError
 from ruptfx.friction._rate_and_state import RateAndState
 
 RUNAWAY = 1.0  # m/s; a quasi-static slider as fast as this would be held back by its inertia
-STUCK = 10_000  # evaluations without a later time; SciPy's LSODA in Fortran goes on for ever where rates are infinite
+STUCK = 10_000  # evaluations at one time; SciPy's LSODA in Fortran goes on for ever where rates are infinite
 Signal = float | np.ndarray | Callable[[float], Any]
 
 
@@ -139,11 +139,12 @@ def integrate(
     weight = load if callable(load) else (lambda time: load)
     scale = slider.scales(max(abs(float(np.asarray(speed(times[0])))), float(slider.law.V_0) * 1e-3))
 
-    furthest, calls = -np.inf, 0
+    same = 4 * np.finfo(float).eps * abs(times[-1])
+    there, calls = -np.inf, 0
 
     def scaled(time: float, z: np.ndarray) -> np.ndarray:
-        nonlocal furthest, calls
-        furthest, calls = (time, 0) if time > furthest else (furthest, calls + 1)
+        nonlocal there, calls
+        there, calls = (there, calls + 1) if abs(time - there) <= same else (time, 0)
         if calls > STUCK:
             raise RuptfxError(f"the slider's motion stops at t = {time:.6g} s: its rates are too large for any step")
         return slider.rates(z * scale, speed(time), weight(time)) / scale
@@ -155,7 +156,7 @@ def integrate(
 
     runaway.terminal = True  # type: ignore[attr-defined]
     for method in ("LSODA", "Radau"):  # where a trial step of the first overflows, the second takes a shorter one
-        furthest, calls = -np.inf, 0
+        there, calls = -np.inf, 0
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what goes wrong is seen, and raised, below
             solution = solve_ivp(
