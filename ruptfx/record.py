@@ -20,6 +20,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, Table
 from ruptfx.fields import STRESSES, stress_entries
+from ruptfx.input.former_names import FORMER_COLUMNS, warn_of_former
 from ruptfx.results import run_files
 from ruptfx.results.columns import Column, Columns, Stored
 
@@ -218,7 +219,7 @@ class Files:
             file = self._opened(path)
             for item in file.values():  # a damaged file shows itself here
                 dict(item.attrs)
-            data = self._histories(file)
+            data = _renamed(self._histories(file))
             written = _written(data["time"].values)
             data["position"], data["normal_stress"]
         except (OSError, KeyError, ValueError, RuntimeError) as error:
@@ -282,7 +283,7 @@ class Files:
     @cached_property
     def energy(self) -> Data:
         path, needed = self._existing("energy.csv"), ("boundary_work", "closure")
-        return self._read_table(path, lambda name: "1" if name == "closure" else "J", needed)
+        return _renamed(self._read_table(path, lambda name: "1" if name == "closure" else "J", needed))
 
     @cached_property
     def forces(self) -> Data:
@@ -493,6 +494,14 @@ class Record(Files):
                 text = "damaged"
             lines.append(f"{'└──' if name == 'figures' else '├──'} {name:<10}{text}")
         return "\n".join(lines)
+
+
+def _renamed(data: Any) -> Any:
+    """Return the arrays of an earlier version by the names of this one."""
+    former = {name: FORMER_COLUMNS[name] for name in data if FORMER_COLUMNS.get(name, name) not in data}
+    for name in former:
+        warn_of_former("the column", name, former[name])
+    return data.rename(former) if former else data
 
 
 def _written(time: np.ndarray) -> int:

@@ -19,7 +19,7 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, get_args
 
 import numpy as np
 from pydantic import (
@@ -42,6 +42,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ruptfx import RuptfxError, Table
+from ruptfx.input.former_names import warn_of_former
 from ruptfx.input.quantities import parse
 
 
@@ -208,6 +209,9 @@ class Part(BaseModel, metaclass=_Reworded):
         use_attribute_docstrings=True,
     )
 
+    former_keys: ClassVar[Mapping[str, str]] = {}
+    """Keys by their names in the last version."""
+
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Return the JSON schema with a description of `kind`."""
@@ -222,6 +226,10 @@ class Part(BaseModel, metaclass=_Reworded):
     def _known_keys(cls, values: object) -> object:
         if isinstance(values, Mapping):
             values = {key: plain(value) for key, value in values.items()}
+            for former in [key for key in values if key in cls.former_keys and cls.former_keys[key] not in values]:
+                name = cls.former_keys[former]
+                warn_of_former("the key", former, name)
+                values[name] = values.pop(former)
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
                 known = list(cls.model_fields)
@@ -285,6 +293,9 @@ class Part(BaseModel, metaclass=_Reworded):
 
 class Alternative(Part):
     """A part chosen by ``kind``: the name of its file; for plug-ins the name of its class."""
+
+    former_kinds: ClassVar[tuple[str, ...]] = ()
+    """Kinds of the class in the last version."""
 
     @classmethod
     def kind(cls) -> str:
@@ -396,6 +407,10 @@ def find(package: str, kind: str) -> type[Alternative]:
         assert issubclass(cls, Alternative)
         return cls
     if kind not in own_kinds(package):
+        for name in own_kinds(package):
+            if kind in _former_kinds(package, name):
+                warn_of_former(f"in {package} the kind", kind, name)
+                return find(package, name)
         words = {"kind": shown_key(kind), "hint": nearest(kind, kinds(package))}
         raise PydanticCustomError("unknown_kind", "unknown kind '{kind}', {hint}", words)
     module = own_module(package, kind)
@@ -439,6 +454,12 @@ def _attempt(package: str, kind: str) -> type[Alternative] | str:
         return find(package, kind)
     except RuptfxError as error:
         return str(error)
+
+
+def _former_kinds(package: str, kind: str) -> tuple[str, ...]:
+    """Return the former kinds of an alternative; none if it does not load."""
+    cls = _attempt(package, kind)
+    return vars(cls).get("former_kinds", ()) if isinstance(cls, type) else ()  # not those of the class it extends
 
 
 _FOLDER = "x-folder"  # placeholder of a folder's `$ref`, which pydantic would refuse as unknown

@@ -7,14 +7,16 @@ import shlex
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ruptfx import RuptfxError
+from ruptfx.input.former_names import FormerName
 from ruptfx.platform.terminal import console
 
 if TYPE_CHECKING:
@@ -62,9 +64,11 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
     from ruptfx.platform import launch
     from ruptfx.schema import CaseError
 
-    token = plugins.telling.set(_name_plugin) if launch.RANKS not in os.environ else None
+    launched = launch.RANKS in os.environ
+    token = None if launched else plugins.telling.set(_name_plugin)
     try:
-        yield
+        with _notes(shown=not launched):
+            yield
         sys.stdout.flush()  # a closed pipe raises its error here, where it ends the command quietly
     except RuptfxError as error:
         if comm is None or comm.rank == 0:
@@ -88,6 +92,23 @@ def reported(comm: MPI.Comm | None = None) -> Iterator[None]:
     finally:
         if token is not None:
             plugins.telling.reset(token)
+
+
+@contextmanager
+def _notes(shown: bool) -> Iterator[None]:
+    """Print warnings of former names as notes, each once; none if they are not to be shown."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **options: Any) -> None:
+            if issubclass(category, FormerName):
+                errors.print(f"note: {message}", soft_wrap=True)
+            else:
+                usual(message, category, *where, **options)
+
+        warnings.showwarning = show
+        warnings.simplefilter("default" if shown else "ignore", FormerName)
+        yield
 
 
 def _print_error(label: str, error: Exception) -> None:

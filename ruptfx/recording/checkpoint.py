@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 FOLDER = directories.CHECKPOINTS
 KEPT = 2
-LAYOUT = 2  # version of the manifest, increased with every change that older code cannot read
+LAYOUT = 3  # version of the manifest, increased with every change that older code cannot read
 READ_ONLY = ("state", "bulk")
 """Stems of the files of a checkpoint that are read; the others are copied to the run directory and grow there."""
 
@@ -297,16 +297,16 @@ def read_manifest(path: Path) -> Table:
 def _verified(path: Path, case_hash: str) -> Table:
     """Return the manifest after every check."""
     manifest = read_manifest(path)
-    if manifest["case_hash"] != case_hash:
-        raise CheckpointError(
-            f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "
-            "resume with the case.toml of the run directory"
-        )
     if manifest.get("layout") != LAYOUT:
         raise CheckpointError(f"{path}: written by another revision of ruptfx; resume with that revision, or run again")
     if manifest["ruptfx_version"] != __version__:
         raise CheckpointError(
             f"{path}: written by ruptfx {manifest['ruptfx_version']}, this is {__version__}; resume with that version"
+        )
+    if manifest["case_hash"] != case_hash:
+        raise CheckpointError(
+            f"{path}: belongs to case {manifest['case_hash']}, this is case {case_hash}; "
+            "resume with the case.toml of the run directory"
         )
     for name, checksum in manifest["files"].items():
         file = path / name

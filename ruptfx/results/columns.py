@@ -97,6 +97,10 @@ class Columns(Mapping[str, Column]):
         """Lengths of all axes, by name."""
         return {dim: size for column in self.values() for dim, size in zip(column.dims, column.shape, strict=True)}
 
+    def rename(self, names: Mapping[str, str]) -> Columns:
+        """Return the same columns, some of them by other names."""
+        return Columns({names.get(name, name): column for name, column in self.items()}, self.attrs)
+
     def isel(self, time: slice) -> Columns:
         """Return all columns at some times."""
         return Columns({name: column.isel(time) for name, column in self.items()}, self.attrs)

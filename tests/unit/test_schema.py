@@ -6,18 +6,22 @@ import re
 import subprocess
 import sys
 import tomllib
+import warnings
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
+from pydantic import ValidationError
 from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
+from ruptfx.input.former_names import FormerName
 from ruptfx.platform import launch
 from ruptfx.reference.describe import TOPICS, entries, file_schema
-from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
+from ruptfx.schema import CaseError, Part, alternatives, find, kinds, nearest, unit_of
 from ruptfx.steppers.leapfrog import Leapfrog
 
 
@@ -101,6 +105,22 @@ def test_nearest() -> None:
 def test_find() -> None:
     assert find("ruptfx.friction", "coulomb") is Coulomb
     assert "_rate_and_state" not in kinds("ruptfx.friction")
+
+
+class Renamed(Part):
+    """A part, one key of which has a new name."""
+
+    former_keys: ClassVar[dict[str, str]] = {"follow": "update_slip"}
+    update_slip: float = 0.05
+
+
+def test_former_keys_are_read_with_a_note() -> None:
+    with pytest.warns(FormerName, match="'follow'.*'update_slip'"):
+        assert Renamed.model_validate({"follow": 0.5}).update_slip == 0.5
+    with pytest.raises(ValidationError, match="follow"):  # both names
+        Renamed.model_validate({"follow": 0.5, "update_slip": 0.1})
+    with warnings.catch_warnings(action="error"):
+        assert Renamed(update_slip=0.1).update_slip == 0.1
 
 
 def test_parts_are_strict_and_frozen() -> None:
