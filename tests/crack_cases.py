@@ -23,7 +23,7 @@ def block(changes: dict[str, Any] | None = None) -> dict[str, Any]:
         "plugins": [str(HERE / "crack_meshes.py")], "plane": "strain", "order": 1, "duration": 10e-6,
         "mesh": {"kind": "triangles", "width": 8e-3, "height": 10e-3, "element_size": 1e-3, "turn": 0.25},
         "materials": {"default": GRANITE},
-        "fracture": {"kind": "everywhere", "default": {"cohesion": WEAK, "friction": RUBS}},
+        "fracture": {"kind": "intrinsic", "default": {"cohesion": WEAK, "friction": RUBS}},
         "boundaries": [
             {"kind": "driven", "edge": "rock.top", "component": "y", "velocity": 3.0, "ramp": 1e-6},
             {"kind": "driven", "edge": "rock.bottom", "component": "y", "velocity": 0.0},
@@ -43,7 +43,7 @@ def meeting_blocks(changes: dict[str, Any] | None = None) -> dict[str, Any]:
             "stone": {"kind": "rectangle", "center": [0.3e-3, 2.95e-3], "width": 3e-3, "height": 3e-3, "angle": 20.0},
         }},
         "materials": {"default": GRANITE},
-        "fracture": {"kind": "everywhere", "unresolved": True, "default": {"cohesion": brittle, "friction": RUBS}},
+        "fracture": {"kind": "intrinsic", "unresolved": True, "default": {"cohesion": brittle, "friction": RUBS}},
         "collisions": {"kind": "potential", "hand_over": 0.1},
         "initial_velocity": {"stone": [30.0, -60.0]},
         "boundaries": [{"kind": "driven", "edge": "plate.bottom", "component": "y", "velocity": 0.0}],
@@ -65,7 +65,7 @@ def faulted(changes: dict[str, Any] | None = None) -> dict[str, Any]:
             "nucleation": [{"kind": "overstress", "extra": {
                 "kind": "gaussian", "background": 0.0, "amplitude": 4e6, "center": 15e-3, "width": 4e-3}}],
         }},
-        "fracture": {"kind": "everywhere", "unresolved": True, "default": {"cohesion": NEVER, "friction": RUBS}},
+        "fracture": {"kind": "intrinsic", "unresolved": True, "default": {"cohesion": NEVER, "friction": RUBS}},
         "output": {"figures": False, "interface_interval": 5e-7, "bulk_interval": 2e-6},
     }  # fmt: skip
     return merged(table, changes or {})

@@ -12,7 +12,7 @@ import numpy as np
 from ruptfx import fem
 from ruptfx.bench import Check
 from ruptfx.case import Case, read_case
-from ruptfx.cracks.on_strength import OnStrength
+from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.model import Model
 from ruptfx.recording.crack_files import events, facets_of
 from ruptfx.recording.edge_sums import EdgeSums
@@ -60,10 +60,10 @@ def demo(name: str, overrides: Iterable[str] = ()) -> Case:
 
 
 def rigid(case: Case, check_every: int = 2) -> Case:
-    """Return the same case with extrinsic facets (`on_strength`)."""
+    """Return the same case with extrinsic facets."""
     given = case.fracture
     assert given is not None
-    changed = OnStrength(
+    changed = Extrinsic(
         default=given.default, pairs=given.pairs, joints=given.joints, thickness=given.thickness,
         unresolved=given.unresolved, check_every=check_every,
     )  # fmt: skip

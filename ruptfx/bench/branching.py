@@ -33,7 +33,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     case = demo("branching", [f"mesh.element_size={0.6e-3 if fine else 1e-3}", "duration=95e-6"])
     finer = demo("branching", [f"mesh.element_size={0.6e-3 if fine else 0.8e-3}", "duration=95e-6"])
-    found = {"everywhere": broken(case), "on_strength": broken(rigid(finer))}
+    found = {"intrinsic": broken(case), "extrinsic": broken(rigid(finer))}
     material = case.materials["specimen"]
     assert isinstance(material, IsotropicElastic)
     c_R = material.wave_speeds("strain").c_R

@@ -5,7 +5,7 @@ is brittle, E G / f_t^2 << D, and loaded slowly it is a little above f_t: 0.95 t
 the path along facets is longer than a straight one; it grows with the fracture energy. The disc breaks from the middle,
 within D / 4, and along the load, within 10 degrees. That is the long axis of the cloud of facets in its inner half
 which have failed when the force has fallen to 0.7 of its peak; later fragments fail separately. Everything twice: with
-intrinsic facets (`everywhere`) and with extrinsic ones (`on_strength`).
+`intrinsic` facets and with `extrinsic` ones.
 """
 
 from __future__ import annotations

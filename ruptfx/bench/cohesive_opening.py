@@ -113,7 +113,7 @@ def triangles(kind: str, size: float) -> Case:
         },
         "materials": {"default": STIFF},
         "fracture": {
-            "kind": "everywhere", "stiffness_ratio": 100.0, "default": {"cohesion": never, "friction": rubs},
+            "kind": "intrinsic", "stiffness_ratio": 100.0, "default": {"cohesion": never, "friction": rubs},
             "joints": {"plane": {"cohesion": {"kind": kind, **BOND}, "friction": rubs}},
         },
         "boundaries": pulled({"specimen.top": LENGTH, "specimen.bottom": -LENGTH}),

@@ -44,7 +44,7 @@ def pair(bodies: dict[str, Any], mu: float, duration: float, changes: dict[str, 
         "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies": bodies},
         "materials": {"default": {"kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25,
                                   "density": DENSITY}},
-        "fracture": {"kind": "everywhere", "default": {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": mu}}},
+        "fracture": {"kind": "intrinsic", "default": {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": mu}}},
         "collisions": {"kind": "potential"}, **changes,
     })  # fmt: skip
     assert isinstance(found, Case)
@@ -194,7 +194,7 @@ def residual(cells: int, high: int, velocity: float) -> float:
             "kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25, "density": DENSITY,
         }},
         "fracture": {
-            "kind": "everywhere", "default": {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": mu}},
+            "kind": "intrinsic", "default": {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": mu}},
             "joints": {"plane": {"friction": {"kind": "coulomb", "mu_d": mu}}},
         },
         "collisions": {"kind": "potential"}, "damping": {"mass": 1e6}, "stages": [

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 # Element sizes [m]: 24 thousand and 0.9 million triangles; by kind the aims in million triangles per second there, and
 # for the time of the specimen [s].
 SMALL, LARGE = 0.5e-3, 0.08e-3
-RATES = {"everywhere": {SMALL: 20.0, LARGE: 10.0}, "on_strength": {SMALL: 40.0, LARGE: 20.0}}
-WHOLE = {"everywhere": 60.0, "on_strength": 15.0}
+RATES = {"intrinsic": {SMALL: 20.0, LARGE: 10.0}, "extrinsic": {SMALL: 40.0, LARGE: 20.0}}
+WHOLE = {"intrinsic": 60.0, "extrinsic": 15.0}
 FIRST_PEAK = 0.45e-3  # of the specimen [s]
 BROKEN, DAMAGE = 0.1, 0.5  # part of the facets, and their damage
 SOURCE = "aim, processor with two 512-bit pipes"
@@ -77,7 +77,7 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
 
 def _disc(kind: str, size: float) -> Case:
     case = demo("brazilian", [f"mesh.element_size={size}", "fracture.unresolved=true"])
-    return rigid(case) if kind == "on_strength" else case
+    return rigid(case) if kind == "extrinsic" else case
 
 
 def _costs(kind: str, size: float) -> Table:
@@ -141,7 +141,7 @@ def _specimen(kind: str) -> Table:
     """Return the processor time of granite under compression until its first peak, including the mesh."""
     began = time.process_time()
     case = demo("granite", ["mesh.element_size=0.8e-3"])
-    if kind == "on_strength":
+    if kind == "extrinsic":
         case = rigid(case)
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()

@@ -32,7 +32,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         for size in ([1.6e-3, 1.4e-3, 1.2e-3] if fine else [1.6e-3])
     ]
     found = {
-        "everywhere": [broken(case) for case in cases], "on_strength": [broken(rigid(case)) for case in cases],
+        "intrinsic": [broken(case) for case in cases], "extrinsic": [broken(rigid(case)) for case in cases],
     }  # fmt: skip
     checks = [check for kind, plates in found.items() for check in _checks(kind, plates)]
     return Outcome(checks, lambda: _draw(found))

@@ -37,7 +37,7 @@ def bar(size: float, broken: bool) -> Case:
     }  # fmt: skip
     if broken:
         law = {"cohesion": NEVER, "friction": {"kind": "coulomb", "mu_d": 0.6}}
-        table["fracture"] = {"kind": "everywhere", "default": law}
+        table["fracture"] = {"kind": "intrinsic", "default": law}
     found = parse_case(table)
     assert isinstance(found, Case)
     return found

@@ -113,7 +113,7 @@ def bar(size: float) -> Case:
             "kind": "isotropic_elastic", "young_modulus": YOUNG, "poisson_ratio": 0.0, "density": DENSITY,
         }},
         "fracture": {
-            "kind": "everywhere", "stiffness_ratio": 30.0, "default": {"cohesion": never, "friction": rubs},
+            "kind": "intrinsic", "stiffness_ratio": 30.0, "default": {"cohesion": never, "friction": rubs},
             "joints": {f"plane{i + 1}": {"cohesion": bond, "friction": rubs} for i in range(PLANES)},
         },
         "boundaries": [{
@@ -150,7 +150,7 @@ def spalled(case: Case) -> Spalled:
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     del comm
     known, case = exact(), bar(0.125e-3 if fine else 0.25e-3)
-    found = {"on_strength": spalled(rigid(case)), "everywhere": spalled(case)}
+    found = {"extrinsic": spalled(rigid(case)), "intrinsic": spalled(case)}
     checks = []
     for kind, each in found.items():
         whole = float(np.sqrt(np.mean(known.velocity**2)))

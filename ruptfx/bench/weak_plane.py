@@ -36,7 +36,7 @@ def strength(c: float, pressure: float) -> float:
 
 
 def curve(
-    c: float, pressure: float, size: float, alpha: float, kind: str = "everywhere"
+    c: float, pressure: float, size: float, alpha: float, kind: str = "intrinsic"
 ) -> tuple[np.ndarray, np.ndarray, Check]:
     """Return strain and axial stress [Pa], and the energy check."""
     strong = {"kind": "linear", "f_t": 1e9, "c": 1e9, "G_Ic": 1e6, "G_IIc": 1e6}
@@ -53,7 +53,7 @@ def curve(
             "kind": "isotropic_elastic", "young_modulus": 50e9, "poisson_ratio": 0.25, "density": 2600.0,
         }},
         "fracture": {
-            "kind": "everywhere", "stiffness_ratio": alpha,
+            "kind": "intrinsic", "stiffness_ratio": alpha,
             "default": {"cohesion": strong, "friction": {"kind": "coulomb", "mu_d": MU}},
             "joints": {"plane": {"cohesion": bond, "friction": {"kind": "coulomb", "mu_d": MU}}},
         },
@@ -69,7 +69,7 @@ def curve(
             } for edge, sign in (("left", 1), ("right", -1))),
         ],
     })  # fmt: skip
-    found = broken(rigid(case) if kind == "on_strength" else case)
+    found = broken(rigid(case) if kind == "extrinsic" else case)
     force = 0.5 * (found.edges["specimen.bottom.force_y"] - found.edges["specimen.top.force_y"])
     moved = found.edges["specimen.bottom.displacement_y"] - found.edges["specimen.top.displacement_y"]
     return moved / HEIGHT, force / WIDTH, found.budget()
@@ -80,7 +80,7 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     size, alpha = (2e-3, 50.0) if fine else (4e-3, 30.0)
     checks, curves = [], []
     tried = [(8e6, 0.0), (8e6, 5e6), (0.0, 5e6)]
-    for kind, (c, pressure) in product(("everywhere", "on_strength"), tried):
+    for kind, (c, pressure) in product(("intrinsic", "extrinsic"), tried):
         strain, stress, budget = curve(c, pressure, size, alpha, kind)
         late = stress[int(0.75 * len(stress)) :]  # several passages of the waves that sliding sends out
         known = strength(c, pressure)
@@ -98,7 +98,7 @@ def _draw(curves: list[tuple[str, str, np.ndarray, np.ndarray, float]]) -> Figur
     from ruptfx.figure_style import new_figure
 
     figure, axes = new_figure(1, 2, 3.0, 7)
-    for ax, chosen in zip(axes[0], ("everywhere", "on_strength"), strict=True):
+    for ax, chosen in zip(axes[0], ("intrinsic", "extrinsic"), strict=True):
         of_kind = [curve for curve in curves if curve[0] == chosen]
         for number, (_, laws, strain, stress, known) in enumerate(of_kind):
             ax.plot(100 * strain, stress / 1e6, f"C{number}", lw=1, label=laws)

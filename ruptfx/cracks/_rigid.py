@@ -20,7 +20,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.codegen import native
 from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
-from ruptfx.cracks.on_strength import OnStrength
+from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.materials import Plane
 from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.operators import Damped
@@ -60,7 +60,7 @@ class RigidCracks(CrackStep):
     """
 
     def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
-        assert isinstance(self.fracture, OnStrength)
+        assert isinstance(self.fracture, Extrinsic)
         self._every = self.fracture.check_every
         mesh = space.mesh
         count = len(self.network.cell_vertices)

@@ -597,7 +597,7 @@ def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
     for name, value in _varying(laws, key) if fracture.rigid else ():
         raise CaseError(
             f"{name} = {value}: varies, and facets of fracture.kind = '{fracture.kind()}' have one number; give a "
-            "number, or use 'everywhere'"
+            "number, or use 'intrinsic'"
         )
     friction: FrictionLaw = laws.friction
     if not is_rated(friction):
@@ -606,7 +606,7 @@ def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
     if fracture.rigid:
         raise CaseError(
             f"{kind}: depends on the slip rate or on time, and facets of fracture.kind = '{fracture.kind()}' take laws "
-            "like coulomb, slip weakening; use 'everywhere'"
+            "like coulomb, slip weakening; use 'intrinsic'"
         )
     pressed = np.full(1, 1e6)
     given = friction.at(np.zeros(1))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.cracks._rigid import RigidCracks
-from ruptfx.cracks.on_strength import OnStrength
+from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
 from ruptfx.mechanisms._turning import deducting_dissipation
 
@@ -115,7 +115,7 @@ class ExtrinsicFacets(Facets):
         from ruptfx.mechanisms import _facet_check as rows
 
         fracture = self._rigid.fracture
-        assert isinstance(fracture, OnStrength)
+        assert isinstance(fracture, Extrinsic)
         yield from super().check(plan)
         yield from rows.insertion_rows(self.model, self._rigid, fracture.check_every, plan.dt)
 

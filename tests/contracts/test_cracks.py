@@ -244,12 +244,12 @@ def test_slip_weakening_friction_goes_on_after_failure() -> None:
 @pytest.mark.parametrize(("key", "value", "said"), [
     ("f_t", 0.0, r"f_t = 0: must be above zero"),
     ("c", {"kind": "boxcar", "inside": 1e6, "outside": 2e6, "center": 0.0, "half_width": 1e-3},
-     r"c = .*: varies, and facets of fracture.kind = 'on_strength'"),
+     r"c = .*: varies, and facets of fracture.kind = 'extrinsic'"),
 ])  # fmt: skip
 def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: str) -> None:
     with pytest.raises(CaseError, match=said):
         Model(case({
-            **PAIR, "fracture.kind": "on_strength", f"fracture.default.cohesion.{key}": value,
+            **PAIR, "fracture.kind": "extrinsic", f"fracture.default.cohesion.{key}": value,
         }))  # fmt: skip
 
 
@@ -345,7 +345,7 @@ def test_two_bodies_without_cohesion_fall_apart(kind: str) -> None:
 
 # -- rigid until their strength --------------------------------------------------------------------------------------
 
-RIGID = {"fracture.kind": "on_strength"}
+RIGID = {"fracture.kind": "extrinsic"}
 
 
 def test_until_it_breaks_a_body_moves_as_without_facets() -> None:
@@ -449,7 +449,7 @@ def test_a_torn_joint_takes_its_fracture_energy(kind: str, mode: int) -> None:
 def test_edges_feel_the_same_force_rigid_or_with_stiff_springs() -> None:
     """A block under a slow pull: E'/(1 - nu^2) strain times width, and what both edges feel is opposite."""
     forces = []
-    for kind, more in (("on_strength", {}), ("everywhere", {"fracture.stiffness_ratio": 100.0})):
+    for kind, more in (("extrinsic", {}), ("intrinsic", {"fracture.stiffness_ratio": 100.0})):
         given = case({"fracture.kind": kind, "fracture.default.cohesion": NEVER, "damping": {"mass": 3e5}, **more})
         model = Model(given)
         motion, state, sums = given.stepper.bind(model), model.initial_state(), EdgeSums(model)

@@ -149,7 +149,7 @@ def test_present_ones_are_those_of_the_case(made: Any) -> None:
 
 
 def test_extrinsic_facets_advance_all_nodes() -> None:
-    model = Model(parse_case(block({"fracture.kind": "on_strength"}), Path(__file__).parent.parent))
+    model = Model(parse_case(block({"fracture.kind": "extrinsic"}), Path(__file__).parent.parent))
     (facets,) = (each for each in mechanisms_of(model) if type(each).__name__ == "ExtrinsicFacets")
     assert facets.nodes().all()
 

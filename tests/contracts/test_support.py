@@ -166,8 +166,8 @@ def test_the_table_says_what_cases_are_refused() -> None:
     for kind, stepper in product(alternatives("ruptfx.cracks"), STEPPERS):
         assert judged(f"fracture {kind}", "stepper", stepper) == accepted[f"{kind}, {stepper}, plain"]
     for stepper in STEPPERS:
-        assert judged("large rotations", "stepper", stepper) == accepted[f"everywhere, {stepper}, turning"]
-        assert judged("collisions potential", "stepper", stepper) == accepted[f"everywhere, {stepper}, meeting"]
+        assert judged("large rotations", "stepper", stepper) == accepted[f"intrinsic, {stepper}, turning"]
+        assert judged("collisions potential", "stepper", stepper) == accepted[f"intrinsic, {stepper}, meeting"]
     assert seen == {True, False}
 
 

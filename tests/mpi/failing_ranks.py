@@ -21,8 +21,8 @@ RANK, STEP, STEPS = 1, 3, 12
 PHASES = ("add_first", "add_with_elements", "add_internal", "add_external", "combine", "before_kick", "after_kick",
           "account")  # fmt: skip
 CASES = {
-    "faults": case, "everywhere": broken,
-    "on_strength": lambda: broken({"fracture.kind": "on_strength", "damping": {"kelvin_voigt": {"fraction": 0.1}}}),
+    "faults": case, "intrinsic": broken,
+    "extrinsic": lambda: broken({"fracture.kind": "extrinsic", "damping": {"kelvin_voigt": {"fraction": 0.1}}}),
 }  # fmt: skip
 
 

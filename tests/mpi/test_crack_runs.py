@@ -29,7 +29,7 @@ def same(first: Path, second: Path) -> None:
             assert abs(record.energy.closure).max() < 1e-12
 
 
-STEPS = {"everywhere": 200, "on_strength": 110}  # between checkpoints; the last one is written while facets fail
+STEPS = {"intrinsic": 200, "extrinsic": 110}  # between checkpoints; the last one is written while facets fail
 case_file, alone = run_of(*(
     block({
         "fracture.kind": kind, "damping": {"mass": mass, "kelvin_voigt": {"fraction": 0.1}},

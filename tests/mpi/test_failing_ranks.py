@@ -26,5 +26,5 @@ def test_no_rank_hangs_where_another_one_fails(tmp_path: Path) -> None:
     for rank in range(2):
         assert (tmp_path / f"rank_{rank}.txt").read_text(encoding="utf-8").splitlines() == [
             f"{name}: failed in {phase}: {rank} here"
-            for name in ("faults", "everywhere", "on_strength") for phase in PHASES
+            for name in ("faults", "intrinsic", "extrinsic") for phase in PHASES
         ]  # fmt: skip

@@ -46,17 +46,17 @@ def test_facets_of_a_square_cut_in_four() -> None:
     ({"fracture.thickness": 0.0}, "fracture.thickness = 0.0: input should be greater than 0"),
     ({"fracture.default.cohesion": {**WEAK, "f_t": -1.0}}, "fracture.default.cohesion.f_t = -1.0: .* equal to 0"),
     ({"fracture.default.cohesion": {**WEAK, "kind": "linaer"}}, "unknown kind 'linaer', did you mean 'linear'"),
-    ({"fracture.kind": "on_strength", "fracture.default.friction": {"kind": "velocity_weakening", "mu_s": 0.6,
+    ({"fracture.kind": "extrinsic", "fracture.default.friction": {"kind": "velocity_weakening", "mu_s": 0.6,
       "mu_d": 0.2, "V_w": 1.0}}, "depends on the slip rate or on time, .* take laws like coulomb"),
-    ({"fracture.kind": "on_strength", "fracture.default.friction": {"kind": "coulomb", "mu_d": {
+    ({"fracture.kind": "extrinsic", "fracture.default.friction": {"kind": "coulomb", "mu_d": {
       "kind": "gaussian", "background": 0.6, "amplitude": 0.1, "center": 0.0, "width": 1e-3}}},
      "fracture.default.friction.mu_d = .*: varies, and facets"),
-    ({"fracture": {"kind": "on_strength", "check_every": 0, "default": {"friction": RUBS}}},
+    ({"fracture": {"kind": "extrinsic", "check_every": 0, "default": {"friction": RUBS}}},
      "fracture.check_every = 0: input should be greater than or equal to 1"),
-    ({"fracture": {"kind": "on_strength", "stiffness_ratio": 10.0, "default": {"friction": RUBS}}},
+    ({"fracture": {"kind": "extrinsic", "stiffness_ratio": 10.0, "default": {"friction": RUBS}}},
      "fracture: unknown key 'stiffness_ratio'"),
-    ({"fracture.kind": "on_strength", "large_rotations": True},
-     "large_rotations: fracture.kind = 'on_strength' is for small ones; use .*'everywhere'"),
+    ({"fracture.kind": "extrinsic", "large_rotations": True},
+     "large_rotations: fracture.kind = 'extrinsic' is for small ones; use .*'intrinsic'"),
     ({"order": 2}, r"order = 2: with \[fracture\] the cells are of order 1"),
     ({"plane": "antiplane", "boundaries": []}, "plane = 'antiplane': bodies break in plane stress and plane strain"),
     ({"stepper": {"kind": "generalized_alpha"}}, "stepper.kind = 'generalized_alpha': bodies break in explicit steps"),
@@ -108,7 +108,7 @@ def test_check_says_how_far_waves_go_between_two_looks_at_the_strength() -> None
     """Nothing about springs, which are not there; 40 steps are too many."""
 
     def rows(every: int) -> dict[str, Any]:
-        given = {"kind": "on_strength", "check_every": every, "default": {"cohesion": WEAK, "friction": RUBS}}
+        given = {"kind": "extrinsic", "check_every": every, "default": {"cohesion": WEAK, "friction": RUBS}}
         return {row.quantity: row for row in preflight(case({"fracture": given, "duration": 1e-6}))}
 
     name = "fracture: distance of a wave between two checks of the strength"
@@ -203,7 +203,7 @@ def test_a_notch_is_a_crack_from_the_start() -> None:
 
 
 def rigid(changes: dict[str, Any]) -> Model:
-    given = {"fracture.kind": "on_strength", "fracture.default.cohesion": NEVER, "boundaries": []}
+    given = {"fracture.kind": "extrinsic", "fracture.default.cohesion": NEVER, "boundaries": []}
     return Model(case(given | changes))
 
 

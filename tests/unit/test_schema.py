@@ -11,14 +11,16 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from crack_cases import block
 from pydantic import ValidationError
 from small_cases import SPLIT, plates
 
 from ruptfx import RuptfxError
 from ruptfx.case import FOLDERS, parse_case
+from ruptfx.commands._shared import reported
 from ruptfx.friction.coulomb import Coulomb
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
-from ruptfx.input.former_names import FormerName
+from ruptfx.input.former_names import FormerName, warn_of_former
 from ruptfx.platform import launch
 from ruptfx.reference.describe import TOPICS, entries, file_schema
 from ruptfx.schema import CaseError, Part, alternatives, find, kinds, nearest, unit_of
@@ -121,6 +123,27 @@ def test_former_keys_are_read_with_a_note() -> None:
         Renamed.model_validate({"follow": 0.5, "update_slip": 0.1})
     with warnings.catch_warnings(action="error"):
         assert Renamed(update_slip=0.1).update_slip == 0.1
+
+
+@pytest.mark.parametrize(("former", "kind"), [("everywhere", "intrinsic"), ("on_strength", "extrinsic")])
+def test_former_kinds_are_read_with_a_note(former: str, kind: str) -> None:
+    with pytest.warns(FormerName, match=f"'{former}'.*'{kind}'"):
+        case = parse_case(block({"fracture.kind": former}))
+    assert case.fracture.kind() == kind and f'kind = "{kind}"' in case.to_toml()
+    with warnings.catch_warnings(action="error"):
+        assert parse_case(block({"fracture.kind": kind})).hash == case.hash
+
+
+def test_commands_show_a_former_name_once(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def warned() -> str:
+        with reported():
+            for _ in range(2):
+                warn_of_former("the key", "follow", "update_slip")
+        return capsys.readouterr().err
+
+    assert warned().count("update_slip") == 1
+    monkeypatch.setenv(launch.RANKS, "2")  # the launcher has shown it
+    assert warned() == ""
 
 
 def test_parts_are_strict_and_frozen() -> None:

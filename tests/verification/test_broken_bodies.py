@@ -26,7 +26,7 @@ END = 4 * LENGTH * STRENGTH / YOUNG  # opening at failure: softer than the bar, 
 
 
 @pytest.mark.parametrize(
-    ("way", "kind"), [("on_strength", "linear"), ("on_strength", "munjiza"), ("everywhere", "linear")]
+    ("way", "kind"), [("extrinsic", "linear"), ("extrinsic", "munjiza"), ("intrinsic", "linear")]
 )
 def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
     """Force over displacement, and the work to failure.
@@ -43,7 +43,7 @@ def test_a_short_bar_is_torn_along_its_law(way: str, kind: str) -> None:
         "materials": {"default": {**GRANITE, "poisson_ratio": 0.0}},
         "fracture": {"kind": way, "default": {"cohesion": NEVER, "friction": RUBS},
                      "pairs": {"lower-upper": {"cohesion": law.model_dump(), "friction": RUBS}}},
-        **({"fracture.stiffness_ratio": 100.0} if way == "everywhere" else {}),
+        **({"fracture.stiffness_ratio": 100.0} if way == "intrinsic" else {}),
         "damping": {"kelvin_voigt": {"fraction": 0.1}}, "duration": 1e-5 + 1.05 * END / speed,
         "boundaries": [
             {"kind": "driven", "edge": "upper.top", "component": "y", "velocity": speed, "ramp": 1e-5},
@@ -154,7 +154,7 @@ def test_an_orthotropic_patch_has_its_strain_energy(compensate: bool, plane: str
         assert 0.5 * float(force @ u) == pytest.approx(expected, rel=3e-3)
 
 
-@pytest.mark.parametrize("way", ["on_strength", "everywhere"])
+@pytest.mark.parametrize("way", ["extrinsic", "intrinsic"])
 def test_a_crack_of_an_orthotropic_body_takes_its_fracture_energy(way: str) -> None:
     """Two blocks are torn apart along the facets between them, far enough; damping stills the rest."""
     width, energy = 4e-3, 20.0
@@ -181,7 +181,7 @@ def test_a_crack_of_an_orthotropic_body_takes_its_fracture_energy(way: str) -> N
     assert sum(found.values()) == pytest.approx(work, rel=1e-9)
 
 
-@pytest.mark.parametrize("way", ["on_strength", "everywhere"])
+@pytest.mark.parametrize("way", ["extrinsic", "intrinsic"])
 def test_an_event_has_the_kinetic_energy_of_what_is_released(way: str) -> None:
     """Two blocks that one facet bonds are pulled apart until it fails.
 

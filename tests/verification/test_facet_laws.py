@@ -70,7 +70,7 @@ def test_a_block_that_slides_on_a_row_of_facets_reaches_the_steady_strength(law:
     speed = 2.0
     given = case({
         "mesh.divide": 5e-3, "mesh.turn": 0.0, "duration": 40e-6,
-        "fracture": {"kind": "everywhere", "default": {"cohesion": NEVER, "friction": RUBS},
+        "fracture": {"kind": "intrinsic", "default": {"cohesion": NEVER, "friction": RUBS},
                      "pairs": {"lower-upper": {"friction": law}}},
         "damping": {"kelvin_voigt": {"fraction": 0.3}, "mass": 1e6},
         "boundaries": [
@@ -138,7 +138,7 @@ def test_check_takes_the_shortest_process_zone() -> None:
 
 
 @pytest.mark.parametrize("changes, said", [
-    ({"fracture.kind": "on_strength", "fracture.default.friction": WEAKENING}, "depends on the slip rate or on time"),
+    ({"fracture.kind": "extrinsic", "fracture.default.friction": WEAKENING}, "depends on the slip rate or on time"),
     ({"fracture.default.friction": {**AGEING, "theta_initial": None}}, "give fracture.default.friction.V_initial and"),
     ({"fracture.default.cohesion": {**WEAK, "f_t": {"kind": "boxcar", "inside": 0.0, "outside": 4e6, "center": 4e-3,
       "half_width": 1e-3}}}, "cohesion.f_t is zero somewhere"),

@@ -155,8 +155,8 @@ CASES: dict[str, Callable[[], tuple[Case, int]]] = {
         "duration": 3e-6, "output.interface_interval": 0.25e-6, "output.forces_interval": 0.3e-6,
         "damping": {"mass": 1e5, "kelvin_voigt": {"fraction": 0.1}},
     })), 60),
-    "everywhere": lambda: (parse_case(block({"damping": {"mass": 1e3, "kelvin_voigt": {"fraction": 0.1}}})), 200),
-    "on_strength": lambda: (parse_case(block({"fracture.kind": "on_strength"})), 110),
+    "intrinsic": lambda: (parse_case(block({"damping": {"mass": 1e3, "kelvin_voigt": {"fraction": 0.1}}})), 200),
+    "extrinsic": lambda: (parse_case(block({"fracture.kind": "extrinsic"})), 110),
     "collisions": lambda: (parse_case(meeting_blocks()), 200),
     "generalized_alpha": lambda: (parse_case(impact(6e6, 2.0, changes={
         "order": 2, "duration": 10e-6, "mesh.length": 16e-3, "mesh.height": 6e-3,

@@ -13,7 +13,7 @@ from ruptfx.schema import CaseError, Unit
 MOST = 0.5  # largest compliance of facets over that of the body
 
 
-class Everywhere(Fracture):
+class Intrinsic(Fracture):
     """Intrinsic facets: stiff springs between all cells, which soften once their strength is reached.
 
     A facet has the normal and shear stiffness k = alpha E / h per area, with the mean length h of the facets and, in
@@ -22,6 +22,8 @@ class Everywhere(Fracture):
     compliances of the cells, 1 / (2 mu) - q and 1 / (2 K) - q with K = lambda + mu, so that the broken body has the
     moduli of the case. Off the compliances of orthotropic bodies it takes the mean over all directions of facets.
     """
+
+    former_kinds = ("everywhere",)
 
     stiffness_ratio: Annotated[float, Field(ge=3), Unit("1")] = 10.0
     """alpha: stiffness of the springs times the mean length of facets over Young's modulus; a large one reduces the

@@ -11,7 +11,7 @@ from ruptfx.cracks import Fracture
 from ruptfx.materials import Material, Plane
 
 
-class OnStrength(Fracture):
+class Extrinsic(Fracture):
     """Extrinsic facets: cells are tied until the traction of a facet exceeds its strength.
 
     The trial traction of a tied facet is that of the mean stress of both cells. Beyond the strength the facet is
@@ -23,6 +23,7 @@ class OnStrength(Fracture):
     Source: Camacho and Ortiz (1996), Pandolfi and Ortiz (2002) for the components.
     """
 
+    former_kinds = ("on_strength",)
     rigid: ClassVar[bool] = True
 
     check_every: Annotated[int, Field(ge=1)] = 2
