@@ -169,11 +169,11 @@ DERIVED = (Field("displacement_jump", "m", "tangential displacement jump", tange
 """Fields of the file that are not in the state."""
 OF_SLIDING = (
     Field("contact", "1", "state of contact", meanings=("open", "sticking", "sliding", "uncovered")),
-    Field("facing_position", "m", "initial position along the opposite surface of the point paired with this one"),
+    Field("paired_position", "m", "initial position along the opposite surface of the point paired with this one"),
     Field("deformed_x", "m", "x of the point, displaced"),
     Field("deformed_y", "m", "y of the point, displaced"),
-    Field("facing_x", "m", "x of the paired point of the opposite surface, displaced"),
-    Field("facing_y", "m", "y of the paired point of the opposite surface, displaced"),
+    Field("paired_x", "m", "x of the paired point of the opposite surface, displaced"),
+    Field("paired_y", "m", "y of the paired point of the opposite surface, displaced"),
 )
 """Fields of the file in finite sliding; NaN at unpaired points."""
 MONITORS = (
@@ -191,24 +191,24 @@ ENERGIES = {
     "interface_elastic": "elastic energy of compliant interfaces",
     "frictional_dissipation": "frictional dissipation", "fracture": "fracture energy dissipated by cracks",
     "damping": "energy dissipated by damping",
-    "impact": "energy lost in plastic impacts, and by freezing the mortar pairing between updates",
+    "impact_loss": "energy lost in plastic impacts, and by freezing the mortar pairing between updates",
     "collisions": "elastic energy of contact between non-neighbouring cells, [collisions]",
     "collision_loss": "error of finite steps in that contact, and energy of facet springs that it replaces",
-    "facing": "energy removed from contact springs by updates of the mortar pairing",
-    "turning": "error of finite steps in rotating bodies: work of their forces minus change of their energies",
+    "pairing_update_loss": "energy removed from contact springs by updates of the mortar pairing",
+    "rotation_error": "error of finite steps in rotating bodies: work of their forces minus change of their energies",
     "boundary_work": "work of boundaries, initial stress and nucleation, and initial kinetic energy",
 }  # fmt: skip
 """Columns of the energy table [J, per metre of thickness in 2D]; the last is the sum of the others."""
-KEPT = ("collisions", "turning")
+KEPT = ("collisions", "rotation_error")
 """Of `ACCUMULATED`: what mechanisms keep from step to step and is no column by itself."""
 ACCUMULATED = (
-    "frictional_dissipation", "fracture", "damping", "impact", "collisions", "collision_loss", "facing", "turning",
-    "boundary_work",
+    "frictional_dissipation", "fracture", "damping", "impact_loss", "collisions", "collision_loss",
+    "pairing_update_loss", "rotation_error", "boundary_work",
 )  # fmt: skip
 """Energies accumulated or stored by steps."""
 OF_BODIES = "force_of_bodies"
 """Nodal field of explicit steps with large rotations: force of cells, facets and supports [N]."""
-TAKEN_IN_SLIDING = ("frictional_dissipation", "impact", "facing")
+TAKEN_IN_SLIDING = ("frictional_dissipation", "impact_loss", "pairing_update_loss")
 """Those that are also recorded for each interface with finite sliding."""
 
 

@@ -27,8 +27,8 @@ class State:
     cracks : dict of ndarray
         Fields of cohesive facets, at the same time as those of the faults; empty without `[fracture]`.
     energy : dict of str to float
-        Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact, facing,
-        boundary_work; in finite sliding also that of each fault, ``"main.impact"``.
+        Energies accumulated on this rank [J]: frictional_dissipation, fracture, damping, impact_loss ...; in finite
+        sliding also that of each fault, ``"main.impact_loss"``.
     fields : dict of str to ndarray, shape (nodes * components,)
         Nodal fields of a stepper, such as an acceleration; created at its first step.
     numbers : dict of str to float

@@ -145,8 +145,8 @@ def _write_interface(
         states = np.select([uncovered, position > 0.8 * position[-1], slid], [3, 0, 2], 1)
         histories |= {
             "deformed_x": position + slip, "deformed_y": height, "contact": states.astype(np.int8),
-            "facing_x": np.where(uncovered, np.nan, position + slip), "facing_y": np.where(uncovered, np.nan, height),
-            "facing_position": np.where(uncovered, np.nan, position + slip),
+            "paired_x": np.where(uncovered, np.nan, position + slip), "paired_y": np.where(uncovered, np.nan, height),
+            "paired_position": np.where(uncovered, np.nan, position + slip),
         }  # fmt: skip
     along = {
         "peak_slip_rate": np.abs(slip_rate).max(axis=0),

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 PARTS = (
-    "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact",
-    "collisions", "collision_loss", "facing", "turning",
+    "kinetic", "strain", "interface_elastic", "frictional_dissipation", "fracture", "damping", "impact_loss",
+    "collisions", "collision_loss", "pairing_update_loss", "rotation_error",
 )  # fmt: skip
 
 

@@ -193,7 +193,7 @@ class Ground(Attached):
         taken = 0.5 * np.sum(new["traction"] * u_before - fields["traction"] * u, axis=1) * self._counted
         grown = new["damage"] > fields["damage"]
         state.energy["fracture"] += float(taken[grown].sum())
-        state.energy["impact"] += float(taken[~grown].sum())  # of nodes that open or close within a step
+        state.energy["impact_loss"] += float(taken[~grown].sum())  # of nodes that open or close within a step
         for name, values in new.items():
             fields[name][:] = values
 

@@ -137,6 +137,6 @@ def rub(blocks: Blocks, comm: fem.MPI.Comm, look: Callable[[State, SlidingInterf
     gained = {name: after[name] - before[name] for name in after}
     missing, work = after.pop("boundary_work") - sum(after.values()), gained["boundary_work"]
     return Rubbing(
-        ratio(gained["impact"], gained["frictional_dissipation"]), ratio(gained["facing"], work),
+        ratio(gained["impact_loss"], gained["frictional_dissipation"]), ratio(gained["pairing_update_loss"], work),
         ratio(abs(missing), work),
     )  # fmt: skip

@@ -76,7 +76,7 @@ class Flight:
                 changed = max(changed, np.abs(self.momentum() - first).max() / one)
         energy = self.motion.energies(self.state)
         given = energy.pop("boundary_work")
-        lost, turned = (abs(energy[name]) / given for name in ("collision_loss", "turning"))
+        lost, turned = (abs(energy[name]) / given for name in ("collision_loss", "rotation_error"))
         return float(changed), lost, turned, abs(given - sum(energy.values())) / given
 
     def forces(self, body: str) -> np.ndarray:

@@ -70,7 +70,7 @@ def spin(case: Case, comm: fem.MPI.Comm) -> dict[str, float]:
         if step % 50 == 0 or step == steps - 1:
             drift = max(drift, abs(across(before, state.velocity.reshape(-1, 2)) / momentum - 1))
             found = model.energies(state)
-            taken.append(found.pop("turning"))
+            taken.append(found.pop("rotation_error"))
             energy.append(sum(found.values()))
             now = x + state.displacement.reshape(-1, 2)
             cos, sin = along(x, now), across(x, now)

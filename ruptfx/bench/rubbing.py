@@ -6,7 +6,7 @@ work are counted from there. What is left is the plastic impact of nodal masses 
 of elements, and the effect of updates of the mortar pairing; frames of the wrong surface, or coupling by collocation,
 give percents. The budget of all energies closes to round-off, with contact springs as well. Their energy changes
 at every update, as the gap of the current surfaces replaces that of the frozen frames; this change is the column
-`facing` in the budget, and vanishes to first order in `follow` and in the size of elements.
+`pairing_update_loss` in the budget, and vanishes to first order in `follow` and in the size of elements.
 """
 
 from __future__ import annotations

@@ -301,7 +301,7 @@ class CrackStep:
     def _count(self, state: State, taken: np.ndarray) -> None:
         """Count energy losses of facets in a step, and the largest residual of their laws."""
         *energies, self.residual = taken.tolist()
-        for name, amount in zip(("frictional_dissipation", "fracture", "impact"), energies, strict=True):
+        for name, amount in zip(("frictional_dissipation", "fracture", "impact_loss"), energies, strict=True):
             state.energy[name] += amount
 
     def add_force(self, state: FaultState, force: np.ndarray, displacement: np.ndarray | None = None) -> None:

@@ -177,7 +177,7 @@ class FaultResponse:
             rate_old, rate = (fault.components(fields, "mean_slip_rate")[:, 0] for fields in (old, new))
             worked = float(area @ fault.contact.dissipated(load_old, load, rate_old, rate)) * dt
         state.take(fault.name, "frictional_dissipation", dissipated)
-        state.take(fault.name, "impact", impact)
+        state.take(fault.name, "impact_loss", impact)
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values

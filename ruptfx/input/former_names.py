@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import warnings
 
-FORMER_COLUMNS: dict[str, str] = {}
+FORMER_COLUMNS = {
+    "impact": "impact_loss", "facing": "pairing_update_loss", "turning": "rotation_error",
+    "facing_position": "paired_position", "facing_x": "paired_x", "facing_y": "paired_y",
+}  # fmt: skip
 """Columns of the energy table and fields of interfaces by their names in the last version."""
 
 

@@ -77,8 +77,8 @@ def spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
     chatters = without > STIFF * stable and not damped
     note = (
         "bodies that meet chatter on springs as stiff as these, which gain energy or lose it where they close or open "
-        "within a step (impact in energy.csv): add damping.kelvin_voigt, reduce stepper.safety or the stiffness, or "
-        "use contact.kind = 'forward_lagrange'"
+        "within a step (impact_loss in energy.csv): add damping.kelvin_voigt, reduce stepper.safety or the stiffness, "
+        "or use contact.kind = 'forward_lagrange'"
     )
     yield Row(
         f"faults.{fault.name}: stable step without springs / with them", without / stable, "", note * chatters,

@@ -10,7 +10,7 @@ import numpy as np
 from ruptfx.collisions._step import FIELD
 from ruptfx.mechanisms import Mechanism, Rows, Springs
 from ruptfx.mechanisms._check_table import Row
-from ruptfx.mechanisms._turning import deducting_dissipation
+from ruptfx.mechanisms._rotation_error import deducting_dissipation
 
 if TYPE_CHECKING:
     from ruptfx.collisions._step import CollisionStep

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
-from ruptfx.mechanisms._turning import deducting_dissipation
+from ruptfx.mechanisms._rotation_error import deducting_dissipation
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row

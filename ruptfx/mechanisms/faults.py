@@ -138,7 +138,7 @@ class Faults(Mechanism):
             dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)
             state.take(name, "frictional_dissipation", dissipated)
             state.energy["boundary_work"] += step.work
-            state.take(name, "impact", step.impact_loss(fields, state.velocity, rate_old))
+            state.take(name, "impact_loss", step.impact_loss(fields, state.velocity, rate_old))
             state.energy["fracture"] += step.fractured(fields, state.velocity, rate_old)
 
     def exchange(self, state: State, kick: Kick) -> None:

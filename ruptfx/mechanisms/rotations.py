@@ -21,7 +21,7 @@ class LargeRotations(Mechanism):
     """Account for the work of the forces of cells, facets and supports.
 
     Leapfrog balances the work that the mean of successive forces does. An energy that is not a quadratic form changes
-    by something else in a finite step, of second order in it; `Model.energies` has the difference as `turning`.
+    by something else in a finite step, of second order in it; `Model.energies` has the difference as `rotation_error`.
     """
 
     order = 40
@@ -35,7 +35,7 @@ class LargeRotations(Mechanism):
         stored = energies["strain"] + energies["interface_elastic"]
         force = state.fields.get(OF_BODIES)
         over = 0.0 if force is None else self.model.layout.owned_dot(force, state.velocity)
-        energies["turning"] = state.energy["turning"] - stored - 0.5 * state.lag * over
+        energies["rotation_error"] = state.energy["rotation_error"] - stored - 0.5 * state.lag * over
 
     def nodes(self) -> NDArray[np.bool_]:
         return ~super().nodes()  # the forces of all nodes are needed
@@ -46,9 +46,9 @@ class LargeRotations(Mechanism):
             force -= state.fields[FORCE]
         if OF_BODIES in state.fields:
             mean = 0.5 * (state.fields[OF_BODIES] + force)
-            state.energy["turning"] -= kick.clock.since * model.layout.owned_dot(mean, state.velocity)
+            state.energy["rotation_error"] -= kick.clock.since * model.layout.owned_dot(mean, state.velocity)
         else:
-            state.energy["turning"] += model.strain_energy(state.displacement)
+            state.energy["rotation_error"] += model.strain_energy(state.displacement)
             if model.cracks is not None:
-                state.energy["turning"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
+                state.energy["rotation_error"] += model.cracks.stored(state.cracks, 0 * force, state.displacement)
         state.fields[OF_BODIES] = force

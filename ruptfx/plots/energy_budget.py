@@ -11,9 +11,9 @@ from ruptfx.record import Files
 
 _COLOURS = {
     "kinetic": "#0072b2", "strain": "#009e73", "interface_elastic": "#cc79a7", "frictional_dissipation": "#d55e00",
-    "fracture": "#8b5a2b", "damping": "#e69f00", "impact": "#56b4e9", "collisions": "#332288",
+    "fracture": "#8b5a2b", "damping": "#e69f00", "impact_loss": "#56b4e9", "collisions": "#332288",
     "collision_loss": "#999933",
-    "facing": "#7f7f7f", "turning": "#117733",
+    "pairing_update_loss": "#7f7f7f", "rotation_error": "#117733",
 }  # safe for colour-blind readers
 _ROUNDING = 100 * np.finfo(float).eps  # per cent: rounding level, lower limit of the axis
 SEEN = 1e-3  # of the largest energy: smaller ones are not drawn

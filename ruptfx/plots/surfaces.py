@@ -42,7 +42,7 @@ def surfaces(
         return empty_figure("no time was saved", "x, displaced (m)", "y, displaced (m)")
     wanted = saved[-1] * np.arange(1, PANELS + 1) / PANELS if times is None else np.asarray(times)
     rows = np.unique(nearest(saved, wanted))
-    places = ("deformed_x", "deformed_y", "facing_x", "facing_y")
+    places = ("deformed_x", "deformed_y", "paired_x", "paired_y")
     x, y, faced_x, faced_y, normal, shear, contact = (
         data[name].isel(time=rows).values for name in (*places, "normal_stress", "shear_traction", "contact")
     )

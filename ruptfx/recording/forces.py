@@ -13,7 +13,9 @@ from ruptfx.sliding.surface import Floats
 from ruptfx.state import State
 
 PARTS = ("sticking", "sliding", "open", "uncovered")
-WORKS = {"friction_work": ("frictional_dissipation",), "impact_work": ("impact", "facing")}  # sums of energies
+WORKS = {  # sums of energies
+    "friction_work": ("frictional_dissipation",), "impact_work": ("impact_loss", "pairing_update_loss"),
+}  # fmt: skip
 COLUMNS = ("normal_force", "shear_force", *PARTS, *WORKS)
 OF_RECORDS = "that of the record of the interface"
 OF_MEANS = "the middle of the time over which all numbers of a row are means"

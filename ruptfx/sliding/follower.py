@@ -63,7 +63,7 @@ class Follower:
             held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)
             self._stretch(state)
-            state.take(self._fault.name, "facing", held - self._held_in_springs(state))
+            state.take(self._fault.name, "pairing_update_loss", held - self._held_in_springs(state))
 
     def _held_in_springs(self, state: State) -> float:
         """Return the energy of compliant contact at the time of the velocity, points of this rank [J]."""
@@ -222,7 +222,7 @@ class StepFollower(Follower):
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._held
-        state.take(self.name, "impact", taken - dissipated - stored)
+        state.take(self.name, "impact_loss", taken - dissipated - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
         """Return J' W T [N]."""

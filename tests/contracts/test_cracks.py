@@ -94,7 +94,7 @@ def test_one_mode_takes_its_fracture_energy(kind: str, mode: int) -> None:
     assert facet.taken("fracture") == pytest.approx(energy, rel=1e-6)
     assert facet.work / facet.length == pytest.approx(energy, rel=1e-6)
     # The rounding of an opening of zero presses a little.
-    assert facet.taken("frictional_dissipation") < 1e-7 * energy and abs(facet.taken("impact")) < 1e-7 * energy
+    assert facet.taken("frictional_dissipation") < 1e-7 * energy and abs(facet.taken("impact_loss")) < 1e-7 * energy
 
 
 def test_slip_under_pressure_takes_friction_besides() -> None:
@@ -196,7 +196,7 @@ def test_a_path_of_all_modes_takes_never_less(kind: str) -> None:
         assert taken >= before - 1e-10 * law.G_Ic  # rounding of jumps times stiffness
         assert facet.state.cracks["damage"].min() >= damage
         before, damage = taken, float(facet.state.cracks["damage"].min())
-        whole = facet.stored() + sum(facet.taken(name) for name in ("fracture", "frictional_dissipation", "impact"))
+        whole = facet.stored() + sum(map(facet.taken, ("fracture", "frictional_dissipation", "impact_loss")))
         assert facet.work / facet.length == pytest.approx(whole, rel=1e-10, abs=1e-10 * law.G_Ic)
     assert damage == 1
 

@@ -229,7 +229,7 @@ def test_what_finite_steps_take_closes_the_budget(breaks: bool) -> None:
             energy = motion.energies(state)
             work = energy.pop("boundary_work")
             assert abs(work - sum(energy.values())) <= 1e-12 * max(work, 1e-3)
-            largest = max(largest, abs(energy["turning"]))
+            largest = max(largest, abs(energy["rotation_error"]))
         failed = model.comm.allreduce(int(np.isfinite(state.cracks["time_of_failure"]).sum()))
         assert bool(failed) == breaks
         taken.append(largest / work)

@@ -62,6 +62,6 @@ def test_a_killed_run_goes_on_to_the_same_bits(ranks: int, runs: Path, tmp_path:
     code, text = finish(start(case, tmp_path / "run", ranks, "--quiet", "--resume"))
     assert code == 0, text
     differences = largest_difference(runs / str(ranks), tmp_path / "run")
-    # Of the energies, `impact` is rounding here, 1e-18 of the work: the normal of this fault does not move.
+    # Of the energies, `impact_loss` is rounding here, 1e-18 of the work: the normal of this fault does not move.
     assert differences.pop("energy.csv") < 1e-16
     assert max(differences.values()) == 0

@@ -10,6 +10,7 @@ import pytest
 import synthetic
 
 from ruptfx import RuptfxError
+from ruptfx.input.former_names import FormerName
 from ruptfx.record import Files, Record, RecordError
 
 TIME, POSITION = synthetic.times(31), synthetic.points(20)
@@ -46,6 +47,24 @@ def test_bulk_is_named_and_lazy(run):
         assert bulk["cells"].shape == (2 * 100 * 20, 4)
         # Pieces are read without the whole.
         assert not bulk["velocity"].variable._in_memory
+
+
+@pytest.mark.parametrize("reader", [Files, Record])
+def test_a_run_of_the_last_version_is_read_by_the_names_of_this_one(tmp_path, reader):
+    run = synthetic.write_run(tmp_path / "run", synthetic.crack(TIME, POSITION), TIME, POSITION, slides=True)
+    with reader(run) as record:
+        expected = record.energy["damping"].values, record.interface["paired_x"].values
+    table = (run / "energy.csv").read_text()
+    (run / "energy.csv").write_text(table.replace("damping", "impact"))
+    with h5py.File(run / "interface.h5", "a") as file:
+        for name in ("x", "y", "position"):
+            file.move(f"paired_{name}", f"facing_{name}")
+    with reader(run) as record:
+        with pytest.warns(FormerName, match="'impact'.*'impact_loss'"):
+            np.testing.assert_array_equal(record.energy["impact_loss"].values, expected[0])
+        with pytest.warns(FormerName, match="'facing_x'.*'paired_x'"):
+            np.testing.assert_array_equal(record.interface["paired_x"].values, expected[1])
+        assert "impact" not in record.energy and "facing_x" not in record.interface
 
 
 @pytest.mark.parametrize("whole", [True, False])

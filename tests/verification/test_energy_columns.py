@@ -165,11 +165,11 @@ def test_plastic_impact() -> None:
     for _ in range(5):
         motion.step(state)
         found = motion.energies(state)
-        assert found["impact"] == pytest.approx(0.5 * RHO * LENGTH * 0.5 * size * speed**2, rel=1e-12)
+        assert found["impact_loss"] == pytest.approx(0.5 * RHO * LENGTH * 0.5 * size * speed**2, rel=1e-12)
     assert state.faults["main"]["opening"].max() == 0 and state.faults["main"]["normal_stress"].min() > 0
     assert found["frictional_dissipation"] == found["damping"] == found["boundary_work"] == 0
     whole = 0.5 * RHO * LENGTH * HEIGHT * speed**2
-    assert found["kinetic"] + found["strain"] + found["impact"] == pytest.approx(whole, rel=1e-12)
+    assert found["kinetic"] + found["strain"] + found["impact_loss"] == pytest.approx(whole, rel=1e-12)
 
 
 def test_what_collisions_lose_is_the_error_of_the_step() -> None:
@@ -222,7 +222,7 @@ def test_turning_of_a_stretched_and_turned_block() -> None:
     volume = length * height
     found = model.energies(state)
     assert found["strain"] == pytest.approx(0.5 * (lame + 2 * G) * e**2 * volume, rel=1e-9)
-    assert found["turning"] == pytest.approx(volume * e * (lame + G) * (1 - np.cos(angle)), rel=1e-9)
+    assert found["rotation_error"] == pytest.approx(volume * e * (lame + G) * (1 - np.cos(angle)), rel=1e-9)
 
 
 def test_facing_of_a_flat_surface_that_slides_past_a_kink() -> None:
@@ -272,4 +272,4 @@ def test_facing_of_a_flat_surface_that_slides_past_a_kink() -> None:
     np.testing.assert_allclose(fields["shear_traction"], C_s * stretch, rtol=1e-9)
     before, after = weight @ (0.5 * C_n * overlap**2), weight @ (0.5 * C_n * later**2)
     assert abs(before - after) > 0.05 * before
-    assert state.energy["facing"] == pytest.approx(before - after, rel=1e-9)
+    assert state.energy["pairing_update_loss"] == pytest.approx(before - after, rel=1e-9)

@@ -54,7 +54,7 @@ def test_a_facet_that_slides_steadily_has_the_steady_strength(law: dict[str, Any
     np.testing.assert_allclose(state.cracks["shear_traction"], strength, rtol=1e-6)
     if "theta" in state.cracks:
         np.testing.assert_allclose(state.cracks["theta"], law["D_c"] / speed, rtol=1e-6)
-    taken = {name: state.energy[name] for name in ("fracture", "frictional_dissipation", "impact")}
+    taken = {name: state.energy[name] for name in ("fracture", "frictional_dissipation", "impact_loss")}
     assert sum(taken.values()) + cracks.stored(state.cracks, 0 * state.displacement) == pytest.approx(work, rel=1e-10)
     length = 2 * cracks.weight[0]
     assert taken["fracture"] == pytest.approx(WEAK["G_IIc"] * length if bonded else 0.0, rel=1e-3)

@@ -80,7 +80,7 @@ def test_sliding_over_a_wave_closes_the_budget(contact: dict[str, Any]) -> None:
     work = energy.pop("boundary_work")
     assert abs(work - sum(energy.values())) < 1e-11 * work
     assert energy["frictional_dissipation"] > 0.5 * work
-    assert abs(energy["impact"]) + abs(energy["facing"]) < 0.01 * energy["frictional_dissipation"]
+    assert abs(energy["impact_loss"]) + abs(energy["pairing_update_loss"]) < 0.01 * energy["frictional_dissipation"]
     face, closed = model.faults[0].interface, fields["normal_stress"] > 0
     assert 0.1 < closed.mean() < 0.6 and face.geometry.revision > 30
     # Points that are closed lie on the wave, deeper by what springs are pressed.

@@ -195,7 +195,7 @@ def test_hertz_between_different_meshes() -> None:
     energy = motion.energies(state)
     work = energy.pop("boundary_work")
     assert abs(work - sum(energy.values())) < 1e-10 * work
-    assert abs(energy["damping"]) < 1e-6 * work and abs(energy["impact"]) < 0.05 * work
+    assert abs(energy["damping"]) < 1e-6 * work and abs(energy["impact_loss"]) < 0.05 * work
 
 
 # -- motion --------------------------------------------------------------------------------------------------------
@@ -375,7 +375,7 @@ def test_average_acceleration_closes_the_budget(contact: str) -> None:
     work = energy.pop("boundary_work")
     assert energy["frictional_dissipation"] > 0.02 * work
     np.testing.assert_allclose(sum(energy.values()), work, rtol=1e-8)
-    assert abs(energy["impact"]) < 0.5 * energy["frictional_dissipation"]
+    assert abs(energy["impact_loss"]) < 0.5 * energy["frictional_dissipation"]
 
 
 AGEING = {"kind": "rate_and_state_ageing", "a": 0.02, "b": 0.01, "D_c": 5e-6, "f_0": 0.3, "V_0": 1e-4}
@@ -587,7 +587,7 @@ def test_one_asperity_down_and_up() -> None:
     slides = ratios[way > 0.05e-3]
     assert least - 0.01 < slides.min() < least + 0.05 and most - 0.05 < slides.max() < most + 0.01
     energy = motion.energies(state)
-    assert abs(energy["impact"]) < 0.01 * energy["frictional_dissipation"]
+    assert abs(energy["impact_loss"]) < 0.01 * energy["frictional_dissipation"]
 
 
 def test_same_on_two_ranks(case_file: Path, alone: Path) -> None:

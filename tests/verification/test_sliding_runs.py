@@ -36,7 +36,7 @@ def test_forces_of_a_run(alone: Path) -> None:
     np.testing.assert_allclose(table[:, 0], times, rtol=1e-12)
     np.testing.assert_allclose(table[:, 3:7].sum(axis=1), 1.0, rtol=1e-12)
     energy = Record(alone).energy
-    for column, names in ((7, ["frictional_dissipation"]), (8, ["impact", "facing"])):
+    for column, names in ((7, ["frictional_dissipation"]), (8, ["impact_loss", "pairing_update_loss"])):
         taken = sum(energy[name].values for name in names)
         assert taken[-1] > 0
         np.testing.assert_allclose(table[:, column], taken, rtol=1e-12, atol=1e-12 * taken.max())
@@ -89,14 +89,14 @@ def test_states_and_surfaces_of_a_run(alone: Path) -> None:
     # Records without a sticking point in the forces have none here, and the other way round.
     np.testing.assert_array_equal((states == 1).any(axis=1), table.sticking.values > 0)
     # What a point faces is a mean, up to 2.4 um beside it, on slopes up to 0.105.
-    beside, above = (data.deformed_x - data.facing_x).values, (data.deformed_y - data.facing_y).values
+    beside, above = (data.deformed_x - data.paired_x).values, (data.deformed_y - data.paired_y).values
     assert np.abs(above[closed]).max() < 0.25e-6 and np.abs(beside[closed]).max() < 2.5e-6
     apart = ~closed & (data.opening.values > 0)
     np.testing.assert_allclose(np.hypot(beside, above)[apart], data.opening.values[apart], atol=1.5e-6)
     assert data.opening.values[0].max() > 39e-6 and data.opening.values[-1].max() > 25e-6
     np.testing.assert_allclose(data.deformed_x[0], data.x, atol=1e-9)
     # What is faced goes back by the slip, but for what it is beside the point.
-    gone = (data.facing_position - data.facing_position[0]).values
+    gone = (data.paired_position - data.paired_position[0]).values
     np.testing.assert_allclose(gone, data.displacement_jump, atol=5e-6)
     assert gone.max() > 10e-6
 

@@ -88,7 +88,7 @@ def test_tearing_off_takes_the_fracture_energy(law: dict[str, Any], component: s
     assert np.abs(state.attached["ground"]["traction"]).max() < 1.0
     found = stepped.energies(state)
     assert found["fracture"] == pytest.approx(law[energy] * LENGTH, rel=2e-4)  # of finite steps
-    assert abs(found["impact"]) < 1e-9 * found["fracture"]
+    assert abs(found["impact_loss"]) < 1e-9 * found["fracture"]
 
 
 def test_ground_stays_as_it_is_below_its_strength() -> None:
