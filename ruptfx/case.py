@@ -127,7 +127,7 @@ class Output(Part):
 
 
 class KelvinVoigt(Part):
-    """Viscosity next to the interfaces: stress = C : (strain + eta strain rate).
+    """Viscosity of some elements, by default next to the interfaces: stress = C : (strain + eta strain rate).
 
     It removes mesh noise behind a sharp front; too much of it delays the front.
     """
@@ -138,6 +138,8 @@ class KelvinVoigt(Part):
     """Viscosity over modulus, given instead of the fraction."""
     thickness: Length | None = None
     """Elements whose centre is that close to an interface; without it, those that touch one."""
+    bodies: list[str] | None = None
+    """Bodies that are viscous, all their elements, instead of a layer along the interfaces."""
 
     @model_validator(mode="after")
     def _one_viscosity(self) -> KelvinVoigt:
@@ -145,6 +147,8 @@ class KelvinVoigt(Part):
             raise ValueError(
                 f"fraction = {self.fraction:g}: without effect beside eta = {self.eta:g} s; remove one of them"
             )
+        if self.bodies is not None and self.thickness is not None:
+            raise ValueError("bodies, thickness: give one of them")
         return self
 
 

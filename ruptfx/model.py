@@ -139,16 +139,20 @@ class Model(Discretisation):
         )[:, : self.mesh.geometry.dim]
         points = [parallel.share_rows(self.comm, fault.interface.surface_points) for fault in self.faults]
         if self.cracks is not None:
-            if given.thickness is not None:
-                raise CaseError("damping.kelvin_voigt.thickness: bodies that break are damped everywhere; leave it out")
+            for name in ("thickness", "bodies"):
+                if getattr(given, name) is not None:
+                    raise CaseError(f"damping.kelvin_voigt.{name}: cracked bodies are damped everywhere; leave it out")
             chosen = np.ones(len(self.bodies.cell_body), dtype=bool)
+        elif given.bodies is not None:
+            chosen = np.isin(self.bodies.cell_body, self._numbers("damping.kelvin_voigt.bodies", given.bodies))
         elif not points:
-            raise CaseError("damping.kelvin_voigt: there is no interface; use damping.mass")
+            raise CaseError("damping.kelvin_voigt: there is no interface; name bodies, or use damping.mass")
         else:
             chosen = self._near(np.concatenate(points), centres, given.thickness)
         if not parallel.total(self.comm, chosen.sum()):
             raise CaseError(
                 f"damping.kelvin_voigt.thickness = {given.thickness:.4g} m: no element has its centre there"
+                if given.thickness is not None else "damping.kelvin_voigt.bodies: name a body at least"
             )
         stable = 2 / highest_frequency(self)
         eta = given.eta or parallel.three_digits(given.fraction * stable)
@@ -160,6 +164,13 @@ class Model(Discretisation):
             chosen[0] = True  # an operator needs an element; its nodes are not touched
         operator = operators.create(self.case.operator, bulk, self.case.loaded)
         return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None)
+
+    def _numbers(self, key: str, names: list[str]) -> list[int]:
+        """Return the numbers of bodies by their names."""
+        for name in names:
+            if name not in self.bodies.names:
+                raise CaseError(f"{key} = '{name}': no such body, {nearest(name, self.bodies.names)}")
+        return [self.bodies.names.index(name) for name in names]
 
     def _near(self, points: np.ndarray, centres: np.ndarray, thickness: float | None) -> np.ndarray:
         """Return a mask of cells with a centre within `thickness` of the points, or a node at one if it is None."""

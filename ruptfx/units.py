@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     VaryingTime = Varying
     VaryingDelay = Varying
     VaryingInstant = Varying
+    VaryingDrag = Varying
 else:
     VaryingStress = varying(float, "Pa")
     VaryingPressure = varying(NonNegative, "Pa")
@@ -71,3 +72,4 @@ else:
     VaryingTime = varying(Positive, "s")
     VaryingDelay = varying(NonNegative, "s")
     VaryingInstant = varying(float, "s")
+    VaryingDrag = varying(NonNegative, "1/m")

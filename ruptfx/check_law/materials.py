@@ -184,7 +184,8 @@ def indifferent(material: Material, seed: int) -> str | None:
     if any(np.any(np.asarray(value)) for value in material.model_dump().values() if isinstance(value, list)):
         return "it is given a tensor"
     strains, dt = path(seed)
-    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    turn, turning = np.eye(3), 2 if material.planes() == ("strain",) else 3  # axes: those of the plane, or all
+    turn[:turning, :turning] = np.linalg.qr(np.random.default_rng(seed).normal(size=(turning, turning)))[0]
     states = [started(material), started(material)]
     for strain in strains:
         matrix = _matrix(strain)

@@ -57,6 +57,10 @@ class DruckerPrager(IsotropicElastic):
         limit = self.cohesion * cos(self.friction_angle) - total.trace() / 3 * sin(self.friction_angle)
         return np.sqrt(0.5 * deviator.dot(deviator)), np.maximum(limit, 0.0)
 
+    def flow(self, total: Tensor) -> Tensor:
+        """Return the part of a stress that relaxes beyond yield [Pa]."""
+        return total.deviator()
+
     def state_fields(self) -> dict[str, StateField]:
         return {"plastic_strain": StateField("1", tensor=True)}
 
@@ -67,7 +71,7 @@ class DruckerPrager(IsotropicElastic):
         total = trial + Tensor(*self.initial_stress)
         tau, limit = self.shear_and_strength(total)
         beyond = np.where(tau > limit, 1 - limit / np.where(tau > 0, tau, 1.0), 0.0)
-        returned = (beyond * -np.expm1(-dt / self.relaxation_time)) * total.deviator()
+        returned = (beyond * -np.expm1(-dt / self.relaxation_time)) * self.flow(total)
         return trial - returned, {"plastic_strain": state["plastic_strain"] + returned / (2 * shear)}
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:

@@ -17,6 +17,7 @@ from ruptfx.materials import IDENTITY, Material, Tensor
 from ruptfx.materials._traced import OF_PLANE, traced
 from ruptfx.materials.drucker_prager import DruckerPrager
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials.mohr_coulomb import MohrCoulomb
 from ruptfx.materials.standard_linear_solids import StandardLinearSolids
 from ruptfx.schema import alternatives
 
@@ -310,6 +311,26 @@ def test_perfect_plasticity_of_drucker_prager() -> None:
         strain = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, 1e-3 * number)}
         stress, state = law.evaluate(strain, state, 100 * given.relaxation_time)
     assert stress["xy"][0] == pytest.approx(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5), rel=1e-8)
+
+
+@pytest.mark.parametrize("way", ["shear", "squeeze"])
+def test_mohr_coulomb_stays_on_its_line(way: str) -> None:
+    """Largest |tau| + sigma tan phi over all planes of the section is the cohesion; sigma_zz follows elastically."""
+    values = {name: value for name, value in DP.items() if name not in ("kind", "initial_stress")}
+    given = MohrCoulomb.model_validate({**values, "initial_stress": [-6e6, -6e6, -1e6, 0.0, 0.0, 0.0]})
+    law, state = traced(given, "strain"), {}
+    state = {name: np.zeros(1) for name in law.state}
+    for number in range(1, 20):
+        size = 1e-3 * number
+        strain = {"xx": np.full(1, size if way == "squeeze" else 0.0), "yy": np.full(1, -2 * size * (way == "squeeze")),
+                  "xy": np.full(1, size if way == "shear" else 0.0)}  # fmt: skip
+        stress, state = law.evaluate(strain, state, 100 * given.relaxation_time)
+    xx, yy, xy = (float(stress[name][0]) for name in ("xx", "yy", "xy"))
+    angle = np.linspace(0, np.pi, 20001)
+    c, s = np.cos(angle), np.sin(angle)
+    normal = (xx - 6e6) * c**2 + (yy - 6e6) * s**2 + 2 * xy * c * s
+    tau = (yy - xx) * c * s + xy * (c**2 - s**2)
+    assert np.max(np.abs(tau) + normal * np.tan(0.5)) == pytest.approx(1e6, rel=1e-5)
 
 
 def test_quality_factors() -> None:

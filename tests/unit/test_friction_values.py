@@ -16,6 +16,7 @@ from ruptfx.friction.prakash_clifton import PrakashClifton
 from ruptfx.friction.pressurised import Pressurised
 from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
+from ruptfx.friction.roughness_drag import RoughnessDrag
 from ruptfx.friction.time_weakening import TimeWeakening
 from ruptfx.nucleation.forced_rupture import ForcedRupture
 from ruptfx.nucleation.friction_drop import FrictionDrop
@@ -42,6 +43,15 @@ def test_any_two_give_the_third(law: RateAndStateAgeing, V: float, tau: float) -
     # d ln V = d tau / (a sigma): 1e-14 of tau is 1e-12 of V.
     assert law.carried_slip_rate(tau * ONE, sigma, state)[0] == pytest.approx(V, rel=1e-11)
     assert law.strength(V * ONE, sigma, state)[0] == pytest.approx(tau, rel=1e-13)
+
+
+def test_roughness_drag_grows_with_slip() -> None:
+    """After 3 m of slip in steps: 0.2 of the wrapped law, and 3 m times 0.01 / m."""
+    law = RoughnessDrag(law=LinearSlipWeakening(mu_s=0.6, mu_d=0.2, D_c=0.5), drag=0.01)
+    state = law.initial_state(1e7 * ONE, 0 * ONE, 0 * ONE)
+    for _ in range(30):
+        state = law.advance(state, 2.0 * ONE, 1e7 * ONE, 0.05)
+    assert law.strength(2.0 * ONE, 1e7 * ONE, state)[0] == pytest.approx(2.3e6, rel=1e-12)
 
 
 def test_flash_heating_steady_coefficient() -> None:

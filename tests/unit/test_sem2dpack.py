@@ -518,20 +518,67 @@ def table_duration(text: str) -> float:
     return float(tomllib.loads(text)["duration"])
 
 
+# -- widths, drag, relaxation, plasticity, viscous bodies --------------------------------------------------------------
+
+
+def test_a_finite_width_is_a_spring_of_the_bodies() -> None:
+    assert {"kind": "body_spring", "width": 1e4} in table(changed("ndof=1", "ndof=1, W=10d3"))["boundaries"]
+
+
+def test_roughness_drag_wraps_slip_weakening() -> None:
+    found = converted(changed(LAW, f"{LAW}, alpha=0.002")).faults["main"].friction
+    assert (found.kind(), found.drag, found.law.kind()) == ("roughness_drag", 0.002, "linear_slip_weakening")
+    # 1 m of slip, beyond Dc = 0.4 m.
+    state = found.advance(found.initial_state(np.array([1e8]), np.array([0.0]), np.array([0.0])), 1.0, 1e8, 1.0)
+    assert found.strength(1.0, 1e8, state)[0] == pytest.approx((0.525 + 0.002) * 1e8, rel=1e-12)
+
+
+def viscoelastic(more: str) -> str:
+    text = changed("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='VISCO'").replace("ndof=1", "ndof=2")
+    values = f"&MAT_VISCO rho=2d3, cp=3d3, cs=2d3, QP=30d0, QS=20d0, Nbody=3, fmin=1.8d0, fmax=180d0{more} /"
+    return changed("&MATERIAL tag=2", f"{values}\n&MATERIAL tag=2", text.replace(", fztag=2", ""))
+
+
+@pytest.mark.parametrize("f0", [0.0, 18.0])
+def test_wave_speeds_of_attenuation_are_those_at_its_frequency(f0: float) -> None:
+    """Phase velocity of the complex modulus of the case, against cp and cs of the input."""
+    law = next(each for each in converted(viscoelastic(f", f0={f0}")).materials.values() if each.has_memory())
+    bulk, shear = law.relaxed(np.array([f0]))
+    for modulus, speed in ((bulk + 4 / 3 * shear, 3e3), (shear, 2e3)):
+        assert 1 / np.real(np.sqrt(2e3 / modulus[0])) == pytest.approx(speed, rel=1e-9)
+    assert (law.Q_p, law.Q_s, law.mechanisms) == (30, 20, 3)
+
+
+def test_the_initial_strain_of_plastic_bodies_is_their_stress() -> None:
+    values = "&MAT_PLASTIC cp=5770d0, cs=3330d0, rho=2705d0, phi=30d0, coh=9.67d6, Tv=0.05d0, e0=-4d-4, -4d-4, 3.5d-4 /"
+    text = changed("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='PLAST'").replace("ndof=1", "ndof=2")
+    text = changed("&MATERIAL tag=2", f"{values}\n&MATERIAL tag=2", text.replace(", fztag=2", ""))
+    law = next(each for each in converted(text).materials.values() if each.kind() == "mohr_coulomb")
+    shear, first = 2705 * 3330**2, 2705 * (5770**2 - 2 * 3330**2)
+    expected = [-8e-4 * first - 8e-4 * shear, -8e-4 * first - 8e-4 * shear, -8e-4 * first, 7e-4 * shear, 0, 0]
+    np.testing.assert_allclose(law.initial_stress, expected, rtol=1e-12)
+    assert law.friction_angle == pytest.approx(np.pi / 6)
+
+
+def test_viscous_cells_away_from_the_fault_are_bodies() -> None:
+    rows = "fztag=1/\n&MESH_CART_DOMAIN tag=1, ex=1,30, ez=1,12/\n&MESH_CART_DOMAIN tag=2, ex=1,30, ez=5,6/"
+    inside = changed("zlim=0d0,12d3 , nelem=30,12", "zlim=-6d3,6d3, nelem=30,12, ezflt=-1")
+    inside = inside.replace("tag = 1, kind = 'DYNFLT'", "tags = 5,6, kind = 'DYNFLT'")
+    found = converted(inside.replace("fztag=2/", rows.replace("ez=5,6", "ez=2,3")))
+    assert found.damping.kelvin_voigt.bodies == ["lower_2"] and found.mesh.kind() == "gmsh_file"
+    # Rows next to the fault are a layer.
+    near = converted(inside.replace("fztag=2/", "fztag=2, fznz=1/"))
+    assert near.damping.kelvin_voigt.bodies is None and near.damping.kelvin_voigt.thickness is not None
+
+
 # -- refusals ----------------------------------------------------------------------------------------------------------
 
 LAW = "&BC_DYNFLT_SWF Dc=0.4d0, MuS=0.677d0, MuD=0.525d0"
 FEATURES = {
-    "GENERAL.W": ("ndof=1", "ndof=1, W=10d3"),
-    "MATERIAL.PLAST": ("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='PLAST'"),
     "MATERIAL.DMG": ("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='DMG'"),
-    "MATERIAL.VISCO": ("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='VISCO'"),
     "MATERIAL.VISLA": ("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='VISLA'"),
     "MATERIAL.IWAN": ("&MATERIAL tag=1, kind='ELAST'", "&MATERIAL tag=1, kind='IWAN'"),
-    "MATERIAL.KV": ("fztag=2/", "fztag=1/\n&MESH_CART_DOMAIN tag=1, ex=1,30, ez=1,12/\n"
-                    "&MESH_CART_DOMAIN tag=2, ex=1,3, ez=5,6/"),
     "MESH_DEF.EMC2": ("'CARTESIAN'", "'EMC2'"),
-    "BC_DYNFLT_SWF.alpha": (LAW, f"{LAW}, alpha=0.002"),
     "BC_DYNFLT_SWF.healing": (LAW, f"{LAW}, healing=T"),
     "BC_DYNFLT.pp": ("Tn=-120.d6", "Tn=-120.d6, pp='GAUSSXSIN'"),
     "BC_DEF.KINFLT": ("tag = 2 , kind = 'ABSORB'", "tag = 2 , kind = 'KINFLT'"),
@@ -545,7 +592,7 @@ def test_a_feature_without_counterpart_is_refused_by_name(name: str) -> None:
     assert f"  {name}: " in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["GENERAL.W", "MATERIAL.KV", "BC_DYNFLT_SWF.alpha", "BC_DYNFLT.pp"])
+@pytest.mark.parametrize("name", ["BC_DYNFLT_SWF.healing", "BC_DYNFLT.pp", "BC_DEF.KINFLT"])
 def test_a_feature_is_left_out_on_request(name: str) -> None:
     found = convert(changed(*FEATURES[name]), without=[name.lower()])
     assert any(note.startswith(f"left out as asked: {name}") for note in found.notes)
@@ -554,18 +601,18 @@ def test_a_feature_is_left_out_on_request(name: str) -> None:
 
 def test_every_reason_is_listed_at_once() -> None:
     text = INPUT
-    for name in ("GENERAL.W", "MATERIAL.PLAST", "BC_DYNFLT_SWF.alpha", "BC_DEF.KINFLT"):
+    for name in ("BC_DYNFLT.pp", "MATERIAL.DMG", "BC_DYNFLT_SWF.healing", "BC_DEF.KINFLT"):
         text = changed(*FEATURES[name], text)
     text = changed("&SNAP_DEF", "&SRC_DEF stf='NONE', mechanism='FORCE' /\n&CUSTOM /\n&SNAP_DEF", text)
     text = changed("TotalTime=1.0d0, ", "", text)
     with pytest.raises(ConversionError) as caught:
-        convert(text, without=["material.plast"])
-    for said in ("GENERAL.W", "&MATERIAL tag = 1: is required", "CUSTOM: a block without"):
+        convert(text, without=["material.dmg"])
+    for said in ("&MATERIAL tag = 1: is required", "CUSTOM: a block without"):
         assert said in str(caught.value)
-    text = changed("kind='PLAST'", "kind='ELAST'", text)
+    text = changed("kind='DMG'", "kind='ELAST'", text)
     with pytest.raises(ConversionError) as caught:
         convert(text)
-    for said in ("GENERAL.W", "SWF.alpha", "BC_DEF.KINFLT", "CUSTOM", "stf = 'NONE'", "&TIME nbsteps"):
+    for said in ("BC_DYNFLT.pp", "SWF.healing", "BC_DEF.KINFLT", "CUSTOM", "stf = 'NONE'", "&TIME nbsteps"):
         assert said in str(caught.value), said
 
 
@@ -605,9 +652,9 @@ def test_the_command_writes_the_case_and_says_what_is_different(tmp_path: Path) 
     assert read_case(tmp_path / "Par.toml").title == "Column" and (tmp_path / "Par.msh").is_file()
     again = CliRunner().invoke(app, ["convert", str(tmp_path / "Par.inp")])
     assert again.exit_code == 1 and "exists already" in again.output
-    (tmp_path / "wide.inp").write_text(changed(*FEATURES["GENERAL.W"]))
-    done = CliRunner().invoke(app, ["convert", str(tmp_path / "wide.inp"), "--without", "GENERAL.W"])
-    assert done.exit_code == 0 and "left out as asked: GENERAL.W" in done.output
+    (tmp_path / "wet.inp").write_text(changed(*FEATURES["BC_DYNFLT.pp"]))
+    done = CliRunner().invoke(app, ["convert", str(tmp_path / "wet.inp"), "--without", "BC_DYNFLT.pp"])
+    assert done.exit_code == 0 and "left out as asked: BC_DYNFLT.pp" in done.output
     (tmp_path / "other.txt").write_text("nothing of the kind")
     assert "is it an input of SEM2DPACK" in CliRunner().invoke(app, ["convert", str(tmp_path / "other.txt")]).output
 

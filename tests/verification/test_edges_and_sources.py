@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,57 @@ def test_a_mass_on_a_spring(plane: str) -> None:
     np.testing.assert_allclose(state.displacement[up], 1 / omega, rtol=5e-3)
     # What was kinetic is strain energy now: rho H L v^2 / 2.
     assert motion.energies(state)["strain"] == pytest.approx(0.5 * 1246 * 8e-3 * 12e-3, rel=1e-2)
+
+
+# -- springs of bodies -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("plane", "factor"), [("antiplane", 1.0), ("strain", 1 - 0.35)])
+def test_free_bodies_on_springs_of_a_width(plane: str, factor: float) -> None:
+    """All points move alike: omega = pi c_s / W, times 1 - nu in plane strain."""
+    width = 2.0
+    table = {"plane": plane, "order": 2, "boundaries": [{"kind": "body_spring", "width": width}]}
+    hung = case({**table, "faults.main.contact": SPLIT})
+    model = Model(hung)
+    motion, state = hung.stepper.bind(model), model.initial_state()
+    (material,) = {id(each): each for each in model.materials}.values()
+    first, shear = material.lame("strain")
+    assert first / (first + shear) / 2 == pytest.approx(0.35, rel=1e-9)
+    omega = np.pi * np.sqrt(shear / material.density) * factor / width
+    state.velocity[:] = 1.0
+    advance(motion, state, 0.5 * np.pi / omega)
+    np.testing.assert_allclose(state.displacement, 1 / omega, rtol=1e-6)
+
+
+def test_static_shear_of_a_width_decays_from_the_edge() -> None:
+    """u'' = (pi / W)^2 u: a traction tau on the top moves it by tau W / (pi G) coth(pi H / W), H of both bodies."""
+    width, tau = 8e-3, 1e6
+    still = case({
+        "plane": "antiplane", "order": 4, "duration": 1e-6, "stepper": {"kind": "quasi_static", "first_step": 1e-6},
+        "boundaries": [{"kind": "body_spring", "width": width},
+                       {"kind": "traction", "edge": "upper.top", "traction": [tau]}],
+        "faults.main.contact": {"kind": "compliant", "C_n": 1e16, "C_s": 1e16},
+    })  # fmt: skip
+    model = Model(still)
+    motion, state = still.stepper.bind(model), model.initial_state()
+    motion.step(state)
+    shear = model.materials[0].lame("strain")[1]
+    top = np.isclose(model.coordinates[:, 1], 4e-3)
+    expected = tau * width / (np.pi * shear) / np.tanh(np.pi * 8e-3 / width)
+    np.testing.assert_allclose(state.displacement[top], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"plane": "stress"}, "boundaries.0.width: is for plane = 'strain' and 'antiplane'"),
+    ({"plane": "strain", "boundaries.0.stiffness": 1e9}, "give one of them"),
+    ({"plane": "strain", "boundaries.0.body": "uper"}, "no such body, did you mean 'upper'"),
+])  # fmt: skip
+def test_springs_of_bodies_that_cannot_be(changes: dict[str, Any], message: str) -> None:
+    spring = {"kind": "body_spring", "width": 2.0}
+    for key in [key for key in changes if key.startswith("boundaries.0.")]:
+        spring[key.rpartition(".")[2]] = changes.pop(key)
+    with pytest.raises(Exception, match=re.escape(message)):
+        Model(case({**changes, "boundaries": [spring]}))
 
 
 def test_a_spring_on_a_turned_edge(tmp_path: Path) -> None:

@@ -131,8 +131,6 @@ class _Case:
     def _general(self) -> None:
         general = self.given.one("GENERAL")
         components = int(general.number("ndof", 2))
-        if general.number("w", INFINITE) < INFINITE:
-            self.given.refuse("GENERAL.W", "a finite width of the fault (2.5 dimensions)")
         self.case |= {
             "title": str(general.get("title", "")).strip(), "plane": "antiplane" if components == 1 else "strain",
             "order": int(general.number("ngll", 9)) - 1,
@@ -152,6 +150,8 @@ class _Case:
             return
         tags = self.fault.tags if self.fault else ()
         layout = arrange(self.given, self.bodies, self.media, tags, self.case["order"])
+        if not layout.viscosity_is_a_layer(self.media):
+            layout = arrange(self.given, self.bodies, self.media, tags, self.case["order"], viscous_apart=True)
         self.case |= {"mesh": layout.mesh_table(self.mesh_file), "materials": layout.materials(self.media)}
         if any(medium.table.get("kind") == "orthotropic_elastic" for medium in self.media.values()):
             self.case["operator"] = "ufl_form"
@@ -165,17 +165,18 @@ class _Case:
 
     def _damping(self) -> None:
         assert self.layout is not None
-        thickness = self.layout.viscous_layer(self.given, self.media)
         blocks = [medium.viscosity for medium in self.media.values() if medium.viscosity is not None]
-        if thickness is None:
+        where = self.layout.viscous_part(self.media)
+        if where is None:
             return
         first = blocks[0]
         if any(block.values != first.values for block in blocks):
             self.given.refuse("MAT_KV.eta", "several viscosities")
-        viscosity: Table = {"thickness": thickness}
+        viscosity: Table = dict(where)
         eta = first.number("eta", 0.0)
         if first.word("etah"):
-            eta, viscosity["thickness"] = self._bell(first)
+            eta, thickness = self._bell(first)
+            viscosity = {"thickness": thickness}
         if eta == 0:
             return
         if first.get("etaxdt", True):
@@ -212,6 +213,11 @@ class _Case:
         plane, duration = self.case["plane"], self.case.get("duration", 1.0)
         found, open_edges = boundaries.read(self.given, self.layout, plane)
         self.mesh_text = self.layout.gmsh()
+        width = self.given.one("GENERAL").number("w", INFINITE)
+        if width < INFINITE:
+            found.append({"kind": "body_spring", "width": width})
+            if any(medium.table["kind"] != "isotropic_elastic" for medium in self.media.values()):
+                self.given.note("the restoring force of the width W acts in all bodies, also in inelastic ones")
         self.case["boundaries"] = sources.read(self.given, self.layout, plane, duration, found, open_edges)
 
     def _receivers(self) -> None:

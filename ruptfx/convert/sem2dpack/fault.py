@@ -84,7 +84,7 @@ class _Friction:
         nucleation = None
         if "TWF" in names:
             if slip_weakening or rate_and_state:
-                nucleation = self._forced(friction.get("mu_s") if slip_weakening else None)
+                nucleation = self._forced(friction.get("law", friction)["mu_s"] if slip_weakening else None)
             else:
                 friction = self._time_weakening()
         if stress["cohesion"] != 0.0:
@@ -127,13 +127,14 @@ class _Friction:
     def _slip_weakening(self) -> Table:
         block = self.of("BC_DYNFLT_SWF")[0]
         found = self.values("BC_DYNFLT_SWF", {"D_c": ("dc", 0.5), "mu_s": ("mus", 0.6), "mu_d": ("mud", 0.5)})
-        self.given.refuse_keys(block, "roughness drag, friction that grows with slip", "alpha", "alphah")
         self.given.refuse_keys(block, "strength that heals when slip stops", "healing")
         kinds = {1: "linear_slip_weakening", 2: "exponential_slip_weakening"}
         kind = int(block.number("kind", 1))
         if kind not in kinds:
             self.given.refuse("BC_DYNFLT_SWF.kind", f"kind = {kind}, slip weakening that is not linear or exponential")
-        return {"kind": kinds.get(kind, kinds[1]), **found}
+        law = {"kind": kinds.get(kind, kinds[1]), **found}
+        drag = value(self.given, block, "alpha", 0.0, self.of("BC_DYNFLT_SWF")[1], self.line)
+        return law if drag == 0.0 else {"kind": "roughness_drag", "drag": drag, "law": law}
 
     def _rate_and_state(self, slip_rate: float | Table) -> Table:
         """Return a rate-and-state law; its state is given, or carries the initial stress at the initial slip rate."""

@@ -165,20 +165,32 @@ class Layout:
             found += [span] if len(members) > 1 else members
         return found
 
-    def viscous_layer(self, given: Input, media: dict[int, Medium]) -> float | None:
-        """Return the distance from the fault up to which bodies are viscous [m]; None where none is."""
-        tags = [tag for tag, medium in media.items() if medium.viscosity is not None]
-        viscous = np.isin(self.mesh.tags, tags)
+    def viscous_part(self, media: dict[int, Medium]) -> Table | None:
+        """Return the keys of the case for the viscous elements, a layer along the fault or bodies; None without any."""
+        viscous = self._viscous(media)
         if not viscous.any():
             return None
+        if (thickness := self._thickness(viscous)) is not None:
+            return {"thickness": thickness}
+        return {"bodies": [self.bodies[number] for number in np.unique(self.body[viscous])]}
+
+    def viscosity_is_a_layer(self, media: dict[int, Medium]) -> bool:
+        """Return whether all viscous elements, if there are any, are a layer along the fault."""
+        viscous = self._viscous(media)
+        return not viscous.any() or self._thickness(viscous) is not None
+
+    def _viscous(self, media: dict[int, Medium]) -> NDArray[np.bool_]:
+        tags = [tag for tag, medium in media.items() if medium.viscosity is not None]
+        return np.isin(self.mesh.tags, tags)
+
+    def _thickness(self, viscous: NDArray[np.bool_]) -> float | None:
+        """Return the distance from the fault within which exactly these cells are [m]; None where there is none."""
         if not self.fault:
-            given.refuse("MATERIAL.KV", "Kelvin-Voigt viscosity without a fault")
             return None
         # Facets are divided as finely as elements are, so that the nearest node is at the distance of the line.
         distance = cKDTree(self.line().points).query(self.mesh.middles)[0]
         inside, outside = distance[viscous].max(), distance[~viscous].min(initial=np.inf)
         if inside >= outside:
-            given.refuse("MATERIAL.KV", "Kelvin-Voigt viscosity in cells that are not a layer along the fault")
             return None
         return float(1.01 * inside if np.isinf(outside) else 0.5 * (inside + outside))
 
@@ -242,8 +254,12 @@ class Layout:
         return "\n".join([*text, "$EndElements", ""])
 
 
-def arrange(given: Input, mesh: Mesh, media: dict[int, Medium], fault: tuple[int, ...], order: int) -> Layout:
+def arrange(
+    given: Input, mesh: Mesh, media: dict[int, Medium], fault: tuple[int, ...], order: int, viscous_apart: bool = False
+) -> Layout:
     """Name the bodies of a mesh, and choose how the case makes it.
+
+    With `viscous_apart`, viscous cells are bodies of their own.
 
     Raises
     ------
@@ -254,7 +270,8 @@ def arrange(given: Input, mesh: Mesh, media: dict[int, Medium], fault: tuple[int
     if missing:
         raise ConversionError(f"&MATERIAL tag = {missing[0]}: is required")
     sides = _sides(mesh, fault)
-    tables = [media[int(tag)].table for tag in mesh.tags[np.unique(mesh.tags, return_index=True)[1]]]
+    found = [media[int(tag)] for tag in np.unique(mesh.tags)]
+    tables = [(medium.table, viscous_apart and medium.viscosity is not None) for medium in found]
     different = [number for number, table in enumerate(tables) if table not in tables[:number]]
     kind_of = {int(tag): tables.index(table) for tag, table in zip(np.unique(mesh.tags), tables, strict=True)}
     kind = np.array([different.index(kind_of[int(tag)]) for tag in np.unique(mesh.tags)])

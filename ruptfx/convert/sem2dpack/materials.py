@@ -1,15 +1,18 @@
-"""Materials of SEM2DPACK: elastic bodies, isotropic or with a vertical axis, and Kelvin-Voigt viscosity."""
+"""Materials of SEM2DPACK: elastic, viscoelastic and plastic bodies, and Kelvin-Voigt viscosity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ruptfx import Table
 from ruptfx.convert.sem2dpack.blocks import Block, ConversionError, Input
+from ruptfx.materials.standard_linear_solids import StandardLinearSolids
 
-READS = {"MATERIAL", "MAT_ELASTIC", "MAT_KV"}
+READS = {"MATERIAL", "MAT_ELASTIC", "MAT_KV", "MAT_VISCO", "MAT_PLASTIC"}
 REFUSED = {
-    "PLAST": "plasticity", "DMG": "continuum damage", "DMG3": "continuum damage", "VISCO": "attenuation",
+    "DMG": "continuum damage", "DMG3": "continuum damage",
     "VISLA": "viscoelastic soil", "IWAN": "nonlinear soil", "MASS": "bodies without stiffness",
 }  # fmt: skip
 
@@ -45,11 +48,12 @@ def read(given: Input) -> dict[int, Medium]:
     for block in blocks:
         kinds, tag = block.words("kind", "ELAST"), int(block.number("tag"))
         for kind in kinds:
-            if kind not in ("ELAST", "KV"):
+            if kind not in (*BODIES, "KV"):
                 given.refuse(f"MATERIAL.{kind}", REFUSED.get(kind, "a material without counterpart"))
-        if "ELAST" in kinds:
+        for kind in (each for each in kinds if each in BODIES):
             viscosity = _properties(given, block, "MAT_KV") if "KV" in kinds else None
-            media[tag] = Medium(_elastic(given, _properties(given, block, "MAT_ELASTIC")), viscosity)
+            name, convert = BODIES[kind]
+            media[tag] = Medium(convert(given, _properties(given, block, name)), viscosity)
     return media
 
 
@@ -80,3 +84,47 @@ def _elastic(given: Input, block: Block) -> Table:
         "kind": "orthotropic_elastic", "density": density, "E_1": c11 - c13**2 / c33, "E_2": c33 - c13**2 / c11,
         "nu_12": c13 / c33, "nu_23": 0.0, "nu_13": 0.0, "G_12": c55, "G_13": c66, "G_23": c55,
     }  # fmt: skip
+
+
+def _viscoelastic(given: Input, block: Block) -> Table:
+    """Return relaxing moduli; wave speeds of the input are those at the frequency f0, zero without it."""
+    lowest, highest, f0 = block.number("fmin"), block.number("fmax"), block.number("f0", 0.0)
+    speeds = {"c_p": block.number("cp"), "c_s": block.number("cs")}
+    table: Table = {
+        "kind": StandardLinearSolids.kind(), "density": block.number("rho"), "Q_p": block.number("qp"),
+        "Q_s": block.number("qs"), "lowest_frequency": lowest, "frequency_ratio": highest / max(lowest, 1e-300),
+        "mechanisms": int(block.number("nbody")),
+    }  # fmt: skip
+    law = StandardLinearSolids.model_validate({key: table[key] for key in table if key != "kind"} | speeds)
+    first, shear = law.lame("strain")
+    of_bulk, of_shear = (np.array(each) for each in law.coefficients)
+    of_p = ((first + 2 * shear / 3) * of_bulk + 4 * shear / 3 * of_shear) / (first + 2 * shear)
+    for name, fractions in (("c_p", of_p), ("c_s", of_shear)):
+        ratio = 2 * np.pi * f0 / np.array(law.rates)
+        real, loss = 1 - np.sum(fractions / (1 + ratio**2)), np.sum(fractions * ratio / (1 + ratio**2))
+        size = float(np.hypot(real, loss))
+        # Phase velocity of a viscoelastic wave (Moczo, Kristek and Halada 2004).
+        speeds[name] *= float(np.sqrt((size + real) / (2 * size**2)))
+    return {**table, **speeds}
+
+
+def _plastic(given: Input, block: Block) -> Table:
+    """Return Coulomb plasticity; the initial stress follows from the initial strain by elasticity."""
+    density, c_p, c_s = (block.number(key) for key in ("rho", "cp", "cs"))
+    shear, first = density * c_s**2, density * (c_p**2 - 2 * c_s**2)
+    xx, yy, xy = ([float(each) for each in block.values.get("e0", [0.0])] + [0.0] * 3)[:3]
+    relaxation = block.number("tv", 0.0)
+    if relaxation <= 0:
+        raise ConversionError("&MAT_PLASTIC Tv: must be positive here; a time step, for example")
+    trace = first * (xx + yy)
+    return {
+        "kind": "mohr_coulomb", "density": density, "c_p": c_p, "c_s": c_s, "cohesion": block.number("coh"),
+        "friction_angle": float(np.deg2rad(block.number("phi"))), "relaxation_time": relaxation,
+        "initial_stress": [trace + 2 * shear * xx, trace + 2 * shear * yy, trace, 2 * shear * xy, 0.0, 0.0],
+    }  # fmt: skip
+
+
+BODIES = {
+    "ELAST": ("MAT_ELASTIC", _elastic), "VISCO": ("MAT_VISCO", _viscoelastic), "PLAST": ("MAT_PLASTIC", _plastic),
+}  # fmt: skip
+"""Kinds of material of a body: the block of their values, and how it becomes a material of the case."""
