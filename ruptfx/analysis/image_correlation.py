@@ -13,7 +13,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
+from scipy.ndimage import (
+    distance_transform_edt,
+    gaussian_filter,
+    map_coordinates,
+    maximum_filter,
+    uniform_filter,
+    uniform_filter1d,
+)  # fmt: skip
 from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 
@@ -64,6 +71,50 @@ def displacements(before: Array, after: Array, subset: int) -> tuple[Array, Arra
     still, moved = ((image - image.mean()) / image.std() for image in (before, after))
     along_y, along_x = optical_flow_ilk(still, moved, radius=subset // 2, num_warp=10, dtype=np.float64)
     return along_x, along_y
+
+
+def correlation(before: Array, after: Array, along_x: Array, along_y: Array, subset: int) -> Array:
+    """Return the normalised cross-correlation of every subset with its displaced picture, from -1 to 1.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (rows, columns)
+        Grey levels.
+    along_x, along_y : ndarray, same shape
+        Displacement of every pixel of the first image [pixels].
+    subset : int
+        Pixels along the side of the square, odd.
+
+    Returns
+    -------
+    ndarray
+        NaN where the subset leaves one of the images, or has no contrast.
+    """
+    rows, columns = np.indices(before.shape).astype(float)
+    there = np.stack([rows + along_y, columns + along_x])
+    seen = map_coordinates(np.asarray(after, dtype=float), there, order=3, mode="nearest")
+    last = np.array(before.shape, dtype=float)[:, None, None] - 1
+    outside = np.any((there < -0.5) | (there > last + 0.5), axis=0)
+
+    def mean(values: Array) -> Array:
+        return np.asarray(uniform_filter(values, subset, mode="nearest"))
+
+    # About their overall means: differences of large squares would round.
+    one, other = before - np.mean(before), seen - np.mean(seen)
+    both = mean(one * other) - mean(one) * mean(other)
+    squares = (mean(one**2) - mean(one) ** 2) * (mean(other**2) - mean(other) ** 2)
+    smallest = 1e-12 * (np.var(one) * np.var(other))
+    with np.errstate(all="ignore"):
+        found = np.where(squares > smallest, both / np.sqrt(squares), np.nan)
+    half = subset // 2
+    whole = np.zeros(before.shape, dtype=bool)
+    whole[half : before.shape[0] - half, half : before.shape[1] - half] = True
+    return np.where(whole & ~spread(outside, subset), found, np.nan)
+
+
+def spread(lost: Array, side: int) -> Array:
+    """Return which squares of an odd side contain a lost pixel."""
+    return np.asarray(maximum_filter(lost, side, mode="constant", cval=False))
 
 
 def strains(along_x: Array, along_y: Array, window: int) -> dict[str, Array]:

@@ -23,6 +23,9 @@ def dic(
     subset: Annotated[int, typer.Option(help="Side of the correlated square in pixels, odd.")] = 21,
     window: Annotated[int | None, typer.Option(help="Side of the strain window in pixels; default: --subset.")] = None,
     pixel: Annotated[str | None, typer.Option(help="Size of a pixel, in m or as '20 um'; else in pixels.")] = None,
+    least: Annotated[
+        float, typer.Option(min=-1.0, max=1.0, help="Correlation below which a subset is lost and left blank.")
+    ] = 0.7,
     out: Annotated[Path, typer.Option(help="Name without ending; .png and .nc are written.")] = Path("dic"),
 ) -> None:
     """Compute displacements and strains from two pictures by digital image correlation; needs the extra dic.
@@ -32,12 +35,29 @@ def dic(
     with reported():
         import xarray
 
-        from ruptfx.analysis.image_correlation import displacements, strains
+        from ruptfx.analysis.image_correlation import correlation, displacements, spread, strains
 
         size, unit = (1.0, "pixel") if pixel is None else (_metres(pixel), "m")
-        moved = displacements(_grey(before), _grey(after), subset)
-        fields = {f"displacement_{name}": (size * values, unit) for name, values in zip("xy", moved, strict=True)}
-        fields |= {f"strain_{name}": (values, "1") for name, values in strains(*moved, window or subset).items()}
+        pictures = _grey(before), _grey(after)
+        moved = displacements(*pictures, subset)
+        quality = correlation(*pictures, *moved, subset)
+        lost = ~(quality >= least)
+        if lost.all():
+            raise RuptfxError(
+                f"no subset of {subset} pixels correlates by {least:g} or more with the second picture; use a larger "
+                "--subset, a lower --least, or pictures of the same surface"
+            )
+        # A strain needs all displacements of its window.
+        without = lost | spread(lost, window or subset)
+        fields = {
+            f"displacement_{name}": (np.where(lost, np.nan, size * values), unit)
+            for name, values in zip("xy", moved, strict=True)
+        }
+        fields |= {
+            f"strain_{name}": (np.where(without, np.nan, values), "1")
+            for name, values in strains(*moved, window or subset).items()
+        }
+        fields["correlation"] = (quality, "1")
         rows, columns = moved[0].shape
         data = xarray.Dataset(
             {
@@ -45,7 +65,7 @@ def dic(
                 for name, (values, units) in fields.items()
             },
             {name: (name, size * np.arange(n), {"units": unit}) for name, n in (("y", rows), ("x", columns))},
-            {"subset": subset, "window": window or subset, "before": str(before), "after": str(after)},
+            {"subset": subset, "window": window or subset, "least": least, "before": str(before), "after": str(after)},
         )
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
@@ -53,7 +73,13 @@ def dic(
             _draw(data, out.with_suffix(".png"))
         except OSError as error:
             raise RuptfxError(f"{out}: cannot be written: {error}") from None
+        half = subset // 2
+        inside = lost[half : rows - half, half : columns - half]
+        screen.print(f"lost subsets: {100 * inside.mean():.2g} %, of those that the first picture has whole")
         for name in ("strain_xx", "strain_yy", "strain_xy"):
+            if np.isnan(data[name]).all():
+                screen.print(f"{name}: no window without a lost subset", soft_wrap=True)
+                continue
             low, middle, high = np.nanquantile(data[name], [0.01, 0.5, 0.99])
             screen.print(f"{name}: {middle:.3g}, from {low:.3g} to {high:.3g}", soft_wrap=True)
         screen.print(f"{out.with_suffix('.png')}, {out.with_suffix('.nc')}", soft_wrap=True)
@@ -99,26 +125,38 @@ def _grey(path: Path) -> np.ndarray:
 
 
 def _draw(data: xarray.Dataset, path: Path) -> None:
-    from ruptfx.figure_style import letter, new_figure, styled
+    from ruptfx.figure_style import letter, new_figure, remark, scale, styled
 
     @styled
     def figure() -> Figure:
-        names, unit = ("displacement_x", "displacement_y", "strain_xx", "strain_xy"), data.x.attrs["units"]
-        tall = 3.3 * data.sizes["y"] / data.sizes["x"]
-        found, axes = new_figure(2, 2, 2 * min(tall, 4.0) + 1.2, sharex=True, sharey=True)
+        names = ("displacement_x", "displacement_y", "strain_xx", "strain_yy", "strain_xy", "correlation")
+        unit = data.x.attrs["units"]
+        size, axis_unit = scale(float(max(data.x[-1], data.y[-1])), unit) if unit == "m" else (1.0, unit)
+        tall = min(2.7 * data.sizes["y"] / data.sizes["x"], 4.0)
+        found, axes = new_figure(3, 2, 3 * tall + 1.4, sharex=True, sharey=True)
         for ax, name in zip(axes.ravel(), names, strict=True):
-            part = 100.0 if name.startswith("strain") else 1.0
-            values = part * data[name].values
-            low, high = np.nanquantile(values, [0.01, 0.99])
-            shown = ax.pcolormesh(data.x, data.y, values, vmin=low, vmax=high, cmap="viridis", rasterized=True)
-            printed = "%" if part > 1 else data[name].attrs["units"]
-            found.colorbar(shown, ax=ax, label=f"{name.replace('_', ' ').capitalize()} ({printed})", extend="both")
+            values, label = data[name].values, name.replace("_", " ").capitalize()
+            if name.startswith("strain"):
+                part, printed = 0.01, "%"
+            elif unit == "m" and name.startswith("displacement"):
+                part, printed = scale(values[np.isfinite(values)], unit)
+            else:
+                part, printed = 1.0, data[name].attrs["units"]
+            some = values[np.isfinite(values)] / part
+            low, high = np.quantile(some, [0.01, 0.99]) if len(some) else (0.0, 1.0)
+            ax.set_facecolor("#dbe4ec")  # of no value
+            shown = ax.pcolormesh(
+                data.x / size, data.y / size, values / part, vmin=low, vmax=high, cmap="viridis", rasterized=True
+            )
+            text = label if printed == "1" else f"{label} ({printed})"
+            found.colorbar(shown, ax=ax, label=text, extend="both", shrink=0.8, aspect=14)
             ax.set_aspect("equal")
         for ax in axes[-1]:
-            ax.set_xlabel(f"x ({unit})")
+            ax.set_xlabel(f"x ({axis_unit})")
         for ax in axes[:, 0]:
-            ax.set_ylabel(f"y ({unit})")
+            ax.set_ylabel(f"y ({axis_unit})")
         letter(axes.ravel())
+        remark(found, f"Grey: lost subsets, with a correlation below {data.attrs['least']:g}.")
         return found
 
     figure().savefig(path, dpi=200)

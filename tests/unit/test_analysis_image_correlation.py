@@ -103,6 +103,24 @@ def test_what_is_refused(before, after, subset, message) -> None:
         dic.displacements(before, after, subset)
 
 
+def test_subsets_without_their_speckles_are_lost() -> None:
+    """A patch of other speckles in the second picture: all squares around it correlate, those inside of it do not."""
+    before, moved = np.round(dic.speckle(SHAPE, 4.0)), stretched(0.01, 0.005)
+    after = dic.photographed(before, *moved)
+    good = dic.correlation(before, 40 + 0.7 * after, *moved, 21)  # light and contrast do not matter
+    assert np.nanmin(good) > 0.99
+    whole = np.isfinite(good)
+    assert not whole[:10].any() and not whole[:, -10:].any() and whole[12:-12, 14:-14].all()
+    after[40:80, 60:110] = dic.speckle(SHAPE, 4.0, seed=9)[40:80, 60:110]
+    found = dic.correlation(before, after, *moved, 21)
+    away = np.ones(SHAPE, dtype=bool)
+    away[25:95, 45:125] = False
+    np.testing.assert_allclose(found[away & whole], good[away & whole], atol=1e-5)
+    assert np.nanmax(found[53:67, 74:96]) < 0.6
+    lost = found < 0.7
+    assert dic.spread(lost, 21)[lost].all() and dic.spread(lost, 21).sum() > lost.sum()
+
+
 def test_command(tmp_path, monkeypatch) -> None:
     from typer.testing import CliRunner
 
@@ -120,8 +138,13 @@ def test_command(tmp_path, monkeypatch) -> None:
     with xarray.open_dataset("dic.nc", engine="h5netcdf") as data:
         assert float(data.strain_xx.mean()) == pytest.approx(0.01, abs=3e-4)
         assert data.displacement_x.attrs["units"] == "m" and float(data.x[-1]) == pytest.approx(159e-5)
+        assert np.isnan(data.strain_xx[:12]).all() and float(data.correlation.min()) > 0.9
+    assert "lost subsets: 1.5 %" in done.output  # 2 of 136 columns of squares leave the picture at its right edge
     with Image.open("dic.png") as figure:
         assert figure.size[0] > 1000
+    Image.fromarray(dic.speckle(SHAPE, 4.0, seed=5).astype(np.uint8)).save("other.png")
+    done = CliRunner().invoke(app, ["dic", "a.png", "other.png", "--least", "0.95"])
+    assert done.exit_code == 1 and "no subset of 21 pixels correlates by 0.95" in " ".join(done.stderr.split())
     for wrong, message in (("small.png", "same size"), ("missing.png", "missing.png: no picture")):
         done = CliRunner().invoke(app, ["dic", "a.png", wrong])
         assert done.exit_code == 1 and message in " ".join((done.output + done.stderr).split())

@@ -146,6 +146,31 @@ def test_image_installs_every_dependency_from_apt():
     assert wanted <= packages, f"not in the Dockerfile: {wanted - packages}"
 
 
+def test_image_has_the_version_as_tag_and_label():
+    text = (ROOT / "Dockerfile").read_text()
+    assert f"org.opencontainers.image.version={PROJECT['version']}" in text
+    assert f"docker build -t ruptfx:{PROJECT['version']} " in text
+
+
+CONDA_NAMES = {"dolfinx-solver-real": "fenics-dolfinx", "gmsh": "python-gmsh", "matplotlib": "matplotlib-base"}
+
+
+def test_conda_recipe_has_the_dependencies_of_the_project():
+    yaml = pytest.importorskip("yaml")
+    recipe = yaml.safe_load((ROOT / ".ci" / "conda" / "meta.yaml").read_text())
+    assert recipe["package"] == {"name": PROJECT["name"], "version": PROJECT["version"]}
+    assert recipe["build"]["entry_points"] == ["ruptfx = " + PROJECT["scripts"]["ruptfx"]]
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    given = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["fem"]]
+    wanted = set()
+    for requirement in given:
+        name, bounds = re.fullmatch(r"([\w-]+)([<>=.,\d]*)(;.*)?", requirement.strip()).group(1, 2)
+        wanted.add(f"{CONDA_NAMES.get(name, name)} {bounds}")
+    assert set(recipe["requirements"]["run"]) == wanted | {"python >=3.12", "c-compiler"}
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert {each.replace(" ", "") for each in recipe["requirements"]["host"]} >= set(build)
+
+
 @pytest.mark.skipif(find_spec("dolfinx") is None, reason="needs DOLFINx")
 def test_an_ordinary_run_does_without_what_draws_and_without_scipy(tmp_path: Path):
     """Their import takes longer than a run of 0.2 million nodes to its first step."""
