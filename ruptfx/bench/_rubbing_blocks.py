@@ -109,14 +109,14 @@ class Rubbing:
     ----------
     impact : float
         Work of the normal stress over that of friction since sliding began.
-    facing : float
+    updates : float
         Energy that pairing updates removed from the contact springs since sliding began, over the edge work.
     missing : float
         Unaccounted energy over the edge work.
     """
 
     impact: float
-    facing: float
+    updates: float
     missing: float
 
 

@@ -30,7 +30,7 @@ from ruptfx.faults.projection import ProjectionError
 from ruptfx.implicit.compliance import Compliance, Influence, Jumps, norm
 from ruptfx.implicit.solvers import MAX_NEWTON, TOLERANCE, is_factorised
 from ruptfx.implicit.step import MAX_OUTER, Step
-from ruptfx.implicit.surfaces import FacingCompliance, Surfaces, SurfaceStiffness, count_nodes
+from ruptfx.implicit.surfaces import PairedCompliance, Surfaces, SurfaceStiffness, count_nodes
 from ruptfx.implicit.tangent import Tangent
 from ruptfx.mechanisms import responding
 from ruptfx.operators.assembled import is_linear
@@ -136,7 +136,7 @@ class Condensed:
         self.jumps = Jumps(model)
         self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None
         self._kept: OrderedDict[tuple[float, ...], Any] = OrderedDict()
-        self._facing: tuple[tuple[object, ...], FacingCompliance] | None = None
+        self._paired: tuple[tuple[object, ...], PairedCompliance] | None = None
         self.history: list[float] = []
         self.iterations = self.outer = 0
         self.reason = ""
@@ -184,10 +184,10 @@ class Condensed:
         )
         faces = [fault.interface for fault in self._model.faults]
         key = (step.key, *(face.geometry.revision for face in faces if isinstance(face, SlidingInterface)))
-        if self._facing is None or self._facing[0] != key:
-            self._facing = None  # frees memory for the next one
-            self._facing = key, FacingCompliance(of_bodies, self.jumps, step.stuck())
-        return self._facing[1]
+        if self._paired is None or self._paired[0] != key:
+            self._paired = None  # frees memory for the next one
+            self._paired = key, PairedCompliance(of_bodies, self.jumps, step.stuck())
+        return self._paired[1]
 
     def compliance(self, step: Step) -> Compliance:
         """Return the compliance for the length of the step, for interfaces without finite sliding; collective."""

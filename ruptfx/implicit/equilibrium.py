@@ -192,7 +192,7 @@ class Equilibrium:
                 f"the step of {dt:.4g} s to {state.time + dt:.6g} s slides {slid:.3g} times as far as "
                 f"faults.{followers[0].name}.sliding.limit allows"
             )
-        solution.facings, solution.slid, solution.followers = changes, slid, followers
+        solution.pairing_changes, solution.slid, solution.followers = changes, slid, followers
         return solution
 
     def _change(

@@ -67,7 +67,7 @@ class Solution:
         dT / d[u] by fault [Pa/m], of `Equilibrium.answer`.
     begun : ndarray, shape (nodes * components,), optional
         K u + J' W (T - T_0) at the beginning [N] with the pairing of that time, for finite sliding.
-    facings : list of float
+    pairing_changes : list of float
         Relative change of the pressure by each update of the pairing (`StepFollower.change`);
         empty without finite sliding.
     slid : float
@@ -89,7 +89,7 @@ class Solution:
     _answers: dict[str, FaultResponse] = field(repr=False, default_factory=dict)
     tangents: dict[str, np.ndarray] = field(repr=False, default_factory=dict)
     begun: np.ndarray | None = None
-    facings: list[float] = field(default_factory=list)
+    pairing_changes: list[float] = field(default_factory=list)
     slid: float = 0.0
     followers: list[StepFollower] = field(repr=False, default_factory=list)
     reactions: list[tuple[Mechanism, StepEnd, Reaction]] = field(repr=False, default_factory=list)

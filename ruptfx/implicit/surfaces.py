@@ -154,7 +154,7 @@ class SurfaceStiffness:
         self.factors.destroy()
 
 
-class FacingCompliance(Influence):
+class PairedCompliance(Influence):
     """Jumps under unit tractions with the present pairing of the interfaces.
 
     It is `Compliance` with S = J_s (D + J_s' W k J_s)^-1 J_s' W.

@@ -75,7 +75,7 @@ class RawMesh:
     one_sided : dict of str to str
         Interfaces whose minus side is not meshed (both facets are then those of the plus side), and its kind:
         ``rigid``, or the mirror image of the plus side, ``antisymmetric`` (modes II and III) or ``symmetric``.
-    facing : set of str
+    non_matching : set of str
         Interfaces with non-matching sides: their facets are lists of different length, each in any order.
     bases : dict of str to Base
         Rigid surface of one-sided interfaces with finite sliding.
@@ -95,7 +95,7 @@ class RawMesh:
     edges: dict[str, np.ndarray] = field(default_factory=dict)
     interfaces: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     one_sided: dict[str, str] = field(default_factory=dict)
-    facing: set[str] = field(default_factory=set)
+    non_matching: set[str] = field(default_factory=set)
     bases: dict[str, Base] = field(default_factory=dict)
     open_facets: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     joints: dict[str, np.ndarray] = field(default_factory=dict)

@@ -33,7 +33,7 @@ class Extruded(MeshSource):
 
     def build(self) -> RawMesh:
         flat = self.section.build()
-        if flat.cell != "quadrilateral" or flat.order != 1 or flat.facing or len(flat.open_facets) or flat.joints:
+        if flat.cell != "quadrilateral" or flat.order != 1 or flat.non_matching or len(flat.open_facets) or flat.joints:
             raise CaseError(
                 f"mesh.section.kind = '{self.section.kind()}': only straight quadrilaterals with matching interfaces "
                 "are extruded; take another kind"

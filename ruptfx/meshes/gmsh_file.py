@@ -136,7 +136,7 @@ class GmshFile(MeshSource):
         own_plus, own_minus = (on(facets[alone & which], cells[alone & which, 0]) for which in (first, ~first))
         _check_sides(self.file, name, len(plus) + len(own_plus), len(minus) + len(own_minus))
         if not sides.matching:
-            raw.facing.add(name)
+            raw.non_matching.add(name)
         elif alone.any() or not len(facets):
             own_minus = _partners(self.file, name, raw.points, own_plus, own_minus)
         return np.concatenate([plus, own_plus]), np.concatenate([minus, own_minus])

@@ -117,7 +117,7 @@ class RoughPlates(MeshSource):
                 **{f"upper.{side}": upper_sides[side] for side in ("left", "right", "top")},
                 **{f"lower.{side}": lower_sides[side] + shift for side in ("left", "right", "bottom")},
             },
-            interfaces={"main": (upper_sides["bottom"], lower_sides["top"] + shift)}, facing={"main"},
+            interfaces={"main": (upper_sides["bottom"], lower_sides["top"] + shift)}, non_matching={"main"},
             order=self.curve_order,
         )  # fmt: skip
 

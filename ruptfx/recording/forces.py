@@ -26,7 +26,7 @@ def remark(means: bool) -> str:
     return (
         f"time in s, {OF_MEANS if means else OF_RECORDS}; forces between the bodies in N per metre, the normal one "
         "positive in compression; then parts of the length of the plus side; then, in J per metre, what friction took "
-        "so far, and what impacts and new facings did"
+        "so far, and what impacts and updates of the pairing did"
     )
 
 

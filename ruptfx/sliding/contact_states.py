@@ -26,6 +26,6 @@ def sliding_fields(
     """Return fields of a sliding interface for the file in addition to the state of its points, at the same time."""
     face = fault.interface
     assert isinstance(face, SlidingInterface)
-    faced, here, there = face.places(displacement)
-    values = [contact_states(fault, state, threshold).astype(float), faced, *here.T, *there.T]
+    opposite, here, there = face.places(displacement)
+    values = [contact_states(fault, state, threshold).astype(float), opposite, *here.T, *there.T]
     return {field.name: value for field, value in zip(OF_SLIDING, values, strict=True)}

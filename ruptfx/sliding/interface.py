@@ -1,6 +1,6 @@
 """The jump of an interface with finite sliding, and its exact transpose.
 
-Points are the nodes of the plus side; the mortar pairing (`ruptfx.sliding.facing`) gives each a weighted mean of nodes
+Points are the nodes of the plus side; the mortar pairing (`ruptfx.sliding.mortar`) gives each a weighted mean of nodes
 of the minus side. The jump is affine in the displacement,
 
     [u] = offset + frame (u+ - B u-),
@@ -26,7 +26,7 @@ from ruptfx.meshes import FACETS, Base
 from ruptfx.meshes._lobatto import nodes_between
 from ruptfx.platform import parallel
 from ruptfx.sliding import Sliding
-from ruptfx.sliding.facing import COLUMNS, Coupling, Mortar
+from ruptfx.sliding.mortar import COLUMNS, Coupling, Mortar
 from ruptfx.sliding.surface import Floats, Integers, Surface
 from ruptfx.space.nodes import Nodes
 
@@ -36,11 +36,11 @@ OVERLAP = 0.01  # largest initial overlap of the surfaces over the distance of n
 
 
 class Table(ctypes.Structure):
-    """`struct facing` of jump.c."""
+    """`struct pairing` of jump.c."""
 
     _fields_ = [(name, ctypes.c_long) for name in ("n", "m", "columns", "width")] + [
         (name, ctypes.c_void_p) for name in (
-            "dofs", "first", "coupling", "facing", "transposed", "frame", "weight", "across", "back", "held",
+            "dofs", "first", "coupling", "paired", "transposed", "frame", "weight", "across", "back", "held",
         )
     ]  # fmt: skip
 
@@ -150,7 +150,7 @@ class Geometry:
         """Add J' W traction to `out`."""
         _library().assemble(ctypes.byref(self.table), _pointer(traction), _pointer(out))
 
-    def faced(self, values: Floats) -> Floats:
+    def opposite_values(self, values: Floats) -> Floats:
         """Return values of the minus side interpolated to the points; NaN for points without a partner."""
         found = self.opposite @ values
         found[~self.covered] = np.nan
@@ -243,7 +243,7 @@ class SlidingInterface(Interface):
         if self.line.measure != "x":
             along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(minus, axis=0), axis=1))])[: len(minus)]
         there = now[n:] if len(self.geometry.minus.nodes) else minus
-        return self.geometry.faced(along), now[:n], self.geometry.faced(there)
+        return self.geometry.opposite_values(along), now[:n], self.geometry.opposite_values(there)
 
     def rate(self, field: Floats) -> Floats:
         return self.geometry.rate(np.ascontiguousarray(field, dtype=float))
@@ -255,8 +255,8 @@ class SlidingInterface(Interface):
         coupling, m = self.geometry.coupling, len(self.geometry.minus.nodes)
         if self.one_sided:
             return self.plus[:, None], (self.frame * self.covered[:, None, None])[:, None]
-        faced = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
-        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[faced]])
+        opposite = np.minimum(coupling.first[:, None] + np.arange(coupling.values.shape[1]), max(m - 1, 0))
+        nodes = np.column_stack([self.plus, self.geometry.minus.nodes[opposite]])
         shares = np.column_stack([np.ones(len(self.plus)), -coupling.values]) * self.covered[:, None]
         return nodes, np.einsum("ij,ikc->ijkc", shares, self.frame)
 

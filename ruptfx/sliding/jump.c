@@ -4,13 +4,13 @@
 
 enum { RUN = 8 };
 
-struct facing {
+struct pairing {
     long n, m;                // points, nodes of the other side
     long columns, width;      // lengths of the rows of B and B': multiples of RUN
     const long *dofs;         // first degree of freedom of every node
     const long *first;        // first node that every point is paired with
     const double *coupling;   // B, n rows
-    const long *facing;       // first point that every node of the other side is paired with
+    const long *paired;       // first point that every node of the other side is paired with
     const double *transposed; // B', m rows
     const double *frame;      // n times 2 x 2, zero for points without a partner
     const double *weight;     // n
@@ -44,23 +44,23 @@ static inline __attribute__((always_inline)) void product(const double *each, lo
 }
 
 // B times x and y at the nodes of the other side, of point i.
-static inline __attribute__((always_inline)) void faced(const struct facing *f, long i, double mean[2])
+static inline __attribute__((always_inline)) void opposite_mean(const struct pairing *f, long i, double mean[2])
 {
     const double *x = f->across + f->first[i];
     product(f->coupling + i * f->columns, f->columns, x, x + f->m + f->columns, mean);
 }
 
 // back = B' times the forces of the points, of node j of the other side.
-static inline __attribute__((always_inline)) void react(const struct facing *f, long j)
+static inline __attribute__((always_inline)) void react(const struct pairing *f, long j)
 {
-    const double *x = f->held + f->facing[j];
+    const double *x = f->held + f->paired[j];
     double sum[2];
     product(f->transposed + j * f->width, f->width, x, x + f->n + f->width, sum);
     for (int c = 0; c < 2; c++) f->back[c * (f->m + f->columns) + j] = sum[c];
 }
 
 // local = J field, n x 2.
-void jump(const struct facing *f, const double *field, double *local)
+void jump(const struct pairing *f, const double *field, double *local)
 {
     const long *dofs = f->dofs + f->n;
     // Nodes are far apart in memory: all are prefetched before the first is needed.
@@ -70,14 +70,14 @@ void jump(const struct facing *f, const double *field, double *local)
     for (long i = 0; i < f->n; i++) {
         const double *frame = f->frame + 4 * i, *own = field + f->dofs[i];
         double mean[2];
-        faced(f, i, mean);
+        opposite_mean(f, i, mean);
         for (int k = 0; k < 2; k++)
             local[2 * i + k] = frame[2 * k] * (own[0] - mean[0]) + frame[2 * k + 1] * (own[1] - mean[1]);
     }
 }
 
 // field += J' W local.
-void assemble(const struct facing *f, const double *local, double *field)
+void assemble(const struct pairing *f, const double *local, double *field)
 {
     const long *dofs = f->dofs + f->n;
     for (long i = 0; i < f->n; i++) {

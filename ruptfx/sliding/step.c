@@ -31,21 +31,21 @@ struct sweeps {
 
 enum { MOVED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
 
-INLINE long filled(const struct facing *f) { return (f->n + LANES - 1) / LANES * LANES; }
+INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES * LANES; }
 
 #define EACH_BLOCK \
     for (long first = 0, count = f->n < LANES ? f->n : LANES; first < f->n; \
          first += LANES, count = f->n - first < LANES ? f->n - first : LANES)
 
 // Quantities of a block without its partners, in its frame.
-INLINE void apart(const struct facing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
+INLINE void apart(const struct pairing *f, const struct sweeps *s, long first, int count, const lanes own[2], double *local)
 {
     const long points = filled(f);
     const double *frame = s->frame + first;
     lanes mean[2] = {{0}};
     for (int l = 0; l < count; l++) {
         double of_point[2];
-        faced(f, first + l, of_point);
+        opposite_mean(f, first + l, of_point);
         mean[0][l] = of_point[0], mean[1][l] = of_point[1];
     }
     EACH_LANE {
@@ -56,14 +56,14 @@ INLINE void apart(const struct facing *f, const struct sweeps *s, long first, in
 }
 
 // A field at the nodes of the other side; its first component at every node is at `places`.
-INLINE void look_across(const struct facing *f, const double *field, const long *places)
+INLINE void look_across(const struct pairing *f, const double *field, const long *places)
 {
     for (long j = 0; j < f->m; j++)
         for (int c = 0; c < 2; c++) f->across[c * (f->m + f->columns) + j] = field[places[f->n + j] + c];
 }
 
 // J of that field, of a block.
-INLINE void jump_of(const struct facing *f, const struct sweeps *s, const double *field, const long *places, long first,
+INLINE void jump_of(const struct pairing *f, const struct sweeps *s, const double *field, const long *places, long first,
                     int count, double *local)
 {
     lanes own[2] = {{0}};
@@ -73,7 +73,7 @@ INLINE void jump_of(const struct facing *f, const struct sweeps *s, const double
 }
 
 // Rates of the jump of a block from the velocities as they are.
-INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first, int count)
+INLINE void rates_of(const struct pairing *f, const struct sweeps *s, long first, int count)
 {
     const long nodes = filled(f) + f->m;
     lanes own[2];
@@ -86,7 +86,7 @@ INLINE void rates_of(const struct facing *f, const struct sweeps *s, long first,
 }
 
 // Forces of the tractions of a block: whether they have changed.
-INLINE int hold_of(const struct facing *f, const struct sweeps *s, long first)
+INLINE int hold_of(const struct pairing *f, const struct sweeps *s, long first)
 {
     const long points = filled(f);
     const double *traction = s->traction + first, *load = s->load + first, *frame = s->frame + first;
@@ -103,7 +103,7 @@ INLINE int hold_of(const struct facing *f, const struct sweeps *s, long first)
 }
 
 // When the tractions of all blocks are known: forces where they have changed on the other side, and velocities there.
-INLINE void meet(const struct facing *f, const struct sweeps *s)
+INLINE void meet(const struct pairing *f, const struct sweeps *s)
 {
     const long points = filled(f), nodes = points + f->m;
     for (long part = 0; part < s->parts; part++) {
@@ -139,7 +139,7 @@ INLINE void stir(const struct sweeps *s, long first, unsigned char how)
 }
 
 // Whether the tractions of a block are others than `given`; scale: the largest one so far.
-INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
+INLINE int unsettled(const struct pairing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
 {
     double most = 0, largest = *scale;
     for (int k = 0; k < 2; k++) {
@@ -155,7 +155,7 @@ INLINE int unsettled(const struct facing *f, const struct sweeps *s, long first,
 }
 
 // Initial values of the step of a block; in sweeps, rates and `given` tractions of the last one.
-INLINE void begin(const struct facing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
+INLINE void begin(const struct pairing *f, const struct sweeps *s, double *fixed, double *const *field, long first,
                   int count, struct points *points, lanes given[2])
 {
     const long other = filled(f);
@@ -192,7 +192,7 @@ INLINE int open(const struct times *times, const double *number, struct points *
 }
 
 // One sweep, over all blocks or those that changes have reached: how many have changed, -1 for a point that failed.
-INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
+INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct times *times, const double *number,
                   double *fixed, double *const *field, double *result, int every, double *scale)
 {
     struct points points;
@@ -222,7 +222,7 @@ INLINE long sweep(const struct facing *f, const struct sweeps *s, const struct t
 }
 
 // Velocities before contact at the nodes of both sides, and the tractions of the step before, from which sweeps begin.
-INLINE double start(const struct facing *f, const struct sweeps *s, double *const *field, const double *displacement,
+INLINE double start(const struct pairing *f, const struct sweeps *s, double *const *field, const double *displacement,
                     const double *velocity)
 {
     const long points = filled(f), nodes = points + f->m;
@@ -257,7 +257,7 @@ INLINE double start(const struct facing *f, const struct sweeps *s, double *cons
 }
 
 // Velocities and forces after contact.
-INLINE void leave(const struct facing *f, const struct sweeps *s, double *velocity, double *force)
+INLINE void leave(const struct pairing *f, const struct sweeps *s, double *velocity, double *force)
 {
     const long points = filled(f), nodes = points + f->m;
     for (long i = 0; i < f->n + f->m; i++)
@@ -272,7 +272,7 @@ INLINE void leave(const struct facing *f, const struct sweeps *s, double *veloci
 }
 
 // Whether tractions act between a block and its partners.
-INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
+INLINE int acts(const struct pairing *f, const struct sweeps *s, long first)
 {
     const double *normal = s->traction + first, *shear = normal + filled(f), *load = s->load + first;
     double any = 0;
@@ -283,7 +283,7 @@ INLINE int acts(const struct facing *f, const struct sweeps *s, long first)
 
 // Work of the tractions on the rates of the jump, converged or not: dissipation by friction and work of impacts
 // [J]; and the largest slip rate.
-INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick, const double *fixed, double *result)
+INLINE void work_of(const struct pairing *f, const struct sweeps *s, double kick, const double *fixed, double *result)
 {
     const long points = filled(f);
     double shear = 0, normal = 0, fastest = 0;
@@ -302,7 +302,7 @@ INLINE void work_of(const struct facing *f, const struct sweeps *s, double kick,
 
 // Advance fields, velocities and forces; `before` holds the velocities before the step, `rate` is after sweeps that of
 // the new ones. result as in points.c, [6] and [7] as in work_of; returns the sweeps until convergence, 0 without.
-long slide(const struct facing *f, const struct sweeps *s, const struct times *times, const double *number,
+long slide(const struct pairing *f, const struct sweeps *s, const struct times *times, const double *number,
            double *fixed, double *const *field, const double *displacement, const double *before, double *velocity,
            double *force, double *result)
 {

@@ -252,11 +252,11 @@ class SlidingStep:
     def _find_reach(self) -> None:
         """Find the range of blocks of the other side that every block of points is paired with."""
         coupling, n = self._face.geometry.coupling, len(self._face.plus)
-        faced = coupling.values != 0
-        none, columns = ~faced.any(axis=1), faced.shape[1]
+        paired = coupling.values != 0
+        none, columns = ~paired.any(axis=1), paired.shape[1]
         low, high = np.full(self._filled, coupling.nodes), np.zeros(self._filled, dtype=np.int64)
-        low[:n] = np.where(none, coupling.nodes, coupling.first + np.argmax(faced, axis=1))
-        high[:n] = np.where(none, 0, coupling.first + columns - np.argmax(faced[:, ::-1], axis=1))
+        low[:n] = np.where(none, coupling.nodes, coupling.first + np.argmax(paired, axis=1))
+        high[:n] = np.where(none, 0, coupling.first + columns - np.argmax(paired[:, ::-1], axis=1))
         self._reach[:, 0] = low.reshape(-1, LANES).min(axis=1) // RUN
         self._reach[:, 1] = np.maximum(-(-high.reshape(-1, LANES).max(axis=1) // RUN), self._reach[:, 0])
 

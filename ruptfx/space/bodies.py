@@ -295,7 +295,7 @@ def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
             raise RuptfxError(
                 f"mesh.base: a block slides over the profile of its base; add the table [faults.{name}.sliding]"
             )
-    for name in raw.facing:
+    for name in raw.non_matching:
         if name not in sliding:
             raise RuptfxError(
                 f"mesh: the two sides of interface '{name}' have meshes of their own; add the table "

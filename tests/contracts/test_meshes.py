@@ -81,10 +81,10 @@ def interface_in(mesh: MeshSource, order: int, components: int | None = None) ->
     if not raw.interfaces:
         pytest.skip("has no interface")
     name = next(iter(raw.interfaces))
-    bodies = distribute(fem.MPI.COMM_WORLD, mesh, sliding=raw.facing)
+    bodies = distribute(fem.MPI.COMM_WORLD, mesh, sliding=raw.non_matching)
     space = fem.lagrange(bodies.mesh, order, components or bodies.mesh.geometry.dim)
     nodes = Nodes(space, bodies)
-    return space, build_sliding(nodes, name, Sliding()) if name in raw.facing else build_interface(nodes, name)
+    return space, build_sliding(nodes, name, Sliding()) if name in raw.non_matching else build_interface(nodes, name)
 
 
 @every_mesh
@@ -106,7 +106,7 @@ def test_raw_mesh_is_sound(mesh: str, tmp_path: Path) -> None:
         if name in raw.one_sided:
             np.testing.assert_array_equal(plus, minus)
         else:
-            if name not in raw.facing:
+            if name not in raw.non_matching:
                 np.testing.assert_allclose(raw.points[plus], raw.points[minus], atol=1e-15)
             assert set(plus.ravel()) & set(minus.ravel()) <= welded
     # Named edges, and both sides of interfaces, are facets of one cell only.
@@ -196,7 +196,7 @@ def test_case_with_it_is_at_rest(kind: str) -> None:
     apart = {**glued, "initial_stress": {"normal": 0.0}, "sliding": {}}
     table = {**plates(), "mesh": {"kind": kind, **mesh.model_dump()}, "order": raw.order, "duration": 1e-6}
     table["plane"] = "solid" if raw.points.shape[1] == 3 else table["plane"]
-    faults = {name: apart if name in raw.facing else glued for name in raw.interfaces}
+    faults = {name: apart if name in raw.non_matching else glued for name in raw.interfaces}
     resting = parse_case({**table, "faults": faults})
     assert parse_case(tomllib.loads(resting.to_toml())) == resting
     _, _, state = march(resting)

@@ -197,7 +197,7 @@ def steps_alike(table: dict[str, Any]) -> tuple[FaultState, SlidingInterface]:
 
 @every_contact
 def test_matching_nodes_give_what_pairs_give(contact: str) -> None:
-    """With what is faced frozen: split nodes, and compliant contact of pairs."""
+    """With a frozen pairing: split nodes, and compliant contact of pairs."""
     changes = {
         "duration": 6e-6, "faults.main.initial_stress.shear": 2e6,
         "faults.main.friction": {"kind": "linear_slip_weakening", "mu_s": 0.4, "mu_d": 0.1, "D_c": 1e-5},

@@ -360,7 +360,7 @@ def test_pressed_at_slip_rates_next_to_nothing(contact: dict[str, Any]) -> None:
 
 @every_contact
 def test_average_acceleration_closes_the_budget(contact: str) -> None:
-    """Rough bodies that are pressed, slide, part and meet again: friction, impacts, new facings."""
+    """Rough bodies that are pressed, slide, part and meet again: friction, impacts, new pairings."""
     springs = {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}
     _, motion, state = started(rough({
         "duration": 6e-6, "faults.main.contact": RIGID if contact == "augmented_lagrangian" else springs,
@@ -521,7 +521,7 @@ def test_facing_converges() -> None:
 
     def noted(*given: Any, **more: Any) -> Any:
         solution = solve(*given, **more)
-        found.append(solution.facings)
+        found.append(solution.pairing_changes)
         return solution
 
     motion.equilibrium.solve = noted

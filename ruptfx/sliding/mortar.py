@@ -16,9 +16,9 @@ of the gap at closed points, also after sliding, and a frozen operator does no w
 Where a facet overhangs the end of the minus side each node is treated by itself: nodes with a projection are paired
 with it; the others carry nothing.
 
-`facing.c` contains the code; the tests have a NumPy version.
+`mortar.c` contains the code; the tests have a NumPy version.
 
-Source: Wohlmuth (2000), Popp et al. (2009) for dual mortars; here on GLL nodes, with facing frames.
+Source: Wohlmuth (2000), Popp et al. (2009) for dual mortars; here on GLL nodes, with frames of the minus side.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Coupling:
 
 
 @dataclass(frozen=True)
-class Facing:
+class MortarPairing:
     """Mortar pairing at one time.
 
     Attributes
@@ -143,7 +143,7 @@ class Mortar:
             "PLUS": plus.order, "MINUS": minus.order, "GAUSS": len(at), "REACH": REACH, "OVERHANG": OVERHANG,
             "SLIVER": SLIVER,
         }  # fmt: skip
-        self._library = native.load("facing", files("ruptfx.sliding").joinpath("facing.c").read_text(), macros)
+        self._library = native.load("mortar", files("ruptfx.sliding").joinpath("mortar.c").read_text(), macros)
         self._library.overlaps.restype = self._library.couple.restype = ctypes.c_long
         self._groups = np.zeros(3 * minus.facets)
         self._grow(4 * (plus.facets + minus.facets))
@@ -152,7 +152,7 @@ class Mortar:
         """Allocate arrays for overlaps: pairs of facets, and their start and end."""
         self._pair, self._ends = np.zeros((2, capacity), dtype=np.int64), np.zeros((2, capacity))
 
-    def find(self, plus: Floats, minus: Floats) -> Facing:
+    def find(self, plus: Floats, minus: Floats) -> MortarPairing:
         """Return the pairing for given coordinates of the nodes.
 
         Parameters
@@ -195,7 +195,7 @@ class Mortar:
             tangent[~covered] = self._own_tangent(plus)[~covered]
         values /= weight[:, None]
         tangent /= np.hypot(*tangent.T)[:, None]
-        return Facing(Coupling(first, values, len(minus)), weight, tangent, covered)
+        return MortarPairing(Coupling(first, values, len(minus)), weight, tangent, covered)
 
     def _overlaps(self, plus: Floats, minus: Floats) -> tuple[int, Floats]:
         """Return the number of overlaps, and the covered part of every facet."""
@@ -215,9 +215,9 @@ class Mortar:
         """Return the first column of every row, and the number of columns of the longest one."""
         facets, order = self.plus.facets, self.plus.order
         begin, end = np.full(facets, len(self.minus.nodes)), np.zeros(facets, dtype=np.int64)
-        own, faced = self._pair[:, :pieces]
-        np.minimum.at(begin, own, faced * self.minus.order)
-        np.maximum.at(end, own, (faced + 1) * self.minus.order + 1)
+        own, opposite = self._pair[:, :pieces]
+        np.minimum.at(begin, own, opposite * self.minus.order)
+        np.maximum.at(end, own, (opposite + 1) * self.minus.order + 1)
         of_node = np.repeat(begin, order), np.repeat(end, order)
         first, last = np.append(of_node[0], begin[-1]), np.append(of_node[1], end[-1])
         inner = np.arange(1, facets) * order  # nodes of two facets

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ruptfx.meshes._lobatto import Basis
-from ruptfx.sliding.facing import OVERHANG, REACH, SLIVER, Coupling, Facing, Mortar, dual_basis
+from ruptfx.sliding.mortar import OVERHANG, REACH, SLIVER, Coupling, Mortar, MortarPairing, dual_basis
 from ruptfx.sliding.surface import Floats, Integers, Surface
 
 
@@ -27,7 +27,7 @@ class MortarReference(Mortar):
         found: Floats = np.linalg.norm(np.einsum("f...b,fbc->f...c", self.plus.basis.slopes(at), corners), axis=-1)
         return found
 
-    def find(self, plus: Floats, minus: Floats) -> Facing:
+    def find(self, plus: Floats, minus: Floats) -> MortarPairing:
         """Who faces whom where the nodes are at these places.
 
         Parameters
@@ -74,7 +74,7 @@ class MortarReference(Mortar):
         scale = sparse.diags(np.where(covered, 1 / np.where(covered, weight, 1.0), 0.0))
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         rows_of = Coupling(np.zeros(n, dtype=np.int64), (scale @ coupling).toarray(), m)
-        return Facing(rows_of, np.where(covered, weight, nodal), turned, covered)
+        return MortarPairing(rows_of, np.where(covered, weight, nodal), turned, covered)
 
     def _overlaps(
         self, corners: Floats, facing: Floats, along: Floats, length: Floats

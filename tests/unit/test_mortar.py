@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference_facing import MortarReference
+from reference_mortar import MortarReference
 
 from ruptfx import RuptfxError
 from ruptfx.meshes._lobatto import basis_of_order
-from ruptfx.sliding.facing import Coupling, Mortar
+from ruptfx.sliding.mortar import Coupling, Mortar
 from ruptfx.sliding.surface import Surface
 
 Floats = NDArray[np.float64]

@@ -1,5 +1,5 @@
-// Mortar pairing: overlaps of facets, and the dual mortar on them. facing.py defines them; the tests have a NumPy
-// version (tests/reference_facing.py). It writes in front of this file PLUS and MINUS, the orders of both
+// Mortar pairing: overlaps of facets, and the dual mortar on them. mortar.py defines them; the tests have a NumPy
+// version (tests/reference_mortar.py). It writes in front of this file PLUS and MINUS, the orders of both
 // sides, GAUSS, the points of quadrature on an overlap, REACH, OVERHANG and SLIVER.
 #include <math.h>
 #include <string.h>
@@ -30,7 +30,7 @@ INLINE double chord(const double *x, int order, long facet, double along[2])
 // part of every facet; group: 3 numbers for every GROUP facets of the minus side. Returns their number; those beyond
 // capacity are only counted.
 long overlaps(long facets, long others, const double *plus, const double *minus, double *group, long capacity,
-              long *own, long *faced, double *low, double *high, double *share)
+              long *own, long *opposite, double *low, double *high, double *share)
 {
     double longest = 0, along[2], middle[2];
     for (long f = 0; f < facets; f++) longest = fmax(longest, chord(plus, PLUS, f, along));
@@ -70,7 +70,7 @@ long overlaps(long facets, long others, const double *plus, const double *minus,
             if (f == others - 1) end += OVERHANG * size;
             begin = fmax(begin, 0), end = fmin(end, length);
             if (end - begin <= SLIVER * length) continue;
-            if (count < capacity) own[count] = e, faced[count] = f, low[count] = begin, high[count] = end;
+            if (count < capacity) own[count] = e, opposite[count] = f, low[count] = begin, high[count] = end;
             share[e] += (end - begin) / length;
             count++;
         }
@@ -124,7 +124,7 @@ INLINE double between(int order, double at, double wanted, const double *series,
 // inverse: values at the nodes to coefficients, of both sides; dual: of psi, in Legendre polynomials; metric: of the
 // undeformed facet; nodal: weights of its nodes.
 // Returns the first facet on which a point was not found, or -1.
-long couple(long pieces, const double *plus, const double *minus, const long *own, const long *faced, const double *low,
+long couple(long pieces, const double *plus, const double *minus, const long *own, const long *opposite, const double *low,
             const double *high, const double *share, const double *plus_inverse, const double *minus_inverse,
             const double *gauss, const double *gauss_weight, const double *nodes, const double *dual,
             const double *metric, const double *nodal, const long *first, long band, double *coupling, double *weight,
@@ -146,11 +146,11 @@ long couple(long pieces, const double *plus, const double *minus, const long *ow
         for (last = k; last < pieces && own[last] == e; last++)
             for (int a = 0; a <= PLUS; a++) times[a] += here[a] > low[last] - slack && here[a] < high[last] + slack;
         for (long piece = k; piece < last; piece++) {
-            const long f = faced[piece];
-            const double *facing = begin_of(minus, MINUS, f);
+            const long f = opposite[piece];
+            const double *other = begin_of(minus, MINUS, f);
             double there[MINUS + 1], series_there[MINUS + 1], x[2][MINUS + 1], series_x[2][MINUS + 1];
             for (int j = 0; j <= MINUS; j++) {
-                for (int c = 0; c < 2; c++) x[c][j] = facing[2 * j + c] - corners[c];
+                for (int c = 0; c < 2; c++) x[c][j] = other[2 * j + c] - corners[c];
                 there[j] = x[0][j] * along[0] + x[1][j] * along[1];
             }
             expand(MINUS, minus_inverse, there, series_there);
