@@ -29,14 +29,14 @@ class _Exchange:
         self._sent = np.bincount(target, minlength=comm.size)
         self._received = np.array(comm.alltoall(self._sent.tolist()), dtype=np.int64)
 
-    def there(self, rows: Numbers) -> Numbers:
+    def forward(self, rows: Numbers) -> Numbers:
         """Send rows to their targets; return those received, by rank, shape (received, columns)."""
         if self._comm.size == 1:
             return rows
         return self._move(rows[self._order], self._sent, self._received)
 
-    def back(self, received: Numbers) -> Numbers:
-        """Send received rows back, the inverse of `there`."""
+    def backward(self, received: Numbers) -> Numbers:
+        """Send received rows back, the inverse of `forward`."""
         if self._comm.size == 1:
             return received
         rows = np.empty((len(self._order), received.shape[1]))
@@ -56,7 +56,7 @@ def bounds(total: int, ranks: int) -> Indices:
     return total * np.arange(ranks + 1) // ranks
 
 
-class Slabs:
+class RowDistribution:
     """A global order cut into one block per rank; created by all ranks together.
 
     Parameters
@@ -78,15 +78,15 @@ class Slabs:
         cuts = bounds(total, comm.size)
         self.total, self.here = total, slice(int(cuts[comm.rank]), int(cuts[comm.rank + 1]))
         self._exchange = _Exchange(comm, np.searchsorted(cuts, place, side="right") - 1)
-        arrived = self._exchange.there(place[:, None].astype(np.float64))
+        arrived = self._exchange.forward(place[:, None].astype(np.float64))
         self._place = arrived[:, 0].astype(np.int64) - self.here.start
 
     def collect(self, rows: Numbers) -> Numbers:
         """Return the block of this rank, shape (places, columns), from local rows (rows, columns); collective."""
-        slab = np.empty((self.here.stop - self.here.start, rows.shape[1]))
-        slab[self._place] = self._exchange.there(rows)
-        return slab
+        block = np.empty((self.here.stop - self.here.start, rows.shape[1]))
+        block[self._place] = self._exchange.forward(rows)
+        return block
 
-    def spread(self, slab: Numbers) -> Numbers:
+    def spread(self, block: Numbers) -> Numbers:
         """Return the local rows from the block, the inverse of `collect`; collective."""
-        return self._exchange.back(slab[self._place])
+        return self._exchange.backward(block[self._place])

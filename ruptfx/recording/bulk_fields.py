@@ -20,7 +20,8 @@ from ruptfx.faults.interface import local_frame
 from ruptfx.fields import stress_entries
 from ruptfx.operators import ufl_form
 from ruptfx.operators.matrix_free import MatrixFree
-from ruptfx.platform import parallel, slabs
+from ruptfx.platform import parallel
+from ruptfx.platform.distributed_rows import RowDistribution
 from ruptfx.recording.shared_file import SharedFile
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ _ATTRIBUTE = Template("""\
 
 
 class Topology(NamedTuple):
-    """Mesh as in files, the slabs of this rank: points [m], cells by number of their points, body of each point."""
+    """Mesh as in files, the rows of this rank: points [m], cells by number of their points, body of each point."""
 
     points: np.ndarray
     cells: np.ndarray
@@ -110,7 +111,7 @@ class BulkFields:
         place = parallel.places(model.comm, np.sort(cells, axis=1))
         return Topology(
             points=layout.collect(model.coordinates.ravel()),
-            cells=slabs.Slabs(model.comm, place, total).collect(cells).astype(np.int64), number_of_cells=total,
+            cells=RowDistribution(model.comm, place, total).collect(cells).astype(np.int64), number_of_cells=total,
             body=layout.collect(np.repeat(layout.body, model.components))[:, 0].astype(np.int32),
         )  # fmt: skip
 
@@ -162,7 +163,7 @@ class BulkFields:
         """Append the first snapshots of another file, of any number of ranks; every rank reads its part."""
         with h5py.File(saved, locking=False) as file:
             for row, time in enumerate(file["time"][:kept]):
-                here = self.model.layout.slabs.here
+                here = self.model.layout.rows.here
                 self.append(float(time), {name: file[name][row, here] for name in self._fields})
 
     def settle(self) -> list[Path]:
@@ -172,7 +173,7 @@ class BulkFields:
         return [*self._file.paths, *[descriptor] * (self._file.whole is not None and descriptor.exists())]
 
     def gather(self, state: State) -> dict[str, np.ndarray]:
-        """Return the requested fields at the points of this rank's slab; collective."""
+        """Return the requested fields at the points of this rank's block; collective."""
         model, c = self.model, self.model.components
         _, displacement = state.at_velocity()
         found = {"velocity": state.velocity.reshape(-1, c), "displacement": displacement.reshape(-1, c)}

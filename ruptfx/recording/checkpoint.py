@@ -3,7 +3,7 @@
 A checkpoint is a directory `checkpoints/step_NNNNNNNN` with the state and a copy of every history file of that
 time: a process may die while HDF5 writes, so the live files cannot be trusted afterwards. It is written under a
 temporary name, synced, renamed; the last two are kept. Node and point arrays are in an order that does not depend on
-the partition; every rank writes and reads its slab of the former.
+the partition; every rank writes and reads its block of the former.
 
 A complete run has `checkpoints/final`, from which a longer run continues. It has no copies: the files of the run do not
 change any more, and `files.json` has their checksums.
@@ -96,7 +96,7 @@ class Checkpoints:
         state.catch_up()
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
         with phase("gathering"):
-            slabs = {name: model.layout.collect(values) for name, values in nodal.items()}
+            blocks = {name: model.layout.collect(values) for name, values in nodal.items()}
             groups = {group: rows for each in model.mechanisms for group, rows in each.saved(state).items()}
             energy = model.comm.gather(state.energy, root=0)
             recorder.collect()
@@ -105,7 +105,7 @@ class Checkpoints:
         folder = recorder.out / FOLDER
         temporary, place = folder / ".unfinished", folder / (directories.FINAL if final else f"step_{state.step:08d}")
         recorder.meet(lambda: _make_anew(temporary) if first else None)
-        recorder.meet(lambda: checksums.update(self._write_files(temporary, slabs, groups, not final)))
+        recorder.meet(lambda: checksums.update(self._write_files(temporary, blocks, groups, not final)))
         of_ranks = model.comm.gather(checksums, root=0)
         if of_ranks is not None:
             files = {name: checksum for each in of_ranks for name, checksum in each.items()}
@@ -114,12 +114,12 @@ class Checkpoints:
         self._last = time.monotonic()
 
     def _write_files(
-        self, folder: Path, slabs: dict[str, np.ndarray], groups: Mapping[str, Rows], copies: bool
+        self, folder: Path, blocks: dict[str, np.ndarray], groups: Mapping[str, Rows], copies: bool
     ) -> run_files.Sums:
         """Write this rank's part of the state and copies of its history files; return checksums of the files."""
         with SharedFile(self._model.comm, folder / "state.h5") as file:
-            for name, slab in slabs.items():
-                file.write(f"nodes/{name}", slab, self._model.total_nodes)
+            for name, block in blocks.items():
+                file.write(f"nodes/{name}", block, self._model.total_nodes)
             if file.whole is not None:
                 for group, fields in groups.items():
                     file.whole.create_group(group).update(fields)
@@ -190,23 +190,23 @@ class Checkpoint:
         CheckpointError
             On all ranks: it cannot be read.
         """
-        error, slabs = None, dict[str, np.ndarray]()
+        error, blocks = None, dict[str, np.ndarray]()
         state.points = {
             fault.name: {name: np.empty(len(fault.interface.plus)) for name in self.manifest["points"][fault.name]}
             for fault in model.faults if fault.name in self.manifest["points"]
         }  # fmt: skip
         try:
             with h5py.File(self.path / "state.h5", locking=False) as file:
-                here = model.layout.slabs.here
-                slabs = {name: rows[here] for name, rows in file["nodes"].items()}
+                here = model.layout.rows.here
+                blocks = {name: rows[here] for name, rows in file["nodes"].items()}
                 for each in model.mechanisms:
                     each.restore(state, lambda name: np.asarray(file[name][()]))
         except (OSError, KeyError) as caught:
             error = CheckpointError(f"{self.path}: rank {model.comm.rank} cannot read it ({caught}); all ranks have to")
         parallel.raise_on_all(model.comm, error)
         for name in ("displacement", "velocity"):
-            getattr(state, name)[:] = model.layout.spread(slabs[name])
-        state.fields = {name: model.layout.spread(slabs[name]) for name in self.manifest["fields"]}
+            getattr(state, name)[:] = model.layout.spread(blocks[name])
+        state.fields = {name: model.layout.spread(blocks[name]) for name in self.manifest["fields"]}
         # What each rank accumulated; on another number of ranks rank 0 takes the sum.
         saved, rank = self.manifest["energy"], model.comm.rank
         for name in state.energy:

@@ -1,4 +1,4 @@
-"""An HDF5 file with all rows, of which every rank writes its slab to a part of its own."""
+"""An HDF5 file with all rows, of which every rank writes its block to a part of its own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from ruptfx.platform import slabs
+from ruptfx.platform import distributed_rows
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -52,35 +52,35 @@ class SharedFile:
         self._part = files[-1]
         self.whole = files[0] if self._alone or len(files) == 2 else None
 
-    def write(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
-        """Write a data set of `total` rows, of which this rank has a slab."""
-        self._part.create_dataset(name, data=slab)
-        self._show(name, slab, total, False, attributes)
+    def write(self, name: str, block: Rows, total: int, **attributes: str) -> None:
+        """Write a data set of `total` rows, of which this rank has a block."""
+        self._part.create_dataset(name, data=block)
+        self._show(name, block, total, False, attributes)
 
-    def append(self, name: str, slab: Rows, total: int, **attributes: str) -> None:
+    def append(self, name: str, block: Rows, total: int, **attributes: str) -> None:
         """Append one time to such a data set."""
         if name not in self._part:
-            shape = slab.shape
+            shape = block.shape
             chunks = {"maxshape": (None, *shape), "chunks": (1, *shape)}
-            self._part.create_dataset(name, (0, *shape), slab.dtype, **chunks, **self._filters)
-            self._show(name, slab, total, True, attributes)
+            self._part.create_dataset(name, (0, *shape), block.dtype, **chunks, **self._filters)
+            self._show(name, block, total, True, attributes)
         data = self._part[name]
         data.resize(len(data) + 1, axis=0)
-        data[-1] = slab
+        data[-1] = block
 
-    def _show(self, name: str, slab: Rows, total: int, grows: bool, attributes: dict[str, str]) -> None:
+    def _show(self, name: str, block: Rows, total: int, grows: bool, attributes: dict[str, str]) -> None:
         """Create the virtual data set of all parts."""
         if self.whole is None:
             return
         if not self._alone:
             first, most, every = ((1,), (None,), (slice(0, h5py.h5s.UNLIMITED),)) if grows else ((), (), ())
-            columns, bounds = slab.shape[1:], slabs.bounds(total, self._size)
-            layout = h5py.VirtualLayout((*first, total, *columns), slab.dtype, (*most, total, *columns))
+            columns, bounds = block.shape[1:], distributed_rows.bounds(total, self._size)
+            layout = h5py.VirtualLayout((*first, total, *columns), block.dtype, (*most, total, *columns))
             for part, begin, end in zip(self._names, bounds[:-1], bounds[1:], strict=True):
                 rows = (int(end - begin), *columns)
-                source = h5py.VirtualSource(part, name, (*first, *rows), slab.dtype, (*most, *rows))
+                source = h5py.VirtualSource(part, name, (*first, *rows), block.dtype, (*most, *rows))
                 layout[(*every, slice(int(begin), int(end)))] = source[(*every, slice(None))]
-            missing = np.nan if slab.dtype.kind == "f" else None
+            missing = np.nan if block.dtype.kind == "f" else None
             self.whole.create_virtual_dataset(name, layout, fillvalue=missing)
         self.whole[name].attrs.update(attributes)
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ruptfx import RuptfxError, fem
-from ruptfx.platform import parallel, slabs
+from ruptfx.platform import distributed_rows, parallel
 from ruptfx.space.bodies import Bodies
 from ruptfx.space.closest import closest
 
@@ -170,9 +170,9 @@ class Nodes:
         return function.array.reshape(self.count, -1)[:, 0].astype(np.int64)
 
     @cached_property
-    def slabs(self) -> slabs.Slabs:
+    def rows(self) -> distributed_rows.RowDistribution:
         """Distribution of the rows of owned nodes in the order of `numbering`; collective."""
-        return slabs.Slabs(self.comm, self.numbering[: self.owned], self.total)
+        return distributed_rows.RowDistribution(self.comm, self.numbering[: self.owned], self.total)
 
     def collect(self, field: np.ndarray) -> np.ndarray:
         """Return the block of this rank of a nodal field in the order of `numbering`; collective.
@@ -185,11 +185,11 @@ class Nodes:
         -------
         ndarray, shape (places, columns)
         """
-        return self.slabs.collect(field.reshape(self.count, -1)[: self.owned])
+        return self.rows.collect(field.reshape(self.count, -1)[: self.owned])
 
-    def spread(self, slab: np.ndarray) -> np.ndarray:
+    def spread(self, block: np.ndarray) -> np.ndarray:
         """Return the nodal field of a block, ghosts included, shape (count * columns,); the inverse of `collect`."""
-        return slabs.Slabs(self.comm, self.numbering, self.total).spread(slab).ravel()
+        return distributed_rows.RowDistribution(self.comm, self.numbering, self.total).spread(block).ravel()
 
     @cached_property
     def shared(self) -> np.ndarray:

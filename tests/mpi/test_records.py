@@ -17,7 +17,7 @@ from small_cases import impact, slip_weakening
 from ruptfx import fem
 from ruptfx.case import parse_case
 from ruptfx.model import Model
-from ruptfx.platform import parallel, slabs
+from ruptfx.platform import distributed_rows, parallel
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.recorder import DiskError
 from ruptfx.simulation import simulate
@@ -67,16 +67,16 @@ def test_slabs_hold_the_rows_in_order_and_give_them_back() -> None:
     keys = keys_of_this_rank()
     place = parallel.places(COMM, keys)
     total = int(parallel.total(COMM, len(keys)))
-    order = slabs.Slabs(COMM, place, total)
-    slab = order.collect(keys)
-    np.testing.assert_array_equal(parallel.share_rows(COMM, slab)[place], keys)
-    np.testing.assert_array_equal(order.spread(slab), keys)
-    # Slabs are as large as each other, to one row: no rank holds the whole.
-    assert abs(len(slab) - total / COMM.size) < 1
+    order = distributed_rows.RowDistribution(COMM, place, total)
+    block = order.collect(keys)
+    np.testing.assert_array_equal(parallel.share_rows(COMM, block)[place], keys)
+    np.testing.assert_array_equal(order.spread(block), keys)
+    # Blocks are as large as each other, to one row: no rank holds the whole.
+    assert abs(len(block) - total / COMM.size) < 1
     # Several ranks may ask for one place.
     wanted = np.arange(COMM.rank, total, 3)
     np.testing.assert_array_equal(
-        slabs.Slabs(COMM, wanted, total).spread(slab), parallel.share_rows(COMM, slab)[wanted]
+        distributed_rows.RowDistribution(COMM, wanted, total).spread(block), parallel.share_rows(COMM, block)[wanted]
     )
 
 
