@@ -1,6 +1,6 @@
 """Processes that draw the figures of a run; they import matplotlib while the run still computes.
 
-`prepare` starts one process if there is a free core. `look_at` announces the mesh of a run, of which the process
+`prepare` starts one process if there is a free core. `announce` announces the mesh of a run, of which the process
 prepares the shared raster. `draw` requests the figures: the process forks into one per core, and ends. A process that
 has imported matplotlib already, or has one core only, draws by itself.
 """
@@ -68,7 +68,7 @@ def dismiss() -> None:
         _waiting = None
 
 
-def look_at(out: Path) -> None:
+def announce(out: Path) -> None:
     """Tell the waiting process that the files of this run contain its mesh."""
     if _waiting is not None:
         assert _waiting.stdin is not None

@@ -11,7 +11,7 @@ import pytest
 import synthetic
 
 from ruptfx import RuptfxError, plots
-from ruptfx.drawing import painter
+from ruptfx.drawing import figure_process
 from ruptfx.plots import _panels
 from ruptfx.record import Files
 
@@ -25,18 +25,18 @@ def run(tmp_path: Path) -> Path:
 def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a run does that has not imported what draws, with a core to spare."""
     with monkeypatch.context() as patched:
-        patched.setattr(painter, "cores", lambda: 2)
+        patched.setattr(figure_process, "cores", lambda: 2)
         patched.delitem(sys.modules, "ruptfx.plots", raising=False)
-        painter.prepare()
-    assert painter._waiting is not None
+        figure_process.prepare()
+    assert figure_process._waiting is not None
 
 
 def test_pictures_are_the_same(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     waiting(monkeypatch)
-    process = painter._waiting
+    process = figure_process._waiting
     monkeypatch.setattr(plots, "save_all", None)  # nothing is drawn here
-    painter.look_at(run)
-    painter.draw(run)
+    figure_process.announce(run)
+    figure_process.draw(run)
     assert process is not None and process.returncode == 0
     monkeypatch.undo()
     with Files(run) as record:
@@ -63,33 +63,33 @@ def test_errors_come_back(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (run / "figures").write_text("in the way")
     waiting(monkeypatch)
     with pytest.raises(RuptfxError, match="figures cannot be saved there"):
-        painter.draw(run)
+        figure_process.draw(run)
 
 
 def test_without_the_process_figures_are_drawn_all_the_same(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     waiting(monkeypatch)
-    assert painter._waiting is not None
-    painter._waiting.kill()
-    painter._waiting.wait()
-    painter.look_at(run)
-    painter.draw(run)
+    assert figure_process._waiting is not None
+    figure_process._waiting.kill()
+    figure_process._waiting.wait()
+    figure_process.announce(run)
+    figure_process.draw(run)
     assert len(list((run / "figures").iterdir())) > 3
 
 
 def test_its_start_is_timed() -> None:
     """It imports what draws: a tenth of a second would be Python alone."""
-    assert 0.2 < painter.start_up()() < 60
+    assert 0.2 < figure_process.start_up()() < 60
 
 
 def test_nobody_waits_where_it_would_not_pay(monkeypatch: pytest.MonkeyPatch) -> None:
-    painter.prepare()  # what draws is imported
-    assert painter._waiting is None
+    figure_process.prepare()  # what draws is imported
+    assert figure_process._waiting is None
     monkeypatch.delitem(sys.modules, "ruptfx.plots", raising=False)
-    monkeypatch.setattr(painter, "cores", lambda: 1)
-    painter.prepare()
-    assert painter._waiting is None
-    painter.dismiss()
+    monkeypatch.setattr(figure_process, "cores", lambda: 1)
+    figure_process.prepare()
+    assert figure_process._waiting is None
+    figure_process.dismiss()
     waiting(monkeypatch)
-    process = painter._waiting
-    painter.dismiss()
-    assert painter._waiting is None and process is not None and process.returncode
+    process = figure_process._waiting
+    figure_process.dismiss()
+    assert figure_process._waiting is None and process is not None and process.returncode
