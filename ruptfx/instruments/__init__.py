@@ -17,7 +17,7 @@ from ruptfx.schema import Alternative, Name, alternative
 from ruptfx.units import Duration, Frequency
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 Source = Literal["displacement", "velocity", "acceleration"] | tuple[str, str]
 """A nodal field, or fault and field."""
@@ -81,7 +81,7 @@ class Instrument(Alternative):
             Names the key, the value and the remedy.
         """
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         """Return the channels of the instrument; collective.
 
         Raises

@@ -26,7 +26,7 @@ Stresses = Callable[[np.ndarray], np.ndarray]
 OFF = 1e-6  # of an element: largest distance of a point from its interface
 
 
-class Sensed:
+class ModelReadings:
     """A model with the readings that instruments may request.
 
     Parameters
@@ -205,15 +205,15 @@ class SensedPoint:
 
     Parameters
     ----------
-    plates : Sensed
+    readings : ModelReadings
     place : Inside
     point : sequence of float
         Its coordinates [m].
     """
 
-    def __init__(self, plates: Sensed, place: Inside, point: Sequence[float]) -> None:
-        self._plates, self._place, self._point = plates, place, point
-        model = plates.model
+    def __init__(self, readings: ModelReadings, place: Inside, point: Sequence[float]) -> None:
+        self._readings, self._place, self._point = readings, place, point
+        model = readings.model
         self._shape = (1 + model.mesh.geometry.dim, model.components)
 
     def motion(self, source: Literal["displacement", "velocity"], along: np.ndarray) -> Share:
@@ -231,7 +231,7 @@ class SensedPoint:
     def strain(self, entry: tuple[int, int]) -> Share:
         """Return a component of the strain."""
         (i, j), coefficients = entry, np.zeros(self._shape)
-        if self._plates.model.case.plane == "axisymmetric" and i == 2:
+        if self._readings.model.case.plane == "axisymmetric" and i == 2:
             self._add_around(coefficients, 1.0)
             return self.reading(coefficients)
         coefficients[1 + i, j] += 0.5
@@ -241,7 +241,7 @@ class SensedPoint:
 
     def stress(self, entry: tuple[int, int]) -> Share:
         """Return a component of the stress beyond the initial one [Pa]."""
-        model, coefficients = self._plates.model, np.zeros(self._shape)
+        model, coefficients = self._readings.model, np.zeros(self._shape)
         material, plane = model.materials[self._place.body], model.case.plane
         if plane == "axisymmetric":
             stiffness = tangent_stiffness(material, "solid")[entry]
@@ -259,7 +259,7 @@ class SensedPoint:
 
     def initial_stress(self, label: str) -> float:
         """Return a component of the initial stress of the bodies [Pa]."""
-        return self._plates.initial_stress(label, self._point)
+        return self._readings.initial_stress(label, self._point)
 
     def reading(self, coefficients: np.ndarray, source: Literal["displacement", "velocity"] = "displacement") -> Share:
         """Return a sum of the components of a field and of their derivatives times coefficients.

@@ -13,7 +13,7 @@ from ruptfx.schema import Unit
 from ruptfx.units import Coordinate
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 
 class FaultReceiver(Instrument):
@@ -43,7 +43,7 @@ class FaultReceiver(Instrument):
             given = "is not given" if self.point is None else f"and point = {self.point}"
             raise ValueError(f"{key}.position {given}: in 2D give the position along the interface, alone")
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         place = self.point if self.position is None else self.position
         assert place is not None
-        return plates.at_fault(self.fault, place, key)
+        return readings.at_fault(self.fault, place, key)

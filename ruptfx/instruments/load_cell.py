@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from ruptfx.instruments import Channel, Instrument
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 
 class LoadCell(Instrument):
@@ -24,8 +24,8 @@ class LoadCell(Instrument):
     edge: str
     """``body.side``, for example ``upper.left``."""
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         return [
-            Channel(f"force_{label}", plates.force_unit, f"force on the edge along {label}", shares, offset)
-            for label, shares, offset in plates.forces(self.edge, f"{key}.edge")
+            Channel(f"force_{label}", readings.force_unit, f"force on the edge along {label}", shares, offset)
+            for label, shares, offset in readings.forces(self.edge, f"{key}.edge")
         ]

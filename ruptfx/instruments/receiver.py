@@ -12,7 +12,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 Quantity = Literal["velocity", "displacement", "strain", "stress"]
 
@@ -41,16 +41,16 @@ class Receiver(Instrument):
     def points(self) -> list[tuple[list[float], str | None]]:
         return [(self.point, self.body)]
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
-        place = plates.point(self.point, self.body, key)
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
+        place = readings.point(self.point, self.body, key)
         found = []
         for field in dict.fromkeys(self.fields):
             if field in ("velocity", "displacement"):
                 unit = "m/s" if field == "velocity" else "m"
-                for label, number in plates.axes.items():
-                    share = place.motion(field, plates.unit_vector(number))
+                for label, number in readings.axes.items():
+                    share = place.motion(field, readings.unit_vector(number))
                     found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
-            for label, entry in plates.entries.items() if field in ("strain", "stress") else ():
+            for label, entry in readings.entries.items() if field in ("strain", "stress") else ():
                 if field == "strain":
                     found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
                 else:

@@ -14,7 +14,7 @@ from ruptfx.schema import Unit
 from ruptfx.units import Length
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 
 class StrainGauge(Instrument):
@@ -59,8 +59,8 @@ class StrainGauge(Instrument):
         c, s = np.cos(self.angles), np.sin(self.angles)
         return np.stack([c**2, s**2, 2 * s * c], axis=1)
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
-        grids = [self._grid(plates, key, angle) for angle in self.angles]
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
+        grids = [self._grid(readings, key, angle) for angle in self.angles]
         found = [
             Channel(f"extension_{number + 1}", "1", f"extension at {np.degrees(angle):.6g} degrees from x", shares)
             for number, (angle, shares) in enumerate(zip(self.angles, grids, strict=True))
@@ -74,13 +74,13 @@ class StrainGauge(Instrument):
                 found.append(Channel(f"strain_{label}", "1", f"strain {label} of the rosette", parts))
         return found
 
-    def _grid(self, plates: Sensed, key: str, angle: float) -> list[Share]:
+    def _grid(self, readings: ModelReadings, key: str, angle: float) -> list[Share]:
         along = np.array([np.cos(angle), np.sin(angle), 0.0])[: len(self.point)]
         if self.length is None:
-            return [plates.point(self.point, self.body, key).extension(along)]
+            return [readings.point(self.point, self.body, key).extension(along)]
         shares = []
         for end in (0.5, -0.5):
             place = list(np.array(self.point) + end * self.length * along)
-            where = plates.point(place, self.body, key, "length: the end")
+            where = readings.point(place, self.body, key, "length: the end")
             shares.append(where.motion("displacement", np.sign(end) * along / self.length))
         return shares

@@ -13,7 +13,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._sensed import Sensed
+    from ruptfx.instruments._readings import ModelReadings
 
 Point = Annotated[list[float], Field(min_length=2, max_length=3), Unit("m")]
 
@@ -56,12 +56,12 @@ class Velocimeter(Instrument):
         other = [] if self.relative_to is None else [(self.relative_to, self.relative_body)]
         return [(self.point, self.body), *other]
 
-    def channels(self, plates: Sensed, key: str) -> list[Channel]:
+    def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
         along = np.array(self.direction) / np.linalg.norm(self.direction)
-        shares = [plates.point(self.point, self.body, key).motion("velocity", along)]
+        shares = [readings.point(self.point, self.body, key).motion("velocity", along)]
         text = "velocity along the direction"
         if self.relative_to is not None:
-            other = plates.point(self.relative_to, self.relative_body, key, "relative_to")
+            other = readings.point(self.relative_to, self.relative_body, key, "relative_to")
             shares.append(other.motion("velocity", -along))
             text += " relative to the other point"
         return [Channel("velocity", "m/s", text, shares)]

@@ -15,7 +15,7 @@ import numpy as np
 
 from ruptfx import Table
 from ruptfx.instruments import Channel, Instrument, Source
-from ruptfx.instruments._sensed import Sensed, Stresses
+from ruptfx.instruments._readings import ModelReadings, Stresses
 from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class Samples:
     dt : float
         Time step [s], the first one if steps vary.
     initial_stress : callable, points -> stresses
-        As in `Sensed`.
+        As in `ModelReadings`.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Samples:
 
     def __init__(self, model: Model, dt: float, initial_stress: Stresses) -> None:
         self._model, case = model, model.case
-        plates = Sensed(model, initial_stress)
+        readings = ModelReadings(model, initial_stress)
         self.instruments: list[tuple[Instrument, list[Channel]]] = []
         for number, instrument in enumerate(case.instruments):
             key = f"instruments.{number}"
@@ -133,7 +133,7 @@ class Samples:
                     f"{key}.interval = {instrument.interval:.6g} s: below the time step of {dt:.6g} s, between which "
                     "nothing is known; make it longer, or the step shorter with stepper.time_step"
                 )
-            self.instruments.append((instrument, instrument.channels(plates, key)))
+            self.instruments.append((instrument, instrument.channels(readings, key)))
         channels = [channel for _, found in self.instruments for channel in found]
         owner = [instrument for instrument, found in self.instruments for _ in found]
         # One group for instruments of one interval with the same readings.

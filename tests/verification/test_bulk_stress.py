@@ -11,7 +11,7 @@ from small_cases import Given, case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.instruments._sensed import Sensed
+from ruptfx.instruments._readings import ModelReadings
 from ruptfx.model import Model
 from ruptfx.operators.matrix_free import MatrixFree
 from ruptfx.record import Record
@@ -113,7 +113,7 @@ def test_uneven_pressure_is_that_of_the_interface_everywhere_across_it(tmp_path:
     np.testing.assert_allclose(stress[:, [0, 2]], np.tile([0.0, 1e6], (len(stress), 1)), atol=1.0)
     assert "as it varies along it" in bulk.initial_stress_from
     # A load cell on the top carries 6 MPa on 12 mm before anything moves, and 1 MPa of shear.
-    found = Sensed(model, bulk.initial_stress_at).forces("upper.top", "edge")
+    found = ModelReadings(model, bulk.initial_stress_at).forces("upper.top", "edge")
     assert [offset for _, _, offset in found] == pytest.approx([12e3, -72e3], rel=1e-9)
 
 
