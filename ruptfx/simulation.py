@@ -16,7 +16,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem, lumped, stages
 from ruptfx.case import Case
 from ruptfx.checks.cost import need_memory
-from ruptfx.drawing import painter
+from ruptfx.drawing import figure_process
 from ruptfx.input.quantities import with_prefix
 from ruptfx.lumped import LumpedModel
 from ruptfx.model import Model
@@ -108,9 +108,9 @@ def simulate(
         if comm.rank == 0:
             complete()
         return Record(out, trust=True)
-    draws = case.output.figures and painter.LATER not in os.environ
+    draws = case.output.figures and figure_process.LATER not in os.environ
     if draws and comm.rank == 0:
-        painter.prepare()
+        figure_process.prepare()
     restart()
     with run_directory.reserved(comm, out):
         place = run_directory.begun(comm, out, case) if resume else out
@@ -152,7 +152,7 @@ def _run(
     ):
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         if comm.rank == 0:
-            painter.look_at(out)
+            figure_process.announce(out)
         stopping = StopRules(model)
         keepers = {**recorder.keepers, "stopping": stopping}
         checkpoints = Checkpoints(model, recorder, keepers)
@@ -287,7 +287,7 @@ def _draw(comm: fem.MPI.Comm, out: Path) -> None:
     error = None
     if comm.rank == 0:
         try:
-            painter.draw(out)
+            figure_process.draw(out)
         except Exception as caught:
             error = caught
     parallel.rest(comm)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from reference_step import point, settle
+from reference_step import point, write_back
 
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import impedances
@@ -66,7 +66,7 @@ def slide_reference(
             begun, law, state, jump, clock, time, opening_velocity=rate[:, 0], slip_velocity=[rate[:, 1]],
             normal_impedance=z_n, shear_impedance=list(z_s.T),
         )  # fmt: skip
-        settled = settle(begun, law, state, jump, found, clock, time, threshold)
+        settled = write_back(begun, law, state, jump, found, clock, time, threshold)
         new = settled.state["normal_stress"], settled.state["shear_traction"]
         change = max(np.abs(new[0] - normal).max(), np.abs(new[1] - shear).max())
         normal, shear = new

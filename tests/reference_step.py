@@ -1,6 +1,6 @@
 """The steps of an interface written with arrays: what the compiled ones are compared to.
 
-`point` is trial and projection, `settle` what is written back.
+`point` is trial and projection, `write_back` what is written back.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def known_beforehand(fault: Fault, state: FaultState, jump: np.ndarray, trial: T
     return Bonded(damage, largest, slid, fault.traced_bond().held(damage, largest, trial.normal_compliance))
 
 
-def settle(
+def write_back(
     fault: Fault, law: TracedLaw, old: FaultState, jump: np.ndarray, found: Found, clock: Clock,
     time: float, threshold: float,
 ) -> Settled:  # fmt: skip
@@ -211,7 +211,7 @@ def advance_settled(
         fault, law, state, jump, clock, time, opening_velocity=opening_velocity, slip_velocity=list(slip_velocity.T),
         normal_impedance=z_n, shear_impedance=list(z_s.T),
     )  # fmt: skip
-    settled = settle(fault, law, state, jump, found, clock, time, threshold)
+    settled = write_back(fault, law, state, jump, found, clock, time, threshold)
     return settled
 
 
@@ -227,7 +227,7 @@ def respond_reference(
         fault, law, state, jump, clock, time, radiation, guess, tangent=True, normal_multiplier=multiplier[0],
         shear_multiplier=list(multiplier[1].T), body_stiffness=body_stiffness,
     )  # fmt: skip
-    settled = settle(fault, law, state, jump, found, clock, time, threshold)
+    settled = write_back(fault, law, state, jump, found, clock, time, threshold)
     return Response(settled.change, _tangent(fault, *found[:2], dt), settled.state)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.analysis.raster import PIXELS
 from ruptfx.case import Case
-from ruptfx.drawing import painter
+from ruptfx.drawing import figure_process
 from ruptfx.fields import stress_entries
 from ruptfx.recording.bulk_fields import BulkFields
 from ruptfx.recording.mechanisms import Records, records_of
@@ -83,7 +83,7 @@ def rehearse(model: Model, motion: Motion, steps: int | None, started: float, bu
     """
     case, pace, parts = model.case, _pace(), records_of(model)
     figures = _work_of_figures(case, parts) if case.output.figures else {}
-    draws = painter.start_up() if figures else None
+    draws = figure_process.start_up() if figures else None
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
         with Recorder(model, motion, Path(folder)) as recorder:

@@ -34,12 +34,12 @@ def run(
 
     Example: ruptfx run demos/impact.toml --ranks 2 --set duration="20 us"
     """
-    from ruptfx.drawing import painter
+    from ruptfx.drawing import figure_process
     from ruptfx.platform import launch
 
     launches = ranks > 1 and launch.RANKS not in os.environ
     if launches:
-        painter.prepare()  # started now because a core is idle
+        figure_process.prepare()  # started now because a core is idle
     from ruptfx.case import Case, read_case
 
     out = out or Path("runs") / case.stem
@@ -80,26 +80,26 @@ def run(
                 _show_summary(out, verbose)
 
         simulate(parsed, out, comm, progress=not quiet, resume=resume, complete=complete, overwrite=overwrite)
-        if comm.rank == 0 and not quiet and painter.LATER not in os.environ:
+        if comm.rank == 0 and not quiet and figure_process.LATER not in os.environ:
             _show_pictures(out)
 
 
 def _launch(case: Case, ranks: int, out: Path, arguments: list[str], quiet: bool) -> None:
     """Run on several ranks; draw figures after these have ended, when all cores are free."""
-    from ruptfx.drawing import painter
+    from ruptfx.drawing import figure_process
     from ruptfx.platform import launch
 
     if not case.output.figures:
-        painter.dismiss()
+        figure_process.dismiss()
     before = _written(out)
     if not quiet:
         errors.print(f"starting {ranks} ranks")
-    code = launch.run_on(ranks, arguments, **{painter.LATER: "1"})
+    code = launch.run_on(ranks, arguments, **{figure_process.LATER: "1"})
     if code:
         raise typer.Exit(code)
     if case.output.figures and _written(out) != before:
         with working("drawing the figures", not quiet):
-            painter.draw(out)
+            figure_process.draw(out)
     if not quiet:
         _show_pictures(out)
 

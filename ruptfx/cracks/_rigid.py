@@ -53,7 +53,7 @@ class RigidCracks(CrackStep):
 
     Attributes
     ----------
-    unsettled : int
+    unconverged : int
         Steps in which the tractions at a vertex of this rank had an error above 1e-6.
     leader : ndarray of int32, shape (nodes,)
         First corner, in the order of the input, of the component of every corner.
@@ -66,7 +66,7 @@ class RigidCracks(CrackStep):
         count = len(self.network.cell_vertices)
         self._dof = np.ascontiguousarray(space.dofmap.list[:count], np.int32)
         self._states = [*ENDS, *self.law_states]
-        self.unsettled = 0
+        self.unconverged = 0
         self._arrays: dict[str, np.ndarray] = {}  # arrays of the structure, which Python must keep alive
         self._c = _Rigid(count, len(self.order))
         x = mesh.geometry.x[:, :2][fem.geometry_dofmap(mesh)[:count]]
@@ -336,12 +336,12 @@ class RigidCracks(CrackStep):
                 f"{time:.6g} s: the error is {self.residual:.3g} of them, {ALLOWED:g} is allowed; a shorter "
                 "stepper.time_step may help, or a smaller mu_d"
             )
-        self.unsettled += 1
-        if self.unsettled in REPORTED:
+        self.unconverged += 1
+        if self.unconverged in REPORTED:
             LOG.warning(
                 "fracture: the tractions of the inserted facets at a vertex have an error of %.2g of their size at "
                 "%.6g s (%d steps with more than %g so far); a shorter stepper.time_step reduces it",
-                self.residual, time, self.unsettled, CONVERGED,
+                self.residual, time, self.unconverged, CONVERGED,
             )  # fmt: skip
 
     def _ends(self, state: FaultState) -> ctypes.Array[ctypes.c_void_p]:

@@ -142,7 +142,7 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
 
 // What it carries at the damage that agrees with the strength it leaves: false position between what it was and 1; `worst`
 // grows to the difference that is left.
-static __attribute__((noinline)) struct answer settle(const struct end *end, const double *number, double *damage,
+static __attribute__((noinline)) struct answer solve_damage(const struct end *end, const double *number, double *damage,
                                                       double *worst)
 {
     double low = end->damage, high = 1, now = low;
@@ -219,7 +219,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     }
 #endif
     double damage;
-    const struct answer at = settle(&end, number, &damage, taken + 3);
+    const struct answer at = solve_damage(&end, number, &damage, taken + 3);
     const double before = OLD(normal_traction);
     // Between two tractions their mean works; what is elastic, along the secant too, is stored.
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);

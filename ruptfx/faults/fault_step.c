@@ -1,4 +1,4 @@
-// One explicit step of an interface, LANES points at a time: gather, point and settle (points.c, in front of this file),
+// One explicit step of an interface, LANES points at a time: gather, point and write_back (points.c, in front of this file),
 // push (what the bodies feel).
 
 INLINE void gather(const long *plus, const long *minus, const double *displacement, const double *velocity,
@@ -77,7 +77,7 @@ void update(long n, const struct times *times, const long *plus, const long *min
         gather(plus + first, minus + first, displacement, velocity, &points);
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
-        settle(count, times, number, &points, dissipated);
+        write_back(count, times, number, &points, dissipated);
 #if BONDED
         for (int l = 0; l < LANES; l++) fractured += points.fractured[l], met += points.met[l];
 #endif

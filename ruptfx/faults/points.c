@@ -1,4 +1,4 @@
-// What a step does at the points of an interface, LANES of them at a time: point (trial and projection) and settle (what
+// What a step does at the points of an interface, LANES of them at a time: point (trial and projection) and write_back (what
 // is written back). Explicit steps (fault_step.c) and implicit ones (implicit/response.c) go on from here. point_code.py
 // writes in front of this file what is known at compile time: COMPONENTS, LOCAL, TANGENTS, NORMAL, ONE_SIDED, AT_END,
 // TOLERANCE, BALANCED, AT_REST, MAX_ITERATIONS, BISECT_EVERY, DAMAGED, LANES, where arrays are, the traced formulas of contact method, law and
@@ -348,7 +348,7 @@ INLINE void point(const struct times *times, const double *number, struct points
 }
 
 // The fields at the traction, and what friction takes [J].
-INLINE void settle(int count, const struct times *times, const double *number, struct points *points, lanes dissipated)
+INLINE void write_back(int count, const struct times *times, const double *number, struct points *points, lanes dissipated)
 {
     UNPACK_TIMES
     const double duration = AT_END ? since : kick;

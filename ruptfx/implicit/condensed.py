@@ -275,7 +275,7 @@ class Condensed:
             else:
                 self.reason = f"DIVERGED: {MAX_NEWTON} iterations at the interfaces"
                 return None
-            if step.settled():
+            if step.multipliers_converged():
                 return now
             step.update_multipliers()
             self.outer += 1

@@ -230,7 +230,7 @@ class Equilibrium:
                 if not converged:
                     break
                 u = step.displacement
-                if step.settled():
+                if step.multipliers_converged():
                     faults = {name: response.state for name, response in step.responses.items()}
                     return Solution(
                         u, step.internal, faults, dt, iterations, outer, residuals, step.scale, self.answers,

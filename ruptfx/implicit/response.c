@@ -120,7 +120,7 @@ void respond(long n, const struct times *times, const double *jump, const double
         take(first, count, near, 1, &points.near);
         point(times, number, &points);
         if (failed(first, count, &points, result)) return;
-        settle(count, times, number, &points, dissipated);
+        write_back(count, times, number, &points, dissipated);
         store(first, count, new, &points);
         differentiate(times, &points, slopes);
 #if BONDED

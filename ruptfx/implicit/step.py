@@ -81,7 +81,7 @@ class Step:
         self.multipliers = {name: response.state for name, response in self.responses.items()}
         self.displacement = np.zeros(0)
 
-    def settled(self) -> bool:
+    def multipliers_converged(self) -> bool:
         """Return whether the multipliers have converged to the tractions; collective."""
         model, settled = self._equilibrium.model, True
         for fault in model.faults:

@@ -166,9 +166,9 @@ class BulkFields:
                 here = self.model.layout.rows.here
                 self.append(float(time), {name: file[name][row, here] for name in self._fields})
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         """Return the files that this rank has written, which may then be copied."""
-        self._file.settle()
+        self._file.reopen()
         descriptor = self._out / "bulk.xdmf"
         return [*self._file.paths, *[descriptor] * (self._file.whole is not None and descriptor.exists())]
 

@@ -123,7 +123,7 @@ class Checkpoints:
             if file.whole is not None:
                 for group, fields in groups.items():
                     file.whole.create_group(group).update(fields)
-        written, histories = list(file.paths), self._recorder.settle()
+        written, histories = list(file.paths), self._recorder.reopen()
         for path in histories if copies else []:
             written.append(folder / path.name)
             shutil.copyfile(path, written[-1])

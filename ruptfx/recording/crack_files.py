@@ -175,7 +175,7 @@ class CrackFiles:
 
         _whole(self._out / "events.h5", write)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         """Return files that may now be copied."""
         self._file.close()
         self._file = h5py.File(self.path, "a")

@@ -52,7 +52,7 @@ class GrowingFile:
         if many or time.monotonic() - self._flushed > FLUSH_EVERY:
             self.flush()
 
-    def settle(self) -> None:
+    def reopen(self) -> None:
         """Close and reopen the file: only a closed HDF5 file may be copied."""
         self.close()
         self._open("a")

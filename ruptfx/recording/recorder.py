@@ -172,16 +172,16 @@ class Recorder:
         names += ["instruments.h5"] if self.samples.instruments else []
         return names + [name for each in self.parts for name in each.names()]
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         """Write all data in memory; return the history files of this rank, which may then be copied."""
-        files = self._bulk.settle()
+        files = self._bulk.reopen()
         if self.model.comm.rank == 0:
             files.append(self._energies.path)
             if self._instruments is not None:
-                self._instruments.settle()
+                self._instruments.reopen()
                 files.append(self._instruments.path)
             for each in self.parts:
-                files += each.settle()
+                files += each.reopen()
         return files
 
     @phase("writing")

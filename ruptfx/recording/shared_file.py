@@ -90,7 +90,7 @@ class SharedFile:
         if self.whole is not None:
             self.whole.flush()
 
-    def settle(self) -> None:
+    def reopen(self) -> None:
         """Close and reopen the files: only a closed HDF5 file may be copied."""
         self.close()
         self._open("a")

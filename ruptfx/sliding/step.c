@@ -139,7 +139,7 @@ INLINE void stir(const struct sweeps *s, long first, unsigned char how)
 }
 
 // Whether the tractions of a block are others than `given`; scale: the largest one so far.
-INLINE int unsettled(const struct pairing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
+INLINE int unconverged(const struct pairing *f, const struct sweeps *s, long first, const lanes given[2], double *scale)
 {
     double most = 0, largest = *scale;
     for (int k = 0; k < 2; k++) {
@@ -213,7 +213,7 @@ INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct 
             normal[l] = there ? points.sigma[l] : 0, shear[l] = there & closed ? held : 0;
         }
         if (!hold_of(f, s, first)) continue;
-        const int more = unsettled(f, s, first, given, scale);
+        const int more = unconverged(f, s, first, given, scale);
         stir(s, first, more ? UNSETTLED : MOVED);
         many += more;
     }
@@ -249,7 +249,7 @@ INLINE double start(const struct pairing *f, const struct sweeps *s, double *con
     memcpy(s->traction, field[STATE_normal_stress], f->n * sizeof(double));
     memcpy(s->traction + points, field[STATE_shear_traction], f->n * sizeof(double));
     EACH_BLOCK {
-        unsettled(f, s, first, none, &scale);
+        unconverged(f, s, first, none, &scale);
         if (hold_of(f, s, first)) stir(s, first, MOVED);
     }
     meet(f, s);
@@ -323,12 +323,12 @@ long slide(const struct pairing *f, const struct sweeps *s, const struct times *
         begin(f, s, fixed, field, first, (int)count, &points, given);
         point(times, number, &points);
         if (failed(first, (int)count, &points, result)) return 0;
-        settle((int)count, times, number, &points, dissipated);
+        write_back((int)count, times, number, &points, dissipated);
         store(first, (int)count, field, &points);
         memcpy(s->traction + first, field[STATE_normal_stress] + first, count * sizeof(double));
         memcpy(s->traction + points_of + first, field[STATE_shear_traction] + first, count * sizeof(double));
         if (!hold_of(f, s, first)) continue;
-        many += s->most && unsettled(f, s, first, given, &scale);
+        many += s->most && unconverged(f, s, first, given, &scale);
         stir(s, first, MOVED);
     }
     meet(f, s);

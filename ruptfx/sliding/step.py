@@ -103,7 +103,7 @@ class SlidingStep:
 
     Attributes
     ----------
-    unsettled : int
+    unconverged : int
         Steps that ended without convergence after the largest number of sweeps.
     """
 
@@ -113,7 +113,7 @@ class SlidingStep:
         face = fault.interface
         assert isinstance(face, SlidingInterface)
         self.fault, self.clock, self._face = fault, clock, face
-        self.work, self.unsettled = 0.0, 0
+        self.work, self.unconverged = 0.0, 0
         n, m = len(face.plus), len(face.geometry.minus.nodes)
         self._inverse_mass = inverse_mass[face.dofs].reshape(-1, 2)
         self._mobility, self._area, self._revision = np.ones(2 * n), np.zeros(n), -1
@@ -262,12 +262,12 @@ class SlidingStep:
 
     def _report(self, time: float) -> None:
         """Log some of the steps whose tractions have not converged."""
-        self.unsettled += 1
-        if self.unsettled in REPORTED:
+        self.unconverged += 1
+        if self.unconverged in REPORTED:
             LOG.warning(
-                "faults.%s: tractions did not settle within contact.sweeps = %d, step %d of that kind, at %.6g s; the "
-                "run goes on with what they are, which a larger contact.tolerance allows", self.fault.name,
-                self._sweeps.most, self.unsettled, time,
+                "faults.%s: tractions did not converge within contact.sweeps = %d, step %d of that kind, at %.6g s; "
+                "the run goes on with what they are, which a larger contact.tolerance allows", self.fault.name,
+                self._sweeps.most, self.unconverged, time,
             )  # fmt: skip
 
     def _taken(self, traction_old: Floats, traction: Floats, state: FaultState) -> float:

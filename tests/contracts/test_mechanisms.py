@@ -105,7 +105,7 @@ class Counted(records.Records):
     def append(self, time: float, data: float) -> None:
         self.made.append(time * data)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         return []
 
     def close(self) -> None:

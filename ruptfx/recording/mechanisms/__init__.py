@@ -103,7 +103,7 @@ class Records:
         """Return the largest slip rate in the data of a record [m/s], for the progress of a run; rank 0 only."""
         return 0.0
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         """Write all data in memory; return the files, which may then be copied; rank 0 only."""
         raise NotImplementedError
 

@@ -48,9 +48,9 @@ class AttachmentRecords(Records):
         assert self._file is not None
         self._file.append(time, data)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         assert self._file is not None
-        self._file.settle()
+        self._file.reopen()
         return [self._file.path]
 
     def close(self) -> None:

@@ -41,7 +41,7 @@ class EdgeRecords(Records):
         assert self._table is not None
         self._table.append(time, data)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         assert self._table is not None
         return [self._table.path]
 

@@ -51,9 +51,9 @@ class FacetRecords(Records):
         assert self._files is not None
         self._files.append(time, data)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         assert self._files is not None
-        return self._files.settle()
+        return self._files.reopen()
 
     def close(self) -> None:
         if self._files is not None:

@@ -68,9 +68,9 @@ class FaultRecords(Records):
         rates = [v for each in data.values() for name, v in each.items() if name.startswith("slip_rate")]
         return float(max((np.abs(rate).max() for rate in rates), default=0.0))
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         for file in self._files.values():
-            file.settle()
+            file.reopen()
         return [file.path for file in self._files.values()]
 
     def complete(self) -> None:

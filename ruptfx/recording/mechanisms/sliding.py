@@ -59,7 +59,7 @@ class ForceRecords(Records):
         for name, values in data.items():
             self._tables[name].append(time, values)
 
-    def settle(self) -> list[Path]:
+    def reopen(self) -> list[Path]:
         return [table.path for table in self._tables.values()]
 
     def close(self) -> None:
