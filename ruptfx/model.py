@@ -385,7 +385,7 @@ class Model(Discretisation):
         bulk : (float, float), optional
             Kinetic and strain energy of this rank [J] where the stepper knows them; else they cost a force evaluation.
         """
-        state.catch_up()
+        state.sync_bodies()
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
         here["kinetic"], here["strain"] = kinetic, strain

@@ -141,7 +141,7 @@ def _run(
     case, comm = model.case, model.comm
     with phase("model"):
         state = model.initial_state()
-        state.unseen = True
+        state.lazy_bodies = True
         if checkpoint:
             checkpoint.restore(model, state)
     with (
@@ -166,7 +166,7 @@ def _run(
         error = None
         while not recorder.finished(state) and not stopping.ended:
             # A rank with an error steps on, as the others wait for its messages; it is raised where all ranks meet.
-            state.watched = recorder.expects(state)
+            state.wants_energies = recorder.expects(state)
             failed = _step(motion, state)
             error = error or failed
             recorder.observe(state)

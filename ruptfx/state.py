@@ -41,11 +41,11 @@ class State:
         Fields of attachments at their nodes, by name of the attachment.
     memory : dict of ndarray
         State of materials with memory at the points of elements, by name of the body.
-    watched : bool
+    wants_energies : bool
         True if energies are requested after the next step, which may then sum them on its way.
-    unseen : bool
-        True if displacement and velocity are not read before `catch_up`, so that a stepper may defer them.
-    behind : callable, state -> None, optional
+    lazy_bodies : bool
+        True if displacement and velocity are not read before `sync_bodies`, so that a stepper may defer them.
+    pending_update : callable, state -> None, optional
         Function that computes deferred displacement and velocity.
     """
 
@@ -60,26 +60,26 @@ class State:
     )
     fields: dict[str, np.ndarray] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
-    watched: bool = False
+    wants_energies: bool = False
     cracks: FaultState = field(default_factory=dict)
     points: dict[str, FaultState] = field(default_factory=dict)
     pairs: FaultState = field(default_factory=dict)
     attached: dict[str, FaultState] = field(default_factory=dict)
     memory: FaultState = field(default_factory=dict)
-    unseen: bool = False
-    behind: Callable[[State], None] | None = field(default=None, repr=False)
+    lazy_bodies: bool = False
+    pending_update: Callable[[State], None] | None = field(default=None, repr=False)
 
-    def take(self, fault: str, name: str, energy: float) -> None:
+    def add_energy(self, fault: str, name: str, energy: float) -> None:
         """Add an energy dissipated by a fault, points of this rank [J]."""
         for each in (name, f"{fault}.{name}"):
             if each in self.energy:
                 self.energy[each] += energy
 
-    def catch_up(self) -> None:
+    def sync_bodies(self) -> None:
         """Compute displacement and velocity at `time` if a stepper has deferred them; collective."""
-        behind, self.behind = self.behind, None
-        if behind is not None:
-            behind(self)
+        update, self.pending_update = self.pending_update, None
+        if update is not None:
+            update(self)
 
     @property
     def lag(self) -> float:

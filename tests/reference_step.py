@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ruptfx.contact import Array, Trial
-from ruptfx.faults import bond
-from ruptfx.faults.bond import DAMAGED, Held
+from ruptfx.faults import cohesive_interface
+from ruptfx.faults.cohesive_interface import DAMAGED, CohesiveStrength
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import impedances
 from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
@@ -70,7 +70,7 @@ def point(
     near = fault.components(guess or state, "mean_slip_rate")
     known_state = {name: state[name] for name in law.state_names}
 
-    def projected(held: Held | None) -> Projected:
+    def projected(held: CohesiveStrength | None) -> Projected:
         return project(
             law, known_state | {"normal_stress": np.maximum(state["normal_stress"], 0.0)}, trial.normal_stress,
             np.stack(trial.shear_traction, axis=1), np.stack(trial.impedance, axis=1), clock.since, before,
@@ -85,7 +85,7 @@ def point(
         return trial, projected(bonded.held), bonded
 
     def at(damage: np.ndarray) -> tuple[Projected, Bonded]:
-        held = fault.traced_bond().held(damage, state["largest_opening"], trial.normal_compliance)
+        held = fault.traced_cohesion().strength_at(damage, state["largest_opening"], trial.normal_compliance)
         found = projected(held)
         opened = (found.normal_stress - trial.normal_stress) * trial.normal_compliance
         slid = state["damaging_slip"] + clock.since * np.linalg.norm(found.mean_slip_rate, axis=1)
@@ -93,7 +93,7 @@ def point(
 
     def missing(damage: np.ndarray) -> np.ndarray:
         _, bonded = at(damage)
-        return fault.traced_bond().damage_after(state["damage"], bonded.largest, bonded.slid) - damage
+        return fault.traced_cohesion().damage_after(state["damage"], bonded.largest, bonded.slid) - damage
 
     # Bisection between the damage before and 1, where it grows.
     low, high = state["damage"].copy(), np.ones_like(state["damage"])
@@ -112,7 +112,7 @@ class Bonded:
     damage: np.ndarray
     largest: np.ndarray
     slid: np.ndarray
-    held: Held
+    held: CohesiveStrength
 
 
 Found = tuple[Trial, Projected, Bonded | None]
@@ -122,8 +122,8 @@ def known_beforehand(fault: Fault, state: FaultState, jump: np.ndarray, trial: T
     """Cohesion where opening and slip do not depend on the traction."""
     largest = np.maximum(state["largest_opening"], fault.opening(fault.interface.split(jump)[0]))
     slid = state["damaging_slip"] + clock.since * np.linalg.norm(fault.components(state, "mean_slip_rate"), axis=1)
-    damage = fault.traced_bond().damage_after(state["damage"], largest, slid)
-    return Bonded(damage, largest, slid, fault.traced_bond().held(damage, largest, trial.normal_compliance))
+    damage = fault.traced_cohesion().damage_after(state["damage"], largest, slid)
+    return Bonded(damage, largest, slid, fault.traced_cohesion().strength_at(damage, largest, trial.normal_compliance))
 
 
 def write_back(
@@ -158,7 +158,7 @@ def write_back(
         new |= {"damage": bonded.damage, "largest_opening": bonded.largest, "damaging_slip": bonded.slid}
         closed |= bonded.held.intact
         if law.at_end:
-            fractured = bond.losses(fault, old, new, 1.0).shear
+            fractured = cohesive_interface.losses(fault, old, new, 1.0).shear
         else:
             whole = np.linalg.norm(done.shear_traction, axis=1)
             shear = bonded.held.shear

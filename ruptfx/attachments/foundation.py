@@ -8,7 +8,7 @@ import numpy as np
 
 from ruptfx.attachments import Attached, EdgeAttachment, EdgeNodes
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
-from ruptfx.faults.bond import TracedBond
+from ruptfx.faults.cohesive_interface import TracedCohesion
 from ruptfx.fields import PointField
 from ruptfx.mechanisms import Floats, Reaction, Springs, StepEnd
 from ruptfx.platform import parallel
@@ -75,7 +75,7 @@ class Ground(Attached):
 
     def __init__(self, model: Model, part: Foundation, edge: EdgeNodes, law: CohesiveLaw, key: str) -> None:
         super().__init__(model, part.name, edge.nodes)
-        self._stiffness, self._bond = (part.normal, part.tangential), TracedBond(law)
+        self._stiffness, self._cohesion = (part.normal, part.tangential), TracedCohesion(law)
         self._area, self._normal = edge.area[:, None], edge.normal
         self._counted = np.where(self.owned, edge.area, 0.0)
         steepest = self._steepest()
@@ -89,7 +89,7 @@ class Ground(Attached):
 
     def _steepest(self) -> tuple[float, float]:
         """Return how fast strength falls with opening and with slip at most [Pa/m]."""
-        law, n = self._bond.law, len(self.at)
+        law, n = self._cohesion.law, len(self.at)
         found = []
         for mode, (strength, length) in enumerate(((law.f_t, law.opening_at_failure), (law.c, law.slip_at_failure))):
             ways = np.linspace(0, 1, 201)[:, None] * np.broadcast_to(length, n)
@@ -102,11 +102,11 @@ class Ground(Attached):
         return found[0], found[1]
 
     def _damage(self, opening: Floats, slip: Floats) -> Floats:
-        return self._bond.damage_after(np.zeros(len(self.at)), opening, slip)
+        return self._cohesion.damage_after(np.zeros(len(self.at)), opening, slip)
 
     def _strengths(self, damage: Floats) -> tuple[Floats, Floats]:
         """Return the strengths in tension and shear that a damage leaves [Pa]."""
-        held = self._bond.held(damage, damage, damage)
+        held = self._cohesion.strength_at(damage, damage, damage)
         return held.tension, held.shear
 
     def springs(self) -> list[Springs]:

@@ -90,7 +90,7 @@ def march(case: Case, events: int, whole: bool) -> tuple[Cycles, float]:
     """Run on one rank until `events` events have begun, or have ended; return also the initial age at the surface."""
     model = Model(case, fem.MPI.COMM_SELF)
     motion, state = case.stepper.bind(model), model.initial_state()
-    state.unseen = True
+    state.lazy_bodies = True
     fields, age = state.faults["main"], float(state.faults["main"]["theta"][0])
     found = Cycles(model.faults[0].interface.position)
     while (found.over if whole else len(found.events)) < events:

@@ -74,9 +74,9 @@ def opened(size: float) -> tuple[dict[str, np.ndarray], float]:
     steps = int(case.duration / motion.dt)
     rows, lost, work = [], 0.0, 1e-300
     for step in range(1, steps + 1):
-        state.watched = step % (steps // SAMPLES) == 0
+        state.wants_energies = step % (steps // SAMPLES) == 0
         motion.step(state)
-        if state.watched:
+        if state.wants_energies:
             edges = dict(zip(sums.columns, sums.row(state), strict=True))
             energy = motion.energies(state)
             unaccounted = energy["boundary_work"] - sum(v for name, v in energy.items() if name != "boundary_work")

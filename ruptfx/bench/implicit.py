@@ -65,7 +65,7 @@ class Measured:
     def __init__(self, problem: Problem, comm: MPI.Comm) -> None:
         self.name, self.model = problem.name, Model(problem.case, comm)
         self.motion, self.state = problem.case.stepper.bind(self.model), self.model.initial_state()
-        self.state.unseen = True
+        self.state.lazy_bodies = True
 
     def timed(self, what: str, action: Callable[[], object]) -> float:
         """Time an action: processor time of the slowest rank [s]; collective."""
@@ -110,10 +110,10 @@ def checks(problem: Problem, fine: bool, comm: MPI.Comm) -> list[Check]:
     run = Measured(problem, comm)
     first = run.timed("the first step", run.step)
     run.timed(f"until {problem.fast:g} m/s", lambda: run.until(problem.fast))
-    run.state.catch_up()
+    run.state.sync_bodies()
     theirs = copy.deepcopy(run.state)
     step = float(np.median([run.timed("a step", run.step) for _ in range(TIMED)]))
-    look = run.timed("a look", run.state.catch_up)
+    look = run.timed("a look", run.state.sync_bodies)
     ours = copy.deepcopy(run.state)
     unknowns = run.model.total_nodes * run.model.components
     text = f"{problem.name}, {unknowns} unknowns, {problem.fast:g} m/s"

@@ -193,7 +193,7 @@ def _blocks(comm: MPI.Comm) -> list[Check]:
         model = Model(case, comm)
         state, motion = model.initial_state(), case.stepper.bind(model)
         for number in range(120):
-            state.watched = number == 119
+            state.wants_energies = number == 119
             motion.step(state)
         energy, results[name] = motion.energies(state), state.displacement
         work = energy.pop("boundary_work")

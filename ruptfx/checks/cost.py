@@ -117,7 +117,7 @@ class _Beginning:
 
     def __init__(self, model: Model, motion: Motion, recorder: Recorder) -> None:
         self.motion, self.recorder, self.state = motion, recorder, model.initial_state()
-        self.state.unseen = True
+        self.state.lazy_bodies = True
         recorder.observe(self.state)
         self._record("interface")
         self.step_and_record()
@@ -137,7 +137,7 @@ class _Beginning:
     def _step(self, watched: bool) -> None:
         self.recorder.next = dict(NEVER)
         self.recorder.expects(self.state)
-        self.state.watched = watched
+        self.state.wants_energies = watched
         self.motion.step(self.state)
         self.recorder.observe(self.state)
         self.recorder.due(self.state)

@@ -10,8 +10,8 @@ import numpy as np
 
 from ruptfx.cohesion import CohesiveLaw
 from ruptfx.contact import ContactMethod, Way
-from ruptfx.faults import bond
-from ruptfx.faults.bond import TracedBond
+from ruptfx.faults import cohesive_interface
+from ruptfx.faults.cohesive_interface import TracedCohesion
 from ruptfx.faults.interface import Interface
 from ruptfx.faults.projection import TracedLaw, explain, least_strength
 from ruptfx.fields import FIELDS, MONITORS, component_names
@@ -87,13 +87,13 @@ class Fault:
         """Return the friction law as explicit steps of the contact method use it."""
         return TracedLaw(self.friction, self.contact.traction_ends_slip, self.cohesion is not None)
 
-    def traced_bond(self) -> TracedBond | None:
+    def traced_cohesion(self) -> TracedCohesion | None:
         """Return the cohesive law recorded for a step, None without cohesion."""
-        return None if self.cohesion is None else TracedBond(self.cohesion)
+        return None if self.cohesion is None else TracedCohesion(self.cohesion)
 
     def state_fields(self) -> dict[str, str]:
         """Return names and units of the state of friction and cohesion."""
-        return {**self.friction.all_state_fields(), **({} if self.cohesion is None else bond.STATE)}
+        return {**self.friction.all_state_fields(), **({} if self.cohesion is None else cohesive_interface.STATE)}
 
     @property
     def tangents(self) -> int:
@@ -125,7 +125,7 @@ class Fault:
         if self.slides:
             state["slip_followed"] = np.zeros(n)  # tangential jump at the last update of the pairing
         if self.cohesion is not None:
-            state |= {name: np.zeros(n) for name in bond.STATE}
+            state |= {name: np.zeros(n) for name in cohesive_interface.STATE}
             state["damage"][~self.interface.touches(state["opening"])] = 1.0
         return state | {name: np.array(law_state[name], float) for name in self.friction.all_state_fields()}
 
@@ -195,7 +195,7 @@ class Fault:
         now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list((jump - slip).T))
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
         if self.cohesion is not None:
-            now = now + bond.stored(state)
+            now = now + cohesive_interface.stored(state)
         area = face.owned * face.weight
         return float(np.sum(area * (now - before))), float(area @ np.sum(shear * slip, axis=1))
 

@@ -17,7 +17,7 @@ import numpy as np
 from ruptfx.codegen import native
 from ruptfx.codegen.tracing import Expression, constant, record, symbol, to_c
 from ruptfx.contact import Array, Point, Trial
-from ruptfx.faults.bond import DAMAGED, STATE
+from ruptfx.faults.cohesive_interface import DAMAGED, STATE
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.projection import BALANCED, BISECT_EVERY, MAX_ITERATIONS, TOLERANCE, TracedLaw, parameters_as_symbols
 from ruptfx.fields import FIELDS, MONITORS, Moment
@@ -52,8 +52,8 @@ class PointCode:
         self._fault, self._law = fault, law
         parameters, self._contact = parameters_as_symbols(fault.contact, "c_")
         parameters |= law.parameters
-        self._bond = fault.traced_bond()
-        parameters |= {} if self._bond is None else self._bond.parameters
+        self._cohesion = fault.traced_cohesion()
+        parameters |= {} if self._cohesion is None else self._cohesion.parameters
         n = len(fault.normal_stress_0)
         columns = {
             "gap": np.zeros(n) if fault.gap is None else fault.gap, "normal_stress_0": fault.normal_stress_0,
@@ -67,7 +67,7 @@ class PointCode:
         numbers = {name: value for name, value in parameters.items() if name not in columns}
         self._number_names = list(numbers)
         self.numbers = np.array([*numbers.values(), 0.0])
-        bond = [] if self._bond is None else list(STATE)
+        bond = [] if self._cohesion is None else list(STATE)
         self.names = [name for field in (*FIELDS, *MONITORS) for name in field.names(fault.tangents)]
         self.names += law.state_names + bond
 
@@ -114,7 +114,7 @@ class PointCode:
         return {
             "LANES": LANES, "COMPONENTS": face.frame.shape[2], "LOCAL": face.frame.shape[1], "TANGENTS": face.tangents,
             "NORMAL": int(face.has_normal), "ONE_SIDED": int(face.one_sided), "AT_END": int(self._law.at_end),
-            "BONDED": int(self._bond is not None),
+            "BONDED": int(self._cohesion is not None),
             "TOLERANCE": TOLERANCE, "BALANCED": BALANCED, "AT_REST": AT_REST, "MAX_ITERATIONS": MAX_ITERATIONS,
             "BISECT_EVERY": BISECT_EVERY, "DAMAGED": DAMAGED,
         }  # fmt: skip
@@ -123,7 +123,7 @@ class PointCode:
         """Return macros with the offsets of arrays and the symbols of law and contact method."""
         law = self._law
         of_state = {field.name: len(field.names(self._fault.tangents)) for field in (*FIELDS, *MONITORS)}
-        of_state |= dict.fromkeys([*law.state_names, *({} if self._bond is None else STATE)], 1)
+        of_state |= dict.fromkeys([*law.state_names, *({} if self._cohesion is None else STATE)], 1)
         places = {
             "FIXED": self._places, "STATE": _places(of_state), "BEGUN": _places(dict.fromkeys(law.start, 1)),
         }  # fmt: skip
@@ -170,8 +170,8 @@ class PointCode:
             "MONITORS": {f"NEW({m.name})": m.update(symbol(f"OLD({m.name})"), at) for m in MONITORS},
         }  # fmt: skip
         strengths: dict[str, object] = {}
-        if self._bond is not None:
-            bond = self._bond
+        if self._cohesion is not None:
+            bond = self._cohesion
             formulas |= {
                 "DAMAGE": {"damage": bond.damage}, "LEFT": {"left": bond.left},
                 "LEFT_SLOPE": {"left_slope": bond.left_slope},

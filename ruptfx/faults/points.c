@@ -88,7 +88,7 @@ INLINE double next_rate(double v, double low, double high, double residual, doub
 }
 
 #if BONDED
-// Cohesion at a known opening and slip, and with it the normal stress (bond.py).
+// Cohesion at a known opening and slip, and with it the normal stress (cohesive_interface.py).
 INLINE void hold(const struct times *times, const double *number, struct points *points)
 {
     UNPACK_TIMES

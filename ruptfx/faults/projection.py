@@ -31,7 +31,7 @@ from ruptfx.friction import AT_REST, FrictionLaw
 from ruptfx.schema import Part
 
 if TYPE_CHECKING:
-    from ruptfx.faults.bond import Held
+    from ruptfx.faults.cohesive_interface import CohesiveStrength
 
 TOLERANCE = 1e-13  # of the trial traction
 BALANCED = 1e-9  # of the trial traction: residual accepted if V has no more significant bits
@@ -343,7 +343,7 @@ def project(
     guess: np.ndarray | None = None,
     where: str = "",
     tangent: bool = False,
-    held: Held | None = None,
+    held: CohesiveStrength | None = None,
 ) -> Projected:
     """Project trial tractions onto those that the law admits.
 
@@ -368,7 +368,7 @@ def project(
         Text added to the message of an error, for example the time.
     tangent : bool
         Compute derivatives, too.
-    held : Held, optional
+    held : CohesiveStrength, optional
         Tensile and shear strength in addition to friction.
 
     Raises

@@ -8,7 +8,7 @@ the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of
 
 w_m being the response of the bodies, with sticking interfaces, to a unit of the amount m. A step solves the second
 line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
-velocity, together, when output needs them (`State.catch_up`). Results do not depend on when that is: it changes no
+velocity, together, when output needs them (`State.sync_bodies`). Results do not depend on when that is: it changes no
 bit of later steps, and a restarted run has bitwise the same results.
 
 The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
@@ -159,7 +159,7 @@ class Deferred:
         """Remove the base, if there is one, and complete the state as if there had been none; collective."""
         if not self.is_on(state):
             return
-        state.catch_up()
+        state.sync_bodies()
         if not self.is_on(state):  # the bodies were out of balance
             return
         kinetic, strain = self._model.bulk_energies(state)
@@ -172,7 +172,7 @@ class Deferred:
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies over all ranks [J]; collective."""
-        state.catch_up()
+        state.sync_bodies()
         found = self._model.energies(state)
         if self.is_on(state):
             found["boundary_work"] += found["strain"]
@@ -254,7 +254,7 @@ class Deferred:
             state.points[name] = _packed(jump, (jump - old) / dt, (traction - before[name]) / dt, base_traction)
         state.numbers[BEFORE] = state.time
         solution.commit(state)
-        state.behind = self._catch_up
+        state.pending_update = self._catch_up
 
     def _catch_up(self, state: State) -> None:
         """Update displacement and velocity of the bodies; collective."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.codegen.tracing import constant, symbol
-from ruptfx.faults import bond
+from ruptfx.faults import cohesive_interface
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.point_code import FAILURE, PointCode
 from ruptfx.faults.points import Clock, closed_and_stuck, frictional_power
@@ -166,7 +166,7 @@ class FaultResponse:
         rigid = fault.contact.stiffness()[0] == 0 and not fault.slides  # normal
         impact = -float(area @ (pressure * (new["opening"] - old["opening"]))) if rigid else 0.0
         if fault.cohesion is not None:
-            losses = bond.losses(fault, old, new, dt)
+            losses = cohesive_interface.losses(fault, old, new, dt)
             shear = float(area @ losses.shear)
             dissipated, fractured = dissipated - shear, shear + float(area @ losses.tension)
             state.energy["fracture"] += fractured
@@ -176,8 +176,8 @@ class FaultResponse:
             load_old, load = fault.load(time - dt), fault.load(time)
             rate_old, rate = (fault.components(fields, "mean_slip_rate")[:, 0] for fields in (old, new))
             worked = float(area @ fault.contact.dissipated(load_old, load, rate_old, rate)) * dt
-        state.take(fault.name, "frictional_dissipation", dissipated)
-        state.take(fault.name, "impact_loss", impact)
+        state.add_energy(fault.name, "frictional_dissipation", dissipated)
+        state.add_energy(fault.name, "impact_loss", impact)
         state.energy["boundary_work"] += worked
         for name, values in new.items():
             old[name][:] = values

@@ -164,10 +164,10 @@ def _bond_rows(
     for mode, given in energies.items():
         strength, energy = (float(np.broadcast_to(value, fault.normal_stress_0.shape)[point]) for value in given)
         if strength == 0:
-            yield Row(f"{label}: bond, mode {mode}", "none", "", "nothing is held there")
+            yield Row(f"{label}: cohesion, mode {mode}", "none", "", "nothing is held there")
             continue
         zone = 9 * np.pi / 16 * modulus * energy / strength**2
-        yield Row(f"{label}: bond, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
+        yield Row(f"{label}: cohesion, process zone {mode}", zone, "m", "at rest; it shrinks as cracks get faster")
         yield _points_row(f"{label}: points in it", zone, spacing, 5)
         spring = fault.contact.stiffness()[0 if mode == "I" else 1]
         if spring:  # softer springs have no equilibrium beyond the strength: they release their energy at once

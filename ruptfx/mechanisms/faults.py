@@ -136,9 +136,9 @@ class Faults(Mechanism):
         for step, rate_old in zip(self.steps[kick.number], self._rates, strict=True):
             name, fields = step.fault.name, state.faults[step.fault.name]
             dissipated = step(fields, state.displacement, state.velocity, state.force, state.time)
-            state.take(name, "frictional_dissipation", dissipated)
+            state.add_energy(name, "frictional_dissipation", dissipated)
             state.energy["boundary_work"] += step.work
-            state.take(name, "impact_loss", step.impact_loss(fields, state.velocity, rate_old))
+            state.add_energy(name, "impact_loss", step.impact_loss(fields, state.velocity, rate_old))
             state.energy["fracture"] += step.fractured(fields, state.velocity, rate_old)
 
     def exchange(self, state: State, kick: Kick) -> None:
@@ -162,7 +162,7 @@ class Faults(Mechanism):
         """Add the work of friction and nucleation on slip `way` [m], the uncounted part of the first half step."""
         traction = fault.components(state.faults[fault.name], "shear_traction")
         area = fault.interface.owned * fault.interface.weight
-        state.take(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
+        state.add_energy(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
         state.energy["boundary_work"] += float((area * fault.load(0.0)) @ way[:, 0])
 
 

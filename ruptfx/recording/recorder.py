@@ -262,7 +262,7 @@ class Recorder:
     def record(self, state: State) -> None:
         """Save the records that are due at this step; collective."""
         with phase("steps"):
-            state.catch_up()
+            state.sync_bodies()
         if self.samples.instruments:
             with phase("gathering"):
                 self.collect()

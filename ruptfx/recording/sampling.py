@@ -181,7 +181,7 @@ class Samples:
         if not self.instruments:
             return
         if self._nodal:
-            state.catch_up()
+            state.sync_bodies()
         half = 0.5 * state.lag
         for clock, train in self._trains.items():
             if clock == "displacement":

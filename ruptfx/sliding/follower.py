@@ -40,7 +40,7 @@ class Follower:
         self._fault, self.face = fault, face
         self._made: State | None = None  # the state that the geometry belongs to
         self._room = 0.0  # lower bound of the slip until the next update [m]
-        self._bond = fault.traced_bond()
+        self._cohesion = fault.traced_cohesion()
         self._large = LARGE  # threshold of the next warning
 
     def __call__(self, state: State) -> None:
@@ -63,7 +63,7 @@ class Follower:
             held = self._held_in_springs(state)
             self._remember(state, state.displacement, slip)
             self._stretch(state)
-            state.take(self._fault.name, "pairing_update_loss", held - self._held_in_springs(state))
+            state.add_energy(self._fault.name, "pairing_update_loss", held - self._held_in_springs(state))
 
     def _held_in_springs(self, state: State) -> float:
         """Return the energy of compliant contact at the time of the velocity, points of this rank [J]."""
@@ -80,10 +80,10 @@ class Follower:
         fault, fields, time = self._fault, state.faults[self._fault.name], state.fault_time
         jump = self.face.jump(state.displacement) - state.lag * self.face.rate(state.velocity)
         trial = closed_and_stuck(fault, jump, fault.components(fields, "slip"), Clock.of_step(state.lag), time)
-        if self._bond is None:
+        if self._cohesion is None:
             fields["normal_stress"][:] = np.maximum(trial.normal_stress, 0.0)
         else:
-            held = self._bond.held(fields["damage"], fields["largest_opening"], trial.normal_compliance)
+            held = self._cohesion.strength_at(fields["damage"], fields["largest_opening"], trial.normal_compliance)
             fields["normal_stress"][:] = held.normal_stress(trial.normal_stress)
             fields["opening"][:] = (fields["normal_stress"] - trial.normal_stress) * trial.normal_compliance
         fields["shear_traction"][:] = trial.shear_traction[0]
@@ -106,7 +106,7 @@ class Follower:
         followed[dofs], slip_then[:] = displacement[dofs], slip
         self._follow(followed, slip_then)
         self._made = state
-        if self._bond is not None:  # a point that has lost its opposite surface is no longer held
+        if self._cohesion is not None:  # a point that has lost its opposite surface is no longer held
             state.faults[self._fault.name]["damage"][~self.face.covered] = 1.0
         if len(dofs):
             self._doubt(followed[dofs].reshape(-1, 2), state.fault_time)
@@ -222,7 +222,7 @@ class StepFollower(Follower):
         taken = 0.5 * self._model.layout.owned_dot(self._pull_begun + self._pull, moved)
         self._remember(state, *self._taken)
         stored = self._energy(state.faults[self.name], state.time) - self._held
-        state.take(self.name, "impact_loss", taken - dissipated - stored)
+        state.add_energy(self.name, "impact_loss", taken - dissipated - stored)
 
     def _pull_of(self, fields: FaultState) -> Floats:
         """Return J' W T [N]."""

@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ruptfx.faults import bond
+from ruptfx.faults import cohesive_interface
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import FaultStep
 from ruptfx.faults.interface import Interface
@@ -184,9 +184,9 @@ class SlidingStep:
         The work of tension is taken out of the impacts, `_opened` [J]; without what is stored cohesion takes it.
         """
         fault, n = self.fault, len(self._area)
-        kept = self._sum(bond.stored(state) - bond.stored(old))
+        kept = self._sum(cohesive_interface.stored(state) - cohesive_interface.stored(old))
         if not self._rigid:
-            losses = bond.losses(fault, old, state, self.clock.since)
+            losses = cohesive_interface.losses(fault, old, state, self.clock.since)
             tension = self._sum(losses.tension)
             self._opened, self._fractured = tension + kept, self._sum(losses.shear) + tension
             return 0.0  # it is not in what the points have counted as friction

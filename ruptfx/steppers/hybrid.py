@@ -249,7 +249,7 @@ class HybridMotion:
                 continue
             dissipated, fractured = answer.commit(state, new, dt)
             if not fast.contact.traction_ends_slip:  # both were counted until half a step after the last traction
-                state.take(fault.name, "frictional_dissipation", -0.5 * dissipated)
+                state.add_energy(fault.name, "frictional_dissipation", -0.5 * dissipated)
                 state.energy["fracture"] -= 0.5 * fractured
         parallel.raise_on_all(self.model.comm, error)
 

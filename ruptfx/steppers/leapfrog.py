@@ -160,7 +160,7 @@ class LeapfrogMotion:
                     self._error = self._error or error
 
     def _advance(self, state: State, kick: Kick) -> None:
-        nodes, watched = self.nodes, state.watched
+        nodes, watched = self.nodes, state.wants_energies
         stored = None if self.model.quadratic or not watched else self.model.strain_energy(state.displacement)
         plain = np.zeros(2) if watched else None
         self._call(state, kick, self._prepare, self._add_first)

@@ -143,7 +143,7 @@ class QuasiStaticMotion(SlowMotion):
         deferred = self.equilibrium.deferred
         if deferred is not None and deferred.is_on(state):
             try:
-                ahead = deferred.solve(state, dt) if state.unseen else None
+                ahead = deferred.solve(state, dt) if state.lazy_bodies else None
             except ConvergenceError:
                 if halvings < MOST_HALVINGS and not self.equilibrium.reaches_open_points(state):
                     return None
@@ -167,7 +167,7 @@ class QuasiStaticMotion(SlowMotion):
             deferred.commit(state, solution)
             return
         self.take(state, solution)
-        if deferred is not None and state.unseen:
+        if deferred is not None and state.lazy_bodies:
             deferred.begin(state)
 
     def _warn(self, state: State, error: float) -> None:

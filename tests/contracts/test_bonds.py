@@ -66,7 +66,7 @@ def test_breaking_takes_the_fracture_energy_and_nothing_is_lost(contact: dict[st
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
     while state.time < given.duration:
-        state.watched = state.step % 2 == 0
+        state.wants_energies = state.step % 2 == 0
         motion.step(state)
         energy = motion.energies(state)
         assert abs(lost(energy)) <= 1e-11 * max(abs(energy["boundary_work"]), 1e-6)
@@ -252,7 +252,7 @@ def test_check_tells_the_zones_and_what_breaks_at_once() -> None:
     rows = {row.quantity: row for row in preflight(given)}
     modulus = HOMALITE["young_modulus"] / 2
     for mode, strength, energy in (("I", 4e6, 30.0), ("II", 8e6, 60.0)):
-        found = rows[f"faults.main: bond, process zone {mode}"].value
+        found = rows[f"faults.main: cohesion, process zone {mode}"].value
         assert found == pytest.approx(9 * np.pi / 16 * modulus * energy / strength**2, rel=1e-3)
     assert rows["faults.main: tension / strength"].value == pytest.approx(1.5)
     assert rows["faults.main: tension / strength"].verdict == "warning"

@@ -20,7 +20,7 @@ pytest.importorskip("dolfinx")
 from ruptfx.codegen import native
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.contact import Point
-from ruptfx.faults.bond import losses
+from ruptfx.faults.cohesive_interface import losses
 from ruptfx.faults.fault import Fault
 from ruptfx.faults.fault_step import FaultStep, impedances
 from ruptfx.faults.interface import Interface, Line

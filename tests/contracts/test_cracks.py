@@ -313,7 +313,7 @@ def test_energy_closes_while_a_block_is_torn_to_pieces(kind: str, plane: str, da
     motion, state = given.stepper.bind(model), model.initial_state()
     fracture, largest = 0.0, 0.0
     while state.time < given.duration:
-        state.watched = state.step % 2 == 0  # energies from the step itself, and afterwards
+        state.wants_energies = state.step % 2 == 0  # energies from the step itself, and afterwards
         motion.step(state)
         energy = motion.energies(state)
         lost = energy["boundary_work"] - sum(energy[name] for name in ENERGIES if name != "boundary_work")

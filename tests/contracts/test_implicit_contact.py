@@ -15,7 +15,7 @@ from ruptfx.check_law.examples import friction, table
 pytest.importorskip("dolfinx")
 
 from ruptfx.contact._rigid import RigidContact
-from ruptfx.faults import bond
+from ruptfx.faults import cohesive_interface
 from ruptfx.faults.fault import Fault
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.equilibrium import Equilibrium
@@ -124,7 +124,7 @@ def test_response_with_cohesion(method: str, kind: str, components: int) -> None
     fault, state, jump, size, given = a_moment(method, components, law)
     random = np.random.default_rng(3)
     fault = with_cohesion(fault, kind, compliances(fault.contact, 1e6, given["dt"]), random)
-    state |= {name: np.zeros(POINTS) for name in bond.STATE}
+    state |= {name: np.zeros(POINTS) for name in cohesive_interface.STATE}
     respond = FaultResponse(fault, 1e-3)
     seen = []
     for _ in range(4):

@@ -224,7 +224,7 @@ def test_what_finite_steps_take_closes_the_budget(breaks: bool) -> None:
         }))  # fmt: skip
         motion, state, largest = model.case.stepper.bind(model), model.initial_state(), 0.0
         while state.time < model.case.duration:
-            state.watched = state.step % 2 == 0
+            state.wants_energies = state.step % 2 == 0
             motion.step(state)
             energy = motion.energies(state)
             work = energy.pop("boundary_work")

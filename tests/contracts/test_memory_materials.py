@@ -190,7 +190,7 @@ def steps(changes: dict[str, Any], number: int = 60) -> tuple[dict[str, float], 
     model = Model(case)
     motion, state = case.stepper.bind(model), model.initial_state()
     for _ in range(number):
-        state.watched = True
+        state.wants_energies = True
         motion.step(state)
     return motion.energies(state), state.displacement, model
 

@@ -52,7 +52,7 @@ def march(given: Case, looks: list[int], defer: bool = True) -> list[dict[str, A
     """What is seen after some of the steps, on this rank."""
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
-    state.unseen = defer
+    state.lazy_bodies = defer
     if not defer:
         motion.equilibrium = Equilibrium(model, radiation=motion.radiation, condensed=False)
     seen = []
@@ -60,7 +60,7 @@ def march(given: Case, looks: list[int], defer: bool = True) -> list[dict[str, A
         motion.step(state)
         assert deferred.Deferred.is_on(state) is defer
         if step in looks:
-            assert (state.behind is not None) is (defer and step > 1)
+            assert (state.pending_update is not None) is (defer and step > 1)
             energies = motion.energies(state)
             nodal = {"displacement": state.displacement.copy(), "velocity": state.velocity.copy()}
             seen.append({"time": state.time, "energies": energies, "fields": nodal | {
@@ -102,7 +102,7 @@ def test_energies_stay_when_another_stepper_takes_over() -> None:
     given = pulled({"faults.main.contact": COMPLIANT})
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
-    state.unseen = True
+    state.lazy_bodies = True
     for _ in range(5):
         motion.step(state)
     before = motion.energies(state)
@@ -140,7 +140,7 @@ def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) ->
     given = pulled({"faults.main.contact": COMPLIANT})
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
-    state.unseen = True
+    state.lazy_bodies = True
     for _ in range(3):  # answers to edges and loads are made when they are first needed
         motion.step(state)
 
@@ -153,7 +153,7 @@ def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) ->
         for _ in range(4):
             motion.step(state)
         with pytest.raises(AssertionError):
-            state.catch_up()
+            state.sync_bodies()
 
 
 def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
@@ -164,14 +164,14 @@ def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog
     given = pulled({"faults.main.contact": COMPLIANT})
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
-    state.unseen = True
+    state.lazy_bodies = True
     for _ in range(3):
         motion.step(state)
     since = state.numbers["deferred_since"]
-    state.unseen = False
+    state.lazy_bodies = False
     motion.step(state)
     assert not deferred.Deferred.is_on(state)
-    state.unseen = True
+    state.lazy_bodies = True
     motion.step(state)
     assert state.numbers["deferred_since"] == state.time > since  # solved as a whole, and a new base
     with monkeypatch.context() as patch:

@@ -14,7 +14,7 @@ from whole_runs import killed, run_of, run_on, starts_jobs, stopped, write
 
 from ruptfx import fem
 from ruptfx.case import read_case
-from ruptfx.faults.bond import STATE as BOND
+from ruptfx.faults.cohesive_interface import STATE as BOND
 from ruptfx.record import Record
 from ruptfx.recording.checkpoint import Checkpoint
 from ruptfx.simulation import simulate

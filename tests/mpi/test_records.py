@@ -40,9 +40,9 @@ def test_watched_steps_sum_their_energies(table: dict[str, Any], operator: str, 
     motion, state = given.stepper.bind(model), model.initial_state()
     found = []
     for number in range(40):
-        state.watched = number % 3 != 1
+        state.wants_energies = number % 3 != 1
         motion.step(state)
-        if state.watched:
+        if state.wants_energies:
             expected = model.energies(state)
             with monkeypatch.context() as without:
                 without.setattr(model, "internal_force", None)
@@ -51,7 +51,7 @@ def test_watched_steps_sum_their_energies(table: dict[str, Any], operator: str, 
             assert energies == pytest.approx(expected, rel=1e-12, abs=1e-13 * max(map(abs, expected.values())))
             found.append(energies["kinetic"])
     assert parallel.total(model.comm, min(found)) > 0
-    state.watched = False
+    state.wants_energies = False
     motion.step(state)
     assert motion.energies(state) == model.energies(state)  # of this step, not of the last one watched
 

@@ -43,7 +43,7 @@ DAMAGED = 4e-15
 """Error of the damage that is solved for."""
 
 
-class TracedBond:
+class TracedCohesion:
     """Cohesive law recorded once: damage from opening and slip, and the remaining strength from damage.
 
     Parameters
@@ -80,16 +80,16 @@ class TracedBond:
             (found,) = self._damage(opening, slip, *self.parameters.values())
         return np.asarray(np.maximum(before, found))
 
-    def held(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> Held:
+    def strength_at(self, damage: np.ndarray, opening: np.ndarray, compliance: np.ndarray) -> CohesiveStrength:
         """Return the cohesive strength at a damage and a largest opening [m], shapes (n,)."""
         with np.errstate(all="ignore"):
             (left,) = self._left(damage, *self.parameters.values())
         left = np.where(damage < 1, left, 0.0)
-        return Held(self.law.f_t * left, self.law.c * left, opening, compliance)
+        return CohesiveStrength(self.law.f_t * left, self.law.c * left, opening, compliance)
 
 
 @dataclass(frozen=True)
-class Held:
+class CohesiveStrength:
     """Cohesive strength of the points in a step.
 
     Attributes
