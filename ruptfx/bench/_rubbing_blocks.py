@@ -69,7 +69,7 @@ class Blocks:
             },
             "materials": dict(zip(("upper", "lower"), map(_body, self.moduli), strict=True)),
             "faults": {"main": {
-                "sliding": {"follow": self.follow}, "contact": self.contact,
+                "sliding": {"update_slip": self.follow}, "contact": self.contact,
                 "friction": {"kind": "coulomb", "mu_d": self.friction}, "initial_stress": {"normal": 0.0},
             }},
             "stages": [

@@ -6,7 +6,7 @@ work are counted from there. What is left is the plastic impact of nodal masses 
 of elements, and the effect of updates of the mortar pairing; frames of the wrong surface, or coupling by collocation,
 give percents. The budget of all energies closes to round-off, with contact springs as well. Their energy changes
 at every update, as the gap of the current surfaces replaces that of the frozen frames; this change is the column
-`pairing_update_loss` in the budget, and vanishes to first order in `follow` and in the size of elements.
+`pairing_update_loss` in the budget, and vanishes to first order in `update_slip` and in the size of elements.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ def run(fine: bool, comm: fem.MPI.Comm) -> Outcome:
     often, seldom = (rub(Blocks(SIZES[0], 2, way, contact=SPRINGS, follow=follow), comm) for follow in FOLLOWS)
     worst = max(often.missing, seldom.missing)
     checks.append(Check("with springs: energy not accounted for", 0.0, worst, 1e-10, "1", "discrete budget"))
-    checks.append(Check(f"taken at updates / work, follow {FOLLOWS[0]:g}", 0.0, often.updates, 0.002, "1", SOURCE))
+    checks.append(Check(f"taken at updates / work, update_slip {FOLLOWS[0]:g}", 0.0, often.updates, 0.002, "1", SOURCE))
     more = ratio(seldom.updates, often.updates)
-    checks.append(Check(f"that of follow {FOLLOWS[1]:g} over it", 4.0, more, 0.0, "1", "first order", "at least"))
+    checks.append(Check(f"that of update_slip {FOLLOWS[1]:g} over it", 4.0, more, 0.0, "1", "first order", "at least"))
     if fine:  # over 2 mm; a part of that is too short for a mean
-        checks.append(Check(f"taken at updates / work, follow {FOLLOWS[1]:g}", 0.0, seldom.updates, 0.002, "1", SOURCE))
+        label = f"taken at updates / work, update_slip {FOLLOWS[1]:g}"
+        checks.append(Check(label, 0.0, seldom.updates, 0.002, "1", SOURCE))
         more = ratio(found[0].impact, found[1].impact)
         checks.append(Check("ratio of the two", 2.0, more, 0.0, "1", "first order in the size", "at least"))
         for order, size in ((1, 0.05e-3), (4, 0.1e-3)):

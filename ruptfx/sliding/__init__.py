@@ -21,7 +21,9 @@ class Sliding(Part):
     planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
     """Where surfaces are chains of facets."""
 
-    follow: Positive = 0.05
+    former_keys: ClassVar[dict[str, str]] = {"follow": "update_slip"}
+
+    update_slip: Positive = 0.05
     """Slip over the distance of nodes after which explicit steps update the pairing."""
     limit: Positive = 0.5
     """Largest slip of an implicit step over the distance of nodes; a step that slides farther is halved."""

@@ -337,7 +337,7 @@ def _local(nodes: Nodes, name: str, table: Sliding) -> SlidingInterface:
         points=plus.points, position=np.zeros(n), number=np.arange(n), plus=plus.nodes, minus=geometry.nearest,
         frame=geometry.frame, weight=geometry.weight, owned=plus.nodes < nodes.owned, total=n,
         line=Line("x", np.zeros(2), 0.0, 0.0), geometry=geometry,
-        other_side=bodies.one_sided.get(name, "meshed"), limit=table.follow * spacing,
+        other_side=bodies.one_sided.get(name, "meshed"), limit=table.update_slip * spacing,
         step_limit=table.limit * spacing, near=plus.order * spacing,
     )  # fmt: skip
 

@@ -208,7 +208,8 @@ def test_matching_nodes_give_what_pairs_give(contact: str) -> None:
     pairs, alone = SPLIT if contact == "forward_lagrange" else CONTACTS[contact], CONTACTS[contact]
     step = {"stepper": {"kind": "leapfrog", "time_step": 2e-8}}
     expected = march(case({**changes, **step, "faults.main.contact": pairs}))[2]
-    found = march(case({**changes, **step, "faults.main.contact": alone, "faults.main.sliding": {"follow": 1e9}}))[2]
+    frozen = {"faults.main.contact": alone, "faults.main.sliding": {"update_slip": 1e9}}
+    found = march(case({**changes, **step, **frozen}))[2]
     assert expected.faults["main"]["slip"].max() > 1e-6
     np.testing.assert_allclose(found.velocity, expected.velocity, atol=1e-10 * np.abs(expected.velocity).max())
     for name in ("slip", "normal_stress", "shear_traction", "friction_work"):
@@ -238,7 +239,7 @@ def test_springs_that_rub_close_the_budget() -> None:
     springs = {"faults.main.contact": {"kind": "compliant", "C_n": 1e14, "C_s": 1e14}}
     taken = []
     for follow in (0.1, 0.02):
-        table = rough({**springs, "faults.main.sliding.follow": follow, "duration": 8e-6, "damping.mass": 1e5})
+        table = rough({**springs, "faults.main.sliding.update_slip": follow, "duration": 8e-6, "damping.mass": 1e5})
         _, motion, state = march(parse_case(table))
         energy = motion.energies(state)
         work = energy.pop("boundary_work")

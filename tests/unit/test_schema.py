@@ -8,7 +8,6 @@ import sys
 import tomllib
 import warnings
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 from crack_cases import block
@@ -23,7 +22,8 @@ from ruptfx.friction.rate_and_state_ageing import RateAndStateAgeing
 from ruptfx.input.former_names import FormerName, warn_of_former
 from ruptfx.platform import launch
 from ruptfx.reference.describe import TOPICS, entries, file_schema
-from ruptfx.schema import CaseError, Part, alternatives, find, kinds, nearest, unit_of
+from ruptfx.schema import CaseError, alternatives, find, kinds, nearest, unit_of
+from ruptfx.sliding import Sliding
 from ruptfx.steppers.leapfrog import Leapfrog
 
 
@@ -109,20 +109,13 @@ def test_find() -> None:
     assert "_rate_and_state" not in kinds("ruptfx.friction")
 
 
-class Renamed(Part):
-    """A part, one key of which has a new name."""
-
-    former_keys: ClassVar[dict[str, str]] = {"follow": "update_slip"}
-    update_slip: float = 0.05
-
-
 def test_former_keys_are_read_with_a_note() -> None:
     with pytest.warns(FormerName, match="'follow'.*'update_slip'"):
-        assert Renamed.model_validate({"follow": 0.5}).update_slip == 0.5
+        assert Sliding.model_validate({"follow": 0.5}).update_slip == 0.5
     with pytest.raises(ValidationError, match="follow"):  # both names
-        Renamed.model_validate({"follow": 0.5, "update_slip": 0.1})
+        Sliding.model_validate({"follow": 0.5, "update_slip": 0.1})
     with warnings.catch_warnings(action="error"):
-        assert Renamed(update_slip=0.1).update_slip == 0.1
+        assert Sliding(update_slip=0.1).update_slip == 0.1
 
 
 @pytest.mark.parametrize(("former", "kind"), [("everywhere", "intrinsic"), ("on_strength", "extrinsic")])

@@ -129,7 +129,7 @@ def test_free_bodies_that_collide_obliquely(part: float, follow: float, toleranc
     """
     given = parse_case(rough({
         "boundaries": [], "duration": 6e-6 if part == 1 else 12e-6, "mesh.closest": 3e-7,
-        "faults.main.sliding.follow": follow,
+        "faults.main.sliding.update_slip": follow,
     }))  # fmt: skip
     assert isinstance(given, Case)
     model = Model(given)
