@@ -147,6 +147,16 @@ def broken_lagrange(mesh: dolfinx.mesh.Mesh, components: int) -> dolfinx.fem.Fun
     return dolfinx.fem.functionspace(mesh, element)
 
 
+def scalars_of_cells(mesh: dolfinx.mesh.Mesh, order: int) -> dolfinx.fem.FunctionSpace:
+    """Return the scalars with values of their own at the quadrature points of every tensor cell, at one of others."""
+    cell = mesh.basix_cell().name
+    if cell in ("triangle", "tetrahedron"):
+        return dolfinx.fem.functionspace(mesh, ("DG", 0))
+    variant = basix.LagrangeVariant.gll_warped
+    element = basix.ufl.element("Lagrange", cell, order, lagrange_variant=variant, discontinuous=True)
+    return dolfinx.fem.functionspace(mesh, element)
+
+
 def gll_metadata(mesh: dolfinx.mesh.Mesh, order: int) -> Table:
     """Return the quadrature that collocates with the nodes (diagonal mass) on tensor cells; exact elsewhere."""
     if mesh.basix_cell().name in ("quadrilateral", "hexahedron", "interval"):

@@ -103,7 +103,8 @@ class Model(Discretisation):
         )  # fmt: skip
         of_cells = self.materials if self.cracks is None else self.cracks.cell_materials
         self.bulk = operators.Bulk(
-            self.space, case.plane, of_cells, self.bodies.cell_body, large_rotations=case.large_rotations
+            self.space, case.plane, of_cells, self.bodies.cell_body, large_rotations=case.large_rotations,
+            variation=self.variation,
         )
         self.operator = operators.create(case.operator, self.bulk, case.loaded)
         self.force = fem.SharedVector(self.space)
@@ -156,7 +157,7 @@ class Model(Discretisation):
             )
         stable = 2 / highest_frequency(self)
         eta = given.eta or parallel.three_digits(given.fraction * stable)
-        bulk = operators.Bulk(self.space, self.case.plane, self.bulk.materials, self.bodies.cell_body, only=chosen)
+        bulk = replace(self.bulk, only=chosen, large_rotations=False)
         touched = np.zeros(self.nodes, dtype=bool)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
@@ -194,7 +195,7 @@ class Model(Discretisation):
     @property
     def memory_laws(self) -> dict[str, TracedMaterial]:
         """Traced formulas of the materials with memory, by name of the body."""
-        named = zip(self.bodies.names, self.materials, strict=True)
+        named = zip(self.bodies.names, self.given, strict=True)
         return {name: traced(material, self.case.plane) for name, material in named if material.has_memory()}
 
     @property
@@ -206,12 +207,12 @@ class Model(Discretisation):
         """Return the sweeps over the elements of materials with memory that this rank has, by name of the body."""
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         found, error = {}, None
-        for number, (name, material) in enumerate(zip(self.bodies.names, self.materials, strict=True)):
+        for number, (name, material) in enumerate(zip(self.bodies.names, self.given, strict=True)):
             only = self.bodies.cell_body == number
             if not material.has_memory() or not only[:owned].any():
                 continue
             try:
-                found[name] = MemorySweep(replace(self.bulk, only=only), material, f"materials.{name}")
+                found[name] = MemorySweep(replace(self.bulk, only=only), material, f"materials.{name}", number)
             except RuptfxError as caught:  # the elements of a rank may differ
                 error = caught
         parallel.raise_on_all(self.comm, error)

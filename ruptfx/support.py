@@ -127,6 +127,8 @@ def choices_of(case: Case) -> Choices:
     """Return all parts of a case that some rule needs."""
     choices: dict[str, type[Part]] = {"stepper": type(case.stepper), PLANE + case.plane: type(case)}
     choices |= {f"materials.{name}": type(material) for name, material in case.materials.items()}
+    for name, material in case.materials.items():
+        choices |= {f"materials.{name}.{key.partition('.')[0]}": type(case) for key in material.varying}
     for name, fault in case.faults.items():
         for field in ("contact", "cohesion", "sliding"):
             if (part := getattr(fault, field)) is not None:
@@ -364,14 +366,28 @@ def _materials(choices: Choices) -> Iterator[Refusal]:
     if way is None or not cast(type[Fracture], way).isotropic:
         return
     kind = cast(type[Fracture], way).kind()
-    for key, cls in choices.items():
-        if key.startswith("materials.") and not cast(type[Material], cls).isotropic:
+    for key, cls in _of_bodies(choices).items():
+        if not cls.isotropic:
             yield Refusal((key,), f"fracture.kind = '{kind}' breaks isotropic bodies", ((key,),))
+
+
+def _of_bodies(choices: Choices) -> dict[str, type[Material]]:
+    """Return the classes of the materials by key."""
+    return {
+        key: cast(type[Material], cls) for key, cls in choices.items()
+        if key.startswith("materials.") and key.count(".") == 1
+    }  # fmt: skip
+
+
+def _varying(choices: Choices) -> Iterator[Refusal]:
+    keys = tuple(key for key in choices if key.startswith("materials.") and key.count(".") == 2)
+    if keys and "fracture" in choices:
+        yield Refusal(keys, "materials are uniform in bodies that break", hint="give a number")
 
 
 def _memory(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
-    materials = {key: cast(type[Material], cls) for key, cls in choices.items() if key.startswith("materials.")}
+    materials = _of_bodies(choices)
     keys = tuple(key for key, cls in materials.items() if cls.has_memory())
     if not keys:
         return
@@ -389,7 +405,7 @@ def _memory(choices: Choices) -> Iterator[Refusal]:
 
 
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
-    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials, _memory,
+    _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials, _varying, _memory,
 )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Annotated scalar types: unit and bound of a field, declared once and used in errors and `describe`.
 
 SI everywhere. Text with a unit, as "6 MPa", becomes a number.
-Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface.
+Types ending in a profile (`Varying...`) accept a number or a table that varies along an interface or in the bodies.
 """
 
 from __future__ import annotations
@@ -49,6 +49,10 @@ if TYPE_CHECKING:
     VaryingLength = Varying
     VaryingGap = Varying
     VaryingEnergy = Varying
+    VaryingDensity = Varying
+    VaryingModulus = Varying
+    VaryingPoissonRatio = Varying
+    VaryingAngle = Varying
     VaryingHeight = Varying
     VaryingSpeed = Varying
     VaryingVelocity = Varying
@@ -66,6 +70,10 @@ else:
     VaryingLength = varying(Positive, "m")
     VaryingGap = varying(NonNegative, "m")
     VaryingEnergy = varying(Positive, "J/m2")
+    VaryingDensity = varying(Positive, "kg/m3")
+    VaryingModulus = varying(Positive, "Pa")
+    VaryingPoissonRatio = varying(Annotated[float, Field(gt=-1, lt=0.5)], "1")
+    VaryingAngle = varying(Annotated[float, Field(ge=0, lt=1.5)], "rad")
     VaryingHeight = varying(float, "m")
     VaryingSpeed = varying(Positive, "m/s")
     VaryingVelocity = varying(NonNegative, "m/s")

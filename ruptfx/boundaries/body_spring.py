@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -59,15 +59,15 @@ class BodySpring(Boundary):
         # The quadrature of the mass keeps the stiffness diagonal.
         stiffness = fem.assemble_summed(model.space, sum(
             self._of(material, f"{key}.width", model.plane) * test * dx(number)
-            for number, (name, material) in enumerate(zip(names, model.materials, strict=True))
+            for number, (name, material) in enumerate(zip(names, model.materials_in_forms(), strict=True))
             if self.body in (None, name)
         ))  # fmt: skip
         of_nodes = stiffness.reshape(-1, model.components)
         nodes = np.flatnonzero(of_nodes.any(axis=1))
         return Action(support=Support(nodes, of_nodes[nodes][:, :, None] * np.eye(model.components)))
 
-    def _of(self, material: Material, key: str, plane: Plane) -> float:
-        """Return the stiffness per volume in a body [N/m4]."""
+    def _of(self, material: Material, key: str, plane: Plane) -> Any:
+        """Return the stiffness per volume in a body [N/m4], a function where its moduli vary."""
         if self.width is None:
             assert self.stiffness is not None
             return self.stiffness
@@ -76,4 +76,4 @@ class BodySpring(Boundary):
             raise CaseError(f"{key}: is for isotropic bodies, not for '{material.kind()}'; use stiffness")
         first, shear = constants
         ratio = 0.5 * first / (first + shear)
-        return float(shear * (np.pi * (1.0 if plane == "antiplane" else 1 - ratio) / self.width) ** 2)
+        return shear * (np.pi * (1.0 if plane == "antiplane" else 1 - ratio) / self.width) ** 2

@@ -92,6 +92,12 @@ class IncidentWave(EdgeBoundary):
     def _material(self, edge: Edge, key: str) -> Material:
         """Return the material at the edge, which must be one only; collective."""
         bodies = parallel.share_rows(edge.model.comm, edge.bodies)
+        varying = edge.model.variation
+        if varying is not None and any(varying.varies(number) for number in np.unique(bodies)):
+            raise CaseError(
+                f"{key}.edge = '{self.edge}': a plane wave has one material, and parameters of the body at the edge "
+                "vary; give numbers, or let the wave enter through a body of its own"
+            )
         materials = [edge.model.materials[number] for number in np.unique(bodies)]
         if any(material != materials[0] for material in materials):
             raise CaseError(

@@ -18,6 +18,7 @@ from ruptfx.checks.cost import available, counts, measured, need_memory, rehears
 from ruptfx.mechanisms._check_table import Plan, Row
 from ruptfx.mechanisms._plausibility import doubts, row_of
 from ruptfx.model import Model
+from ruptfx.schema import unit_of
 from ruptfx.space.inside import Inside
 from ruptfx.spectrum import stable_time_step
 from ruptfx.steppers import Motion, leapfrog
@@ -44,6 +45,7 @@ def preflight(case: Case) -> Iterator[Row]:
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         speeds = material.wave_speeds(case.plane)
+        yield from _variation_rows(model, name)
         yield Row(f"{name}: c_p", speeds.c_p, "m/s", "plate speed c_l" if case.plane == "stress" else "")
         yield Row(f"{name}: c_s", speeds.c_s, "m/s", f"sqrt(2) c_s = {np.sqrt(2) * speeds.c_s:.6g}")
         yield Row(f"{name}: c_R", speeds.c_R, "m/s")
@@ -70,6 +72,18 @@ def preflight(case: Case) -> Iterator[Row]:
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
+
+
+def _variation_rows(model: Model, name: str) -> Iterator[Row]:
+    """Yield the range of every parameter that varies in a body."""
+    number, varying = model.bodies.names.index(name), model.variation
+    if varying is None or not varying.varies(number):
+        return
+    values = varying.parameters(number, np.flatnonzero(model.bodies.cell_body == number))
+    for key, each in values.items():
+        note = f"it is {each.min():.6g} to {each.max():.6g} in the body; speeds below are those of the slowest S waves"
+        unit = unit_of(type(model.given[number]), key.partition(".")[0])
+        yield Row(f"{name}: {key} varies", float(each.mean()), unit, note)
 
 
 def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:

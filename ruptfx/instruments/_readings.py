@@ -243,6 +243,8 @@ class SensedPoint:
         """Return a component of the stress beyond the initial one [Pa]."""
         model, coefficients = self._readings.model, np.zeros(self._shape)
         material, plane = model.materials[self._place.body], model.case.plane
+        if model.variation is not None:
+            material = model.variation.at_point(self._place.body, np.array(self._point, dtype=float))
         if plane == "axisymmetric":
             stiffness = tangent_stiffness(material, "solid")[entry]
             coefficients[1:] = stiffness[:2, :2].T

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from ruptfx import RuptfxError
 from ruptfx.materials._library import LIBRARY, constants_of
 from ruptfx.materials._stiffness import christoffel, surface_wave_speed, tangent_stiffness
 from ruptfx.materials._tensor import IDENTITY, Tensor
-from ruptfx.schema import Alternative, alternative, by_name
-from ruptfx.units import Density, FringeConstant
+from ruptfx.profiles import Profile
+from ruptfx.schema import Alternative, Bound, CaseError, alternative, by_name
+from ruptfx.units import FringeConstant, VaryingDensity
 
 Plane = Literal["stress", "strain", "antiplane", "solid", "axisymmetric"]
 IN_PLANE: tuple[Plane, ...] = ("stress", "strain")
@@ -65,7 +66,7 @@ class Material(Alternative):
     linear: ClassVar[bool] = False
     """Whether `stress` is linear in strain and state; with memory only such a material works in plane stress."""
 
-    density: Density
+    density: VaryingDensity
     """Mass per volume."""
     fringe_constant: FringeConstant | None = None
     """Fringe constant f_sigma: stress difference times thickness of one isochromatic fringe. Fringes are
@@ -82,6 +83,68 @@ class Material(Alternative):
             For axisymmetric bodies `solid`; for short waves in them `strain`.
         """
         raise NotImplementedError
+
+    def __hash__(self) -> int:
+        return hash(self.model_dump_json())  # lists in profiles and tensors have no hash of their own
+
+    @property
+    def varying(self) -> dict[str, Profile]:
+        """The parameters that vary in the bodies, by key; `initial_stress.0` is the first item of a list."""
+        found: dict[str, Profile] = {}
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            items = {f"{name}.{number}": item for number, item in enumerate(value)} if isinstance(value, list) else {}
+            found |= {key: item for key, item in (items or {name: value}).items() if isinstance(item, Profile)}
+        return found
+
+    def values_at(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the values of parameters that vary, by key as in `varying`, at points of the bodies; shape (n,).
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, dimensions)
+            [m].
+
+        Raises
+        ------
+        CaseError
+            A profile that does not cover the points, or values outside the bounds of the key.
+        """
+        found = {}
+        for key, profile in self.varying.items():
+            try:
+                found[key] = profile.in_body(points)
+            except CaseError as error:
+                raise CaseError(f"{key}: {error}") from None
+            for bound in _bounds(type(self), key.partition(".")[0]):
+                bound.check(key, found[key], points)
+        return found
+
+    def with_values(self, values: Mapping[str, Any]) -> Material:
+        """Return the material with unchecked numbers, arrays or expressions, by key as in `varying`."""
+        changes: dict[str, Any] = {}
+        for key, value in values.items():
+            name, _, number = key.partition(".")
+            if number:
+                changes.setdefault(name, list(getattr(self, name)))[int(number)] = value
+            else:
+                changes[name] = value
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self).model_construct(self.model_fields_set, **(fields | changes))  # without cached properties
+
+    def check_values(self) -> None:
+        """Refuse parameters that contradict each other; they are numbers, or arrays at points of the bodies.
+
+        Raises
+        ------
+        ValueError
+        """
+
+    @model_validator(mode="after")
+    def _values_fit(self) -> Self:
+        if not self.varying:
+            self.check_values()
+        return self
 
     @classmethod
     def has_memory(cls) -> bool:
@@ -219,6 +282,16 @@ class Material(Alternative):
         if np.any(modulus <= 0):
             raise RuptfxError(f"material '{self.kind()}': some plane waves have a modulus of {modulus.min():.4g} Pa")
         return np.einsum("...ik,...k,...jk->...ij", direction, np.sqrt(self.density * modulus), direction)
+
+
+def _bounds(cls: type[Material], name: str) -> Iterator[Bound]:
+    """Yield the bounds of the numbers of a key, also where it is a list of them."""
+    waiting = [*cls.model_fields[name].metadata, cls.model_fields[name].annotation]
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, Bound):
+            yield item
+        waiting += [*getattr(item, "__metadata__", ()), *get_args(item)]
 
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ and stay there: they are found by tracing, and are not stored.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,8 @@ class TracedMaterial:
         Stress [Pa] by component, new state by name, stored energy [J/m3], of the symbols ``e_xx``, ``s_name``, ``dt``.
     inelastic : dict of str to Expression
         Stress less that of the elastic energy at the same strain [Pa].
+    parameters : list of str
+        Keys of the parameters that vary in the bodies, the symbols ``p_0``, ``p_1`` and so on.
 
     Raises
     ------
@@ -52,7 +55,9 @@ class TracedMaterial:
     """
 
     def __init__(self, material: Material, plane: Plane) -> None:
-        self._material, self._plane = material, plane
+        self.parameters = list(material.varying)
+        symbols = {key: symbol(f"p_{place}") for place, key in enumerate(self.parameters)}
+        self._material, self._plane = material.with_values(symbols) if symbols else material, plane
         self.components = OF_PLANE[plane]
         self._strain = {name: symbol(f"e_{name}") for name in self.components}
         self._dt = symbol("dt")
@@ -136,6 +141,8 @@ class TracedMaterial:
 
     def _elastic_stress(self) -> dict[str, Expression]:
         """Return the stress of the elastic energy by component, from its second derivative."""
+        if self.parameters:
+            return self._isotropic_stress()
         stiffness = tangent_stiffness(self._material, self._plane)
         found = {}
         for name in self.components:
@@ -150,30 +157,44 @@ class TracedMaterial:
             found[name] = total
         return found
 
+    def _isotropic_stress(self) -> dict[str, Expression]:
+        """Return the stress of linear isotropic elasticity with moduli that are expressions."""
+        moduli = self._material.lame(self._plane)
+        if moduli is None:
+            raise RuptfxError(f"{self._material.kind()}: parameters vary in isotropic bodies only")
+        first, shear = moduli
+        normal = [self._strain[name] for name in self.components if name[0] == name[1]]
+        pressure = first * sum(normal[1:], normal[0]) if normal else constant(0)
+        return {
+            name: _expression(2 * shear * strain + (pressure if name[0] == name[1] else 0))
+            for name, strain in self._strain.items()
+        }
+
     # -- what kernels and tests take -----------------------------------------------------------------------------------
 
     def as_c(self) -> dict[str, object]:
-        """Return macros for `memory.c`: the number of state variables and the formulas as C statements."""
+        """Return macros for `memory.c`: numbers of variables, and the formulas as C statements."""
         state, parts = list(self.state), self.components
         read = " ".join(f"const double s_{name} = STATE({place});" for place, name in enumerate(state))
         read += " ".join(f" const double e_{name} = STRAIN({place});" for place, name in enumerate(parts))
-        used = "".join(f" (void)s_{name};" for name in state) + "".join(f" (void)e_{name};" for name in parts)
+        read += " ".join(f" const double p_{place} = PARAMETER({place});" for place in range(len(self.parameters)))
+        used = "".join(f" (void)p_{place};" for place in range(len(self.parameters)))
+        used += "".join(f" (void)s_{name};" for name in state) + "".join(f" (void)e_{name};" for name in parts)
         stress = {f"STRESS({place})": self.inelastic[name] for place, name in enumerate(parts)}
         new = {f"STATE({place})": self.advanced[name] for place, name in enumerate(state)}
         return {
-            "FIELDS": len(state), "PARTS": len(parts), "LAW_READ": read + used,
+            "FIELDS": len(state), "PARAMETERS": len(self.parameters), "PARTS": len(parts), "LAW_READ": read + used,
             "LAW_STEP": to_c(stress | new, end=" \\\n"), "LAW_PRESENT": to_c(stress, end=" \\\n"),
             "LAW_STORED": to_c({"stored": self.stored}, end=" \\\n"),
         }  # fmt: skip
 
     def evaluate(
-        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray,
+        parameters: Mapping[str, np.ndarray] | None = None,
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:  # fmt: skip
         """Return the stress [Pa] and the new state of points from their strain, by name."""
         outputs = {f"o_{name}": value for name, value in (self.stress | self.advanced).items()}
-        inputs = [*(f"e_{name}" for name in self.components), *(f"s_{name}" for name in self.state), "dt"]
-        values = [*(strain[name] for name in self.components), *(state[name] for name in self.state), dt]
-        found = to_numpy(outputs, inputs)(*values)
+        found = self._numbers(outputs, strain, state, dt, parameters)
         like = np.zeros_like(strain[self.components[0]])
         rows = [value + like for value in found]
         count = len(self.components)
@@ -182,19 +203,30 @@ class TracedMaterial:
         )  # fmt: skip
 
     def tangent(
-        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray
-    ) -> np.ndarray:
+        self, strain: dict[str, np.ndarray], state: dict[str, np.ndarray], dt: float | np.ndarray,
+        parameters: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Return the exact derivative of the stress by the strain [Pa], shape (components, components, points)."""
         outputs = {
             f"t_{row}_{column}": derivative(self.stress[row], self._strain[column])
             for row in self.components for column in self.components
         }  # fmt: skip
-        inputs = [*(f"e_{name}" for name in self.components), *(f"s_{name}" for name in self.state), "dt"]
-        values = [*(strain[name] for name in self.components), *(state[name] for name in self.state), dt]
         like = np.zeros_like(strain[self.components[0]])
-        found = [value + like for value in to_numpy(outputs, inputs)(*values)]
+        found = [value + like for value in self._numbers(outputs, strain, state, dt, parameters)]
         count = len(self.components)
         return np.stack(found).reshape(count, count, *like.shape)
+
+
+    def _numbers(
+        self, outputs: dict[str, Expression], strain: dict[str, np.ndarray], state: dict[str, np.ndarray],
+        dt: float | np.ndarray, parameters: Mapping[str, np.ndarray] | None,
+    ) -> Any:  # fmt: skip
+        """Return the values of expressions."""
+        inputs = [*(f"e_{name}" for name in self.components), *(f"s_{name}" for name in self.state), "dt"]
+        inputs += [f"p_{place}" for place in range(len(self.parameters))]
+        values = [*(strain[name] for name in self.components), *(state[name] for name in self.state), dt]
+        values += [(parameters or {})[key] for key in self.parameters]
+        return to_numpy(outputs, inputs)(*values)
 
 
 @lru_cache

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from math import cos, sin
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ruptfx.materials import IDENTITY, StateField, Tensor
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import Unit
-from ruptfx.units import Duration
+from ruptfx.units import Duration, VaryingAngle, VaryingPressure, VaryingStress
 
-Cohesion = Annotated[float, Field(ge=0), Unit("Pa")]
-FrictionAngle = Annotated[float, Field(ge=0, lt=1.5), Unit("rad")]
-StressTensor = Annotated[list[float], Field(min_length=6, max_length=6), Unit("Pa")]
+if TYPE_CHECKING:
+    StressTensor = list[Any]
+else:
+    StressTensor = Annotated[list[VaryingStress], Field(min_length=6, max_length=6), Unit("Pa")]
 
 
 class DruckerPrager(IsotropicElastic):
@@ -29,32 +29,28 @@ class DruckerPrager(IsotropicElastic):
 
     linear: ClassVar[bool] = False
 
-    cohesion: Cohesion
+    cohesion: VaryingPressure
     """Cohesion c."""
-    friction_angle: FrictionAngle
+    friction_angle: VaryingAngle
     """Angle of internal friction phi."""
     relaxation_time: Duration
     """Relaxation time T of the stress beyond yield."""
     initial_stress: StressTensor
     """Initial stress: xx, yy, zz, xy, yz, xz, tension positive; in equilibrium with the tractions of interfaces."""
 
-    def __hash__(self) -> int:
-        return hash(self.model_dump_json())  # a list has no hash of its own
-
-    @model_validator(mode="after")
-    def _elastic_at_first(self) -> DruckerPrager:
-        tau, strength = self.shear_and_strength(Tensor(*self.initial_stress))
-        if tau > strength:
+    def check_values(self) -> None:
+        tau, strength = np.broadcast_arrays(*self.shear_and_strength(Tensor(*self.initial_stress)))
+        if np.any(tau > strength):
+            worst = np.unravel_index(np.argmax(tau - strength), tau.shape)
             raise ValueError(
-                f"initial_stress: beyond yield, sqrt(J2) = {tau:.4g} Pa above {strength:.4g} Pa; raise cohesion or "
-                "compression"
+                f"initial_stress: beyond yield, sqrt(J2) = {tau[worst]:.4g} Pa above {strength[worst]:.4g} Pa; raise "
+                "cohesion or compression"
             )
-        return self
 
     def shear_and_strength(self, total: Tensor) -> tuple[Any, Any]:
         """Return sqrt(J2) and its limit Y [Pa] of a stress."""
         deviator = total.deviator()
-        limit = self.cohesion * cos(self.friction_angle) - total.trace() / 3 * sin(self.friction_angle)
+        limit = self.cohesion * np.cos(self.friction_angle) - total.trace() / 3 * np.sin(self.friction_angle)
         return np.sqrt(0.5 * deviator.dot(deviator)), np.maximum(limit, 0.0)
 
     def flow(self, total: Tensor) -> Tensor:

@@ -5,52 +5,72 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from pydantic import GetJsonSchemaHandler, ValidationError, model_validator
+from pydantic import GetJsonSchemaHandler, ValidationError, ValidationInfo, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from ruptfx.materials import Material, Plane, WaveSpeeds
+from ruptfx.profiles import Profile
 from ruptfx.schema import CaseError, Part
-from ruptfx.units import Density, Modulus, PoissonRatio, Speed
+from ruptfx.units import VaryingDensity, VaryingModulus, VaryingPoissonRatio, VaryingSpeed
 
 if TYPE_CHECKING:
     from ruptfx.fem import Expr
 
 
+BY_NAME = ("young_modulus", "poisson_ratio")
+
+
+def _table(value: Any) -> Any:
+    """Return a profile as the table of a case, a number as it is."""
+    return value.model_dump(exclude_none=True) if isinstance(value, Profile) else value
+
+
 class ByShearModulus(Part):
     """Shear modulus instead of Young's modulus."""
 
-    shear_modulus: Modulus
+    shear_modulus: VaryingModulus
     """G; with poisson_ratio it replaces Young's modulus."""
-    poisson_ratio: PoissonRatio
+    poisson_ratio: VaryingPoissonRatio
     """Poisson's ratio."""
 
-    def young_and_poisson(self) -> tuple[float, float]:
-        """Return E = 2 G (1 + nu) [Pa] and nu."""
+    def young_and_poisson(self) -> tuple[Any, Any]:
+        """Return E = 2 G (1 + nu) [Pa] and nu, as tables of profiles where they vary."""
+        G, nu = self.shear_modulus, self.poisson_ratio
+        if isinstance(G, Profile) or isinstance(nu, Profile):
+            nu = _table(nu)
+            factor = {"kind": "product", "value": 2.0, "factor": {"kind": "sum", "terms": [1.0, nu]}}
+            return {"kind": "product", "value": _table(G), "factor": factor}, nu
         return 2 * self.shear_modulus * (1 + self.poisson_ratio), self.poisson_ratio
 
 
 class ByWaveSpeeds(Part):
     """Wave speeds instead of moduli."""
 
-    density: Density
+    density: VaryingDensity
     """Mass per volume."""
-    c_p: Speed
+    c_p: VaryingSpeed
     """Speed of P waves in plane strain and 3D, not that of a plate; with c_s it replaces both moduli."""
-    c_s: Speed
+    c_s: VaryingSpeed
     """Speed of S waves; with c_p it replaces both moduli."""
 
-    def young_and_poisson(self) -> tuple[float, float]:
+    def young_and_poisson(self) -> tuple[Any, Any]:
         """Return E and nu from G = rho c_s^2, nu = (r - 2) / (2 (r - 1)) with r = (c_p / c_s)^2.
+
+        Where one of the three varies they are tables of profiles.
 
         Raises
         ------
         ValueError
             If no positive bulk modulus has these speeds.
         """
+        given = {name: _table(getattr(self, name)) for name in ("density", "c_p", "c_s")}
+        if any(isinstance(value, dict) for value in given.values()):
+            first, second = ({"kind": "elastic_constant", "quantity": name, **given} for name in BY_NAME)
+            return first, second
         r = (self.c_p / self.c_s) ** 2
         if r <= 4 / 3:
             raise ValueError(f"c_p = {self.c_p:g}: must be more than sqrt(4/3) c_s = {sqrt(4 / 3) * self.c_s:g}")
@@ -63,19 +83,19 @@ class IsotropicElastic(Material):
 
     Instead of young_modulus and poisson_ratio a case may give shear_modulus and poisson_ratio, or c_p and c_s, the wave
     speeds of the bulk (in plane strain and 3D; `ruptfx check` shows those of the case). The resolved case contains
-    young_modulus and poisson_ratio.
+    young_modulus and poisson_ratio. All of them and the density may vary in the bodies.
     """
 
     isotropic: ClassVar[bool] = True
 
-    young_modulus: Modulus
+    young_modulus: VaryingModulus
     """Young's modulus."""
-    poisson_ratio: PoissonRatio
+    poisson_ratio: VaryingPoissonRatio
     """Poisson's ratio."""
 
     @model_validator(mode="before")
     @classmethod
-    def _from_other_constants(cls, values: object) -> object:
+    def _from_other_constants(cls, values: object, info: ValidationInfo) -> object:
         if not isinstance(values, Mapping):
             return values
         for other in (ByShearModulus, ByWaveSpeeds):
@@ -87,7 +107,8 @@ class IsotropicElastic(Material):
             if wrong:
                 raise ValueError(f"give either {' and '.join(keys)} or {' and '.join(wrong)}")
             try:
-                given = other.model_validate({key: values[key] for key in other.model_fields if key in values})
+                picked = {key: values[key] for key in other.model_fields if key in values}
+                given = other.model_validate(picked, context=info.context)
             except ValidationError as error:
                 raise ValueError("; ".join(str(CaseError.from_validation(error)).splitlines())) from None
             young, nu = given.young_and_poisson()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ class MohrCoulomb(DruckerPrager):
     def shear_and_strength(self, total: Tensor) -> tuple[Any, Any]:
         """Return the largest shear stress in the plane and its limit Y [Pa]."""
         deviator = self.flow(total)
-        limit = self.cohesion * cos(self.friction_angle) - 0.5 * (total.xx + total.yy) * sin(self.friction_angle)
+        limit = self.cohesion * np.cos(self.friction_angle) - 0.5 * (total.xx + total.yy) * np.sin(self.friction_angle)
         return np.sqrt(deviator.xx * deviator.xx + deviator.xy * deviator.xy), np.maximum(limit, 0.0)
 
     def flow(self, total: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ruptfx.materials import IDENTITY, StateField, Tensor
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
@@ -41,20 +41,20 @@ class StandardLinearSolids(IsotropicElastic):
     mechanisms: Mechanisms = 3
     """Number n of relaxation mechanisms; one for each decade and one more keep Q within 5 %."""
 
-    @model_validator(mode="after")
-    def _dissipates(self) -> StandardLinearSolids:
+    def check_values(self) -> None:
         first, shear = self.lame("strain")
-        if self.Q_p > (most := 0.75 * (first + 2 * shear) / shear * self.Q_s):
+        if self.Q_p > (most := float(np.min(0.75 * (first + 2 * shear) / shear)) * self.Q_s):
             raise ValueError(
                 f"Q_p = {self.Q_p:g}: the bulk modulus would not dissipate; with Q_s = {self.Q_s:g} use at most "
                 f"{most:.6g}"
             )
-        if min(map(min, self.coefficients)) < 0 or max(map(sum, self.coefficients)) >= 1:
+        if any(np.min(y) < 0 for of_wave in self.coefficients for y in of_wave) or any(
+            np.max(sum(of_wave)) >= 1 for of_wave in self.coefficients
+        ):
             raise ValueError(
                 f"mechanisms = {self.mechanisms}: they cannot fit Q_p = {self.Q_p:g} and Q_s = {self.Q_s:g} over the "
                 "band; use another number of mechanisms, a narrower band or larger quality factors"
             )
-        return self
 
     @cached_property
     def rates(self) -> tuple[float, ...]:
@@ -66,13 +66,13 @@ class StandardLinearSolids(IsotropicElastic):
         return tuple(np.geomspace(low, high, self.mechanisms).tolist())
 
     @cached_property
-    def coefficients(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Coefficients Y_l of bulk and shear modulus."""
-        of_p, of_s = self._fitted(self.Q_p), self._fitted(self.Q_s)
+    def coefficients(self) -> tuple[tuple[Any, ...], tuple[float, ...]]:
+        """Coefficients Y_l of bulk and shear modulus; the former vary with the ratio of the moduli."""
+        of_p, of_s = self._fitted(self.Q_p).tolist(), self._fitted(self.Q_s).tolist()
         first, shear = self.lame("strain")
         bulk, four_thirds = first + 2 * shear / 3, 4 * shear / 3
-        of_bulk = ((bulk + four_thirds) * of_p - four_thirds * of_s) / bulk
-        return tuple(of_bulk.tolist()), tuple(of_s.tolist())
+        of_bulk = (((bulk + four_thirds) * p - four_thirds * s) / bulk for p, s in zip(of_p, of_s, strict=True))
+        return tuple(of_bulk), tuple(of_s)
 
     def _fitted(self, quality: float) -> np.ndarray:
         """Return Y_l from 1/Q = sum_l (omega_l omega + omega_l^2 / Q) / (omega_l^2 + omega^2) Y_l."""

@@ -18,6 +18,7 @@ from ruptfx.schema import CaseError, from_outside, kinds, nearest, own_module
 
 if TYPE_CHECKING:
     from ruptfx import fem
+    from ruptfx.space.variation import Variation
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class Bulk:
         True for local cells that contribute; None for all.
     large_rotations : bool
         True for Biot strains, U - 1, instead of the symmetric gradient.
+    variation : Variation or None
+        Parameters of materials that vary in the bodies.
     """
 
     space: fem.dolfinx.fem.FunctionSpace
@@ -45,6 +48,41 @@ class Bulk:
     cell_material: np.ndarray
     only: np.ndarray | None = None
     large_rotations: bool = False
+    variation: Variation | None = None
+
+    def material_in_forms(self, index: int) -> Material:
+        """Return a material with functions in place of parameters that vary."""
+        return self.materials[index] if self.variation is None else self.variation.in_forms(index)
+
+    def lame(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the Lamé moduli of cells [Pa].
+
+        Parameters
+        ----------
+        cells : ndarray of int
+            Local cells.
+
+        Returns
+        -------
+        ndarray, shape (*cells.shape, 2)
+            Those of the cells, of their first point where they vary.
+        ndarray or None, shape (*cells.shape, points, 2)
+            Those of the nodes of the elements in their own order; None if they are uniform in all these cells.
+        """
+        index = self.cell_material[cells]
+        moduli = np.array([material.lame(self.plane) for material in self.materials])
+        if self.variation is None:
+            return moduli[index], None
+        count = self.variation.points(cells.ravel()[:1]).shape[1]
+        found = np.repeat(moduli[index][..., None, :], count, axis=-2)
+        for number in np.unique(index):
+            if self.variation.varies(number):
+                mine = index == number
+                local = self.variation.local(number, cells[mine]).lame(self.plane)
+                assert local is not None  # `MatrixFree` refuses others
+                found[mine] = np.stack(np.broadcast_arrays(*local), axis=-1)
+        uniform = bool(np.all(found == found[..., :1, :]))
+        return np.ascontiguousarray(found[..., 0, :]), None if uniform else found
 
 
 class Operator(Protocol):

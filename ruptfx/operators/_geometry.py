@@ -11,6 +11,7 @@ from ruptfx.codegen import native
 from ruptfx.operators import Bulk
 
 BOX, AFFINE, MULTILINEAR, POINTWISE = range(4)  # kinds of a batch, as in the C source
+VARYING = 4  # is added to the kind of batches whose moduli vary in an element
 
 
 def numbers(
@@ -19,7 +20,7 @@ def numbers(
     """Return the kind of every batch, the start of its numbers (in vectors), and the numbers.
 
     A batch has the kind of its most demanding cell. Its numbers are the two Lamé moduli (zero for padding
-    cells) and the geometry; with large rotations 1 / sqrt(det J)
+    cells), where they vary in a cell those of all its nodes, and the geometry; with large rotations 1 / sqrt(det J)
     follows; around an axis 2 pi r and 1 / r of the nodes follow, and sqrt(det J), which
     is one number in an affine cell, one for each node in a curved one, and computed by the kernel in others.
 
@@ -37,6 +38,11 @@ def numbers(
     kind = np.empty(len(cells), dtype=np.uint8)
     for part in _slices(len(cells)):
         kind[part] = _classify(mesh, cells[part])
+    varies = np.zeros(len(cells), dtype=bool)
+    for part in _slices(len(cells)) if bulk.variation is not None else []:
+        local = bulk.lame(cells[part])[1]
+        if local is not None:
+            varies[part] = np.any(local != local[..., :1, :], axis=(1, 2, 3))
     nodes, axisymmetric = len(permutation), bulk.plane == "axisymmetric"
     width = np.array([dim, dim**2, dim * (2**dim - 1), dim**2 * nodes])
     if axisymmetric:
@@ -44,20 +50,27 @@ def numbers(
         width += 2 * nodes + np.array([1, 1, 0, nodes])
     if bulk.large_rotations:
         width += 1
-    width = width[kind]
+    width = width[kind] + 2 * nodes * varies
+    kind[varies] += VARYING
     start = np.r_[0, np.cumsum(width + 2)].astype(np.int64)
     number = native.aligned((int(start[-1]), lanes))
-    moduli = np.array([material.lame(bulk.plane) for material in bulk.materials])
     for value in np.unique(kind):
         batches = np.flatnonzero(kind == value)
         for part in _slices(len(batches)):
             batch = batches[part]
             chosen = cells[batch]
-            sign, geometry = _geometry(bulk.space, chosen, int(value), permutation)
-            modulus = moduli[bulk.cell_material[chosen]] * (sign * ~padding[batch])[..., None]
-            found = np.concatenate([modulus, geometry], axis=-1)
+            of_geometry = int(value) % VARYING
+            sign, geometry = _geometry(bulk.space, chosen, of_geometry, permutation)
+            uniform, local = bulk.lame(chosen)
+            counts = (sign * ~padding[batch])[..., None]
+            found = uniform * counts
+            if value >= VARYING:
+                assert local is not None
+                of_nodes = local[..., permutation, :].reshape(*chosen.shape, -1)
+                found = np.concatenate([found, of_nodes * counts], axis=-1)
+            found = np.concatenate([found, geometry], axis=-1)
             if axisymmetric:
-                found = np.concatenate([found, _rings(bulk.space, chosen, int(value), permutation)], axis=-1)
+                found = np.concatenate([found, _rings(bulk.space, chosen, of_geometry, permutation)], axis=-1)
             if bulk.large_rotations:
                 found = np.concatenate([found, 1 / root_of_size(mesh, chosen)[..., None]], axis=-1)
             number[start[batch][:, None] + np.arange(found.shape[-1])] = found.transpose(0, 2, 1)

@@ -15,7 +15,7 @@ from ruptfx.codegen import native
 from ruptfx.materials import Material
 from ruptfx.materials._traced import traced
 from ruptfx.operators import Bulk
-from ruptfx.operators._geometry import MULTILINEAR, POINTWISE, is_tensor, root_of_size
+from ruptfx.operators._geometry import MULTILINEAR, POINTWISE, VARYING, is_tensor, root_of_size
 from ruptfx.operators.matrix_free import MatrixFree, _reference_cell
 from ruptfx.schema import CaseError
 
@@ -23,7 +23,7 @@ from ruptfx.schema import CaseError
 class _Memory(ctypes.Structure):
     """`struct memory` of the C source."""
 
-    _fields_ = [(name, ctypes.c_void_p) for name in ("size", "inverse", "state")]
+    _fields_ = [(name, ctypes.c_void_p) for name in ("size", "inverse", "state", "parameter")]
 
 
 class MemorySweep(MatrixFree):
@@ -34,8 +34,11 @@ class MemorySweep(MatrixFree):
     bulk : Bulk
         `only` marks the elements; at least one of this rank.
     material : Material
+        As given, with the profiles of parameters that vary.
     key : str
         Of the material in the case, for messages.
+    number : int
+        Index of the body, where parameters vary.
 
     Attributes
     ----------
@@ -50,7 +53,7 @@ class MemorySweep(MatrixFree):
         Elements with curved edges.
     """
 
-    def __init__(self, bulk: Bulk, material: Material, key: str) -> None:
+    def __init__(self, bulk: Bulk, material: Material, key: str, number: int = 0) -> None:
         super().__init__(bulk)
         self.law = traced(material, bulk.plane)
         space = bulk.space
@@ -62,7 +65,7 @@ class MemorySweep(MatrixFree):
         self._compiled = native.load("memory", source)
         self._compiled.memory_energy.restype = ctypes.c_double
         batches, padding, _ = self._order_cells(bulk, self._library.lanes_per_batch())
-        kind = self._keep["kind"]
+        kind = self._keep["kind"] % VARYING
         if np.any(kind == POINTWISE):
             raise CaseError(f"{key}: a material with memory needs elements with straight edges; use a mesh of order 1")
         root = root_of_size(space.mesh, batches)
@@ -73,7 +76,14 @@ class MemorySweep(MatrixFree):
         inverse[:] = np.where(varying, 1.0, 1 / root)
         self.points = len(permutation) if is_tensor(space.mesh) else 1
         self.shape = (len(batches), self.points, len(self.law.state), batches.shape[1])
-        self._arrays = {"size": size, "inverse": inverse}
+        parameters = native.aligned((len(batches), self.points, len(self.law.parameters), batches.shape[1]))
+        if self.law.parameters:
+            assert bulk.variation is not None
+            local = bulk.variation.parameters(number, batches.ravel())
+            order = permutation if self.points > 1 else np.zeros(1, dtype=int)
+            for place, each in enumerate(self.law.parameters):
+                parameters[:, :, place] = local[each][:, order].reshape(*batches.shape, -1).transpose(0, 2, 1)
+        self._arrays = {"size": size, "inverse": inverse, "parameter": parameters}
         self._where = np.nonzero(~padding)
         self.cells = batches[self._where]
         self._nodes_of = space.dofmap.list[:, permutation][self.cells]
@@ -106,9 +116,8 @@ class MemorySweep(MatrixFree):
         return 0.0 - 0.5 * float(force @ displacement)
 
     def _start(self, state: np.ndarray) -> tuple[object, ...]:
-        memory = _Memory(
-            self._arrays["size"].ctypes.data, self._arrays["inverse"].ctypes.data, state.ctypes.data
-        )  # fmt: skip
+        arrays = self._arrays | {"state": state}
+        memory = _Memory(**{name: array.ctypes.data for name, array in arrays.items()})
         return ctypes.byref(self._plan), ctypes.byref(memory), ctypes.c_long(self._batches)
 
     def rows(self, state: np.ndarray, numbering: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@
 //
 // LARGE_ROTATIONS: strains U - 1 of 1 + grad u = R U, in triangles; another number, 1 / sqrt(det J), follows the geometry.
 // AXISYMMETRIC: around the first axis, the second component and coordinate being the radius.
+// VARIES: there are elements in which moduli vary; the kind of their batches is that of the geometry plus VARYING.
 //
 // Every lane of a vector is another element.  Per element: gather, reference gradient along one direction after the
 // other (sum factorisation), stress, transposed gradient, scatter.
@@ -18,13 +19,14 @@
 #define NODES (N * N * N)
 #endif
 
-enum { BOX, AFFINE, MULTILINEAR, POINTWISE };  // kind of a batch
+enum { BOX, AFFINE, MULTILINEAR, POINTWISE, VARYING };  // kind of a batch: geometry, and VARYING is added
+#define GEOMETRY(kind) ((kind) & (VARYING - 1))
 
 struct plan {
     const int *dof;                // [batch][node of the element][lane]: first degree of freedom of the node
     const unsigned char *kind;     // [batch]
     const long *start;             // [batch]: where its numbers begin, in vectors
-    const lanes *number;           // lambda, shear modulus, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
+    const lanes *number;           // lambda, shear modulus, those of the nodes where they vary, geometry; axisymmetric: 2 pi r and 1 / r of the nodes, sizes
     const int *line;               // [batches + 1][NODES * FETCH]: cache lines to ask for in advance
     const int *block;              // [blocks + 1]: first batch of every block
     const int *row, *row_start;    // nodes no later element touches: first of LANES in a row, [blocks + 1]
@@ -77,12 +79,15 @@ struct cell {
     lanes g[DIM][DIM];                             // scaled inverse Jacobian, where it is the same at all points
     lanes normal[DIM][DIM], tangential[DIM][DIM];  // of a box: Hooke's law between reference gradient and flux
     const lanes *geometry;
+    const lanes *moduli;  // lambda and shear modulus of the nodes, where they vary
 };
 
-INLINE struct cell open_cell(const int geometry, const lanes *number)
+INLINE struct cell open_cell(const int kind, const lanes *number)
 {
-    struct cell cell = {.lambda = number[0], .shear = number[1], .geometry = number + 2};
-    if (geometry == BOX)
+    const int geometry = GEOMETRY(kind), varying = kind >= VARYING;
+    struct cell cell = {.lambda = number[0], .shear = number[1], .moduli = number + 2};
+    cell.geometry = number + 2 + (varying ? 2 * NODES : 0);
+    if (geometry == BOX && !varying)
         UNROLL for (int d = 0; d < DIM; d++)
             UNROLL for (int e = 0; e < DIM; e++) {
                 const lanes both = cell.geometry[d] * cell.geometry[e];
@@ -114,6 +119,30 @@ INLINE void box_flux(const struct cell *cell, lanes p[DIM][COMPONENTS])
         UNROLL for (int c = 0; c < DIM; c++) p[d][c] = q[d][c];
 #endif
 }
+
+#if VARIES && !SIMPLEX
+// The same with the moduli of a node.
+INLINE void varying_box_flux(const struct cell *cell, lanes lambda, lanes shear, lanes p[DIM][COMPONENTS])
+{
+#if COMPONENTS == 1
+    UNROLL for (int d = 0; d < DIM; d++) p[d][0] *= shear * (cell->geometry[d] * cell->geometry[d]);
+#else
+    lanes h[DIM][DIM], pressure = {0};
+    UNROLL for (int d = 0; d < DIM; d++)
+        UNROLL for (int c = 0; c < DIM; c++) h[d][c] = cell->geometry[d] * p[d][c];
+    UNROLL for (int d = 0; d < DIM; d++) pressure = d ? pressure + h[d][d] : h[d][d];
+    pressure *= lambda;
+    UNROLL for (int d = 0; d < DIM; d++) {
+        p[d][d] = cell->geometry[d] * (pressure + (shear + shear) * h[d][d]);
+        UNROLL for (int c = 0; c < d; c++) {
+            const lanes stress = shear * (h[d][c] + h[c][d]);
+            p[d][c] = cell->geometry[d] * stress;
+            p[c][d] = cell->geometry[c] * stress;
+        }
+    }
+#endif
+}
+#endif
 
 // The same in any cell: G C G' with Hooke's law C. Axisymmetric, `hoop` is the strain around the axis, times what G is
 // times, and becomes the stress around it.
@@ -188,14 +217,25 @@ INLINE void turned_flux(lanes g[DIM][DIM], lanes lambda, lanes shear, lanes inve
 #endif
 
 // Axisymmetric, `hoop` is the radial displacement and becomes the force that the stress around the axis gives it.
-INLINE void flux_at(const int geometry, struct cell *cell, int node, const double xi[DIM], lanes *hoop,
+INLINE void flux_at(const int kind, struct cell *cell, int node, const double xi[DIM], lanes *hoop,
                     lanes p[DIM][COMPONENTS])
 {
-    if (geometry == BOX) {
+    const int geometry = GEOMETRY(kind);
+    if (kind == BOX) {
         box_flux(cell, p);
         return;
     }
     lanes lambda = cell->lambda, shear = cell->shear;
+#if VARIES && !SIMPLEX
+    if (kind >= VARYING) {
+        lambda = cell->moduli[2 * node], shear = cell->moduli[2 * node + 1];
+        UNROLL for (int k = 0; k < 2; k++) __builtin_prefetch(cell->moduli + 2 * (node + NODES + 2) + k, 0);
+    }
+    if (geometry == BOX) {
+        varying_box_flux(cell, lambda, shear, p);
+        return;
+    }
+#endif
 #if AXISYMMETRIC
     const lanes *const ring = cell->geometry + (geometry == AFFINE ? 4 : geometry == MULTILINEAR ? 6 : 4 * NODES);
     lanes size = {0};
@@ -422,6 +462,12 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
             CASE(BOX)
             CASE(MULTILINEAR)
             CASE(POINTWISE)
+#if VARIES
+            CASE(BOX + VARYING)
+            CASE(AFFINE + VARYING)
+            CASE(MULTILINEAR + VARYING)
+            CASE(POINTWISE + VARYING)
+#endif
 #endif
         }
 }
@@ -564,11 +610,11 @@ double step(const struct plan *plan, long first, long last, double *u, double *v
 // Stresses times the weights and sizes of elements, summed at their nodes, of one batch whose geometry is the same at all
 // points; `root` is that of the determinant of its Jacobian.  Components: xx, yy, (zz,) xy, (yz, xz); antiplane: xz, yz.
 #define STRESSES (COMPONENTS == 1 ? DIM : DIM * (DIM + 1) / 2)
-INLINE void batch_stress(const int geometry, const struct plan *plan, long b, lanes root, const double *displacement,
+INLINE void batch_stress(const int kind, const struct plan *plan, long b, lanes root, const double *displacement,
                          double *stress)
 {
-    const int *dof = plan->dof + b * NODES * LANES;
-    struct cell cell = open_cell(geometry, plan->number + plan->start[b]);
+    const int *dof = plan->dof + b * NODES * LANES, geometry = GEOMETRY(kind);
+    struct cell cell = open_cell(kind, plan->number + plan->start[b]);
     lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES];
     KEEP for (int node = 0; node < NODES; node++) {
         lanes x[COMPONENTS];
@@ -580,6 +626,9 @@ INLINE void batch_stress(const int geometry, const struct plan *plan, long b, la
             along_all(0, &DERIVATIVE, u[c], p[d][c], d == DIM - 1 ? 1 : d == DIM - 2 ? N : N * N);
     KEEP for (int node = 0; node < NODES; node++) {
         lanes h[COMPONENTS][DIM], s[STRESSES];
+#if VARIES
+        if (kind >= VARYING) cell.lambda = cell.moduli[2 * node], cell.shear = cell.moduli[2 * node + 1];
+#endif
         UNROLL for (int c = 0; c < COMPONENTS; c++)
             UNROLL for (int a = 0; a < DIM; a++) {
                 h[c][a] = (lanes){0};
@@ -611,7 +660,15 @@ INLINE void batch_stress(const int geometry, const struct plan *plan, long b, la
 void add_stress(const struct plan *plan, long batches, const lanes *root, const double *displacement, double *stress)
 {
     for (long b = 0; b < batches; b++)
-        if (plan->kind[b] == BOX) batch_stress(BOX, plan, b, root[b], displacement, stress);
-        else batch_stress(AFFINE, plan, b, root[b], displacement, stress);
+        switch (plan->kind[b]) {
+#define STRESS_CASE(kind) \
+    case kind: batch_stress(kind, plan, b, root[b], displacement, stress); break;
+            STRESS_CASE(BOX)
+            STRESS_CASE(AFFINE)
+#if VARIES
+            STRESS_CASE(BOX + VARYING)
+            STRESS_CASE(AFFINE + VARYING)
+#endif
+        }
 }
 #endif

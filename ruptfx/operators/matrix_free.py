@@ -1,7 +1,8 @@
 """The explicit hot path: isotropic linear elasticity without a matrix, eight elements at a time, in compiled C.
 
-The kernel is `matrix_free.c`. This module sorts the elements into batches, describes their geometry, and finds for
-every node the last element that touches it, after which the node may move on within the same sweep.
+The kernel is `matrix_free.c`. Where moduli vary in an element, it reads those of the nodes. This module sorts the
+elements into batches, describes their geometry, and finds for every node the last element that touches it, after which
+the node may move on within the same sweep.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from ruptfx import RuptfxError, fem
 from ruptfx.codegen import native
 from ruptfx.operators import Bulk, Damped
-from ruptfx.operators._geometry import AFFINE, BOX, geometry_element, is_tensor, numbers, root_of_size
+from ruptfx.operators._geometry import AFFINE, BOX, VARYING, geometry_element, is_tensor, numbers, root_of_size
 
 # Nodes computed between updates. Measured: with 2000 the update is slower by half (short contiguous ranges).
 BLOCK_NODES = 16384
@@ -53,7 +54,8 @@ class MatrixFree:
         permutation, constants = _reference_cell(space, bulk.plane == "axisymmetric", bulk.large_rotations)
         lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
         kernel = files(__package__).joinpath("matrix_free.c").read_text()
-        self._library = native.load("matrix_free", constants + lanes + kernel)
+        varies = "#define VARIES 1\n" * (bulk.variation is not None)
+        self._library = native.load("matrix_free", varies + constants + lanes + kernel)
         self._library.step.restype = self._library.strain_energy.restype = ctypes.c_double
         self._plan = _Plan()
         self._keep: dict[str, np.ndarray] = {}
@@ -65,7 +67,7 @@ class MatrixFree:
         kind, start, number = numbers(bulk, cells, padding, permutation)
         for name, array in (("kind", kind), ("start", start), ("number", number)):
             self._hold(name, array)
-        plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and kind.max(initial=BOX) <= AFFINE
+        plain = is_tensor(space.mesh) and bulk.plane != "axisymmetric" and (kind % VARYING).max(initial=BOX) <= AFFINE
         self._root = root_of_size(space.mesh, cells) if plain else None
         self._cell_nodes = len(permutation)
         linear_simplex = not (is_tensor(space.mesh) or bulk.large_rotations)

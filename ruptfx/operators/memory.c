@@ -1,7 +1,7 @@
 // Inelastic stress of a material with memory: the sweep over its elements.  _memory.py writes this file after matrix_free.c,
 // whose geometry and gradients it uses, and in front of both the macros of a traced material:
-// FIELDS, numbers of state at a point; PARTS, components of strain; LAW_READ, declarations of state and strain; LAW_STEP, LAW_PRESENT and
-// LAW_STORED, the formulas.
+// FIELDS, numbers of state at a point; PARAMETERS, numbers of a law that vary in the bodies; PARTS, components of strain; LAW_READ,
+// declarations of state, strain and parameters; LAW_STEP, LAW_PRESENT and LAW_STORED, the formulas.
 
 #include <math.h>
 
@@ -11,6 +11,7 @@ struct memory {
     const lanes *size;     // [batch]: sqrt|det J|, or the sign of det J where it varies in the cell; 0 for padding cells
     const lanes *inverse;  // [batch]: 1 / sqrt|det J|, or 1
     lanes *state;          // [batch][POINTS][FIELDS]
+    const lanes *parameter;  // [batch][POINTS][PARAMETERS]
 };
 
 enum { ADVANCED, PRESENT, ENERGY };  // what a sweep computes: forces after a step, present stresses, stored energy
@@ -18,12 +19,14 @@ enum { ADVANCED, PRESENT, ENERGY };  // what a sweep computes: forces after a st
 #define STATE(k) state[(k) * LANES + l]
 #define STRAIN(k) strain[(k) * LANES + l]
 #define STRESS(k) stress[(k) * LANES + l]
+#define PARAMETER(k) parameter[(k) * LANES + l]
 
 // The formulas of one point, in every lane.
 static inline __attribute__((always_inline)) void at_point(const int what, double dt, const double *restrict strain,
-                                                           double *restrict state, double *restrict stress)
+                                                           double *restrict state, const double *restrict parameter,
+                                                           double *restrict stress)
 {
-    (void)dt;
+    (void)dt, (void)parameter;
     if (what == ADVANCED)
 #pragma omp simd
         for (int l = 0; l < LANES; l++) {
@@ -57,7 +60,7 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
                           double dt, const double *displacement, double *sums)
 {
     const int *dof = plan->dof + b * NODES * LANES;
-    struct cell cell = open_cell(geometry, plan->number + plan->start[b]);
+    struct cell cell = open_cell(geometry, plan->number + plan->start[b] + (plan->kind[b] >= VARYING ? 2 * NODES : 0));
     lanes u[COMPONENTS][NODES], p[DIM][COMPONENTS][NODES], total = {0};
     KEEP for (int node = 0; node < NODES; node++) {
         lanes x[COMPONENTS];
@@ -103,7 +106,8 @@ INLINE lanes memory_batch(const int geometry, const int what, const struct plan 
         UNROLL for (int c = 0; c < DIM; c++)
             UNROLL for (int a = c; a < DIM; a++) e[PLACE(c, a)] = 0.5 * (h[c][a] + h[a][c]);
 #endif
-        at_point(what, dt, (const double *)e, (double *)state, (double *)s);
+        const lanes *const parameter = memory->parameter + (b * POINTS + q) * PARAMETERS;
+        at_point(what, dt, (const double *)e, (double *)state, (const double *)parameter, (double *)s);
         const lanes volume = geometry == MULTILINEAR ? size / inverse : size * size;
         if (what == ENERGY) {
             total += -MINUS_WEIGHT[q] * volume * s[0];
@@ -156,7 +160,7 @@ static inline double memory_sweep(const int what, const struct plan *plan, const
 {
     lanes total = {0};
     for (long b = 0; b < batches; b++)
-        switch (plan->kind[b]) {
+        switch (GEOMETRY(plan->kind[b])) {
 #define MEMORY_CASE(geometry) \
     case geometry: total += memory_batch(geometry, what, plan, memory, b, dt, displacement, sums); break;
             MEMORY_CASE(AFFINE)

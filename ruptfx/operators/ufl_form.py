@@ -69,7 +69,7 @@ def measure(bulk: Bulk) -> fem.ufl.Measure:
 def energy_density(bulk: Bulk, index: int, strain: fem.Expr) -> fem.Expr:
     """Return the energy density of one material; axisymmetric strains are three-dimensional (`solid`)."""
     seen: Plane = "solid" if bulk.plane == "axisymmetric" else bulk.plane
-    return bulk.materials[index].energy_density(strain, seen)
+    return bulk.material_in_forms(index).energy_density(strain, seen)
 
 
 def energy(bulk: Bulk, displacement: fem.Expr, dx: fem.ufl.Measure) -> fem.ufl.Form:

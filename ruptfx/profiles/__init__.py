@@ -1,6 +1,6 @@
-"""Scalars that vary along or over an interface, one kind per file; the file name is the `kind` in a case.
+"""Scalars that vary along or over an interface or in the bodies, one kind per file; its name is the `kind` in a case.
 
-A law's parameter, an initial stress or the height of a surface may be given as a table with ``kind``.
+A parameter of a law or material, an initial stress or the height of a surface may be given as a table with ``kind``.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ class Profile(Alternative):
     """Example table, which the contract tests evaluate between -1 and 1 m."""
     over_surface: ClassVar[bool] = False
     """True if `__call__` takes the two positions of a surface, shape (n, 2), and lines have no such values."""
+    over_body: ClassVar[bool] = False
+    """True if `__call__` takes points of the bodies, shape (n, dimensions), and interfaces have no such values."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
@@ -73,8 +75,10 @@ class Profile(Alternative):
         Raises
         ------
         CaseError
-            A kind for surfaces on a line.
+            A kind for surfaces on a line, or one for bodies.
         """
+        if self.over_body:
+            raise CaseError(f"{self.kind()} varies in the bodies, and this is a position along an interface")
         if self.over_surface:
             if places.ndim == 1:
                 raise CaseError(
@@ -82,6 +86,21 @@ class Profile(Alternative):
                 )
             return self(places)
         return self(places if places.ndim == 1 else places[:, 0])
+
+    def in_body(self, points: np.ndarray) -> np.ndarray:
+        """Return the values at points of the bodies, shape (n, dimensions) [m]; shape (n,).
+
+        Raises
+        ------
+        CaseError
+            A kind for interfaces.
+        """
+        if self.over_body:
+            return self(points)
+        raise CaseError(
+            f"{self.kind()} varies along an interface; in bodies use {{ kind = 'along_axis', axis = 'y', profile = "
+            f"{{ kind = '{self.kind()}', ... }} }}"
+        )
 
 
 def with_unit(value: object, info: ValidationInfo, unit: str) -> object:
@@ -128,6 +147,13 @@ def evaluate(value: object, places: np.ndarray) -> np.ndarray:
     if callable(value):
         return np.asarray(value(places))
     return np.broadcast_to(np.asarray(value, float), places.shape[:1]).copy()
+
+
+def in_body(value: object, points: np.ndarray) -> np.ndarray:
+    """Return a number or a profile at points of the bodies, shape (n, dimensions); shape (n,)."""
+    if isinstance(value, Profile):
+        return value.in_body(points)
+    return np.broadcast_to(np.asarray(value, float), len(points)).copy()
 
 
 if TYPE_CHECKING:

@@ -18,3 +18,6 @@ class Constant(Profile):
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return np.full_like(position, self.value)
+
+    def in_body(self, points: np.ndarray) -> np.ndarray:
+        return np.full(len(points), self.value)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ValidationInfo
 
-from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, with_unit
+from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, in_body, with_unit
 
 
 class Product(Profile):
@@ -29,6 +29,9 @@ class Product(Profile):
 
     def over(self, places: np.ndarray) -> np.ndarray:
         return evaluate(self.value, places) * evaluate(self.factor, places)
+
+    def in_body(self, points: np.ndarray) -> np.ndarray:
+        return in_body(self.value, points) * in_body(self.factor, points)
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.over(position)

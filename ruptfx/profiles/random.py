@@ -14,7 +14,9 @@ class Random(Profile):
     """Gaussian random field with an exponential correlation, the same for a seed on any mesh and any rank count.
 
     Built from `modes` random cosines whose wavenumbers follow the Cauchy law, the spectrum of the correlation
-    exp(-|d| / correlation_length); clipped at three standard deviations.
+    exp(-|d| / correlation_length); clipped at three standard deviations. In bodies the field varies alike in all
+    directions, with the same correlation: its wave vectors follow the Cauchy law of three dimensions, and a section of
+    a field is the field in the section.
     """
 
     example: ClassVar[str] = (
@@ -37,3 +39,14 @@ class Random(Profile):
         phase = random.uniform(0, 2 * np.pi, self.modes)
         field = np.sqrt(2 / self.modes) * np.cos(np.outer(position, wavenumber) + phase).sum(axis=1)
         return self.mean + self.standard_deviation * np.clip(field, -3, 3)
+
+    def in_body(self, points: np.ndarray) -> np.ndarray:
+        random, dim = np.random.default_rng(self.seed), points.shape[1]
+        vectors = random.standard_normal((self.modes, 3)) / np.abs(random.standard_normal((self.modes, 1)))
+        phase = random.uniform(0, 2 * np.pi, self.modes)
+        vectors = vectors[:, :dim].T / self.correlation_length
+        field = np.empty(len(points))
+        for first in range(0, len(points), 4096):  # limits temporary memory
+            part = slice(first, first + 4096)
+            field[part] = np.cos(points[part] @ vectors + phase).sum(axis=1)
+        return self.mean + self.standard_deviation * np.clip(np.sqrt(2 / self.modes) * field, -3, 3)

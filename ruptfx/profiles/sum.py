@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field, ValidationInfo
 
-from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, with_unit
+from ruptfx.profiles import AnyProfile, Profile, Value, evaluate, in_body, with_unit
 
 
 class Sum(Profile):
@@ -29,6 +29,9 @@ class Sum(Profile):
 
     def over(self, places: np.ndarray) -> np.ndarray:
         return np.sum([evaluate(term, places) for term in self.terms], axis=0)
+
+    def in_body(self, points: np.ndarray) -> np.ndarray:
+        return np.sum([in_body(term, points) for term in self.terms], axis=0)
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         return self.over(position)

@@ -14,7 +14,7 @@ from ruptfx.schema import CaseError
 
 
 class Table(Profile):
-    """Interpolation between given points, which cover the interface unless `extend` is set."""
+    """Interpolation between given points, which cover the interface or body unless `extend` is set."""
 
     example: ClassVar[str] = '{ kind = "table", positions = [-1.0, 0.0, 2.0], values = [0.0, 1.0, 3.0] }'
     interpolation: Literal["linear", "cubic"] = "linear"
@@ -58,9 +58,9 @@ class Table(Profile):
         slack = 1e-9 * (last - first)  # rounding of coordinates
         if not self.extend and len(position) and not first - slack <= position.min() <= position.max() <= last + slack:
             raise CaseError(
-                f"the table from {first:.6g} to {last:.6g} m does not cover the interface, which has points from "
-                f"{position.min():.6g} to {position.max():.6g} m; add to the table, or set extend = true to go on with "
-                "its first and last value"
+                f"the table from {first:.6g} to {last:.6g} m does not cover the interface or body, which has "
+                f"points from {position.min():.6g} to {position.max():.6g} m; add to the table, or set extend = true "
+                "to go on with its first and last value"
             )
         if self.interpolation == "cubic":
             from scipy.interpolate import CubicSpline

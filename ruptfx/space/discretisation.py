@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ruptfx.schema import CaseError, nearest
 from ruptfx.space import axisymmetry
 from ruptfx.space.bodies import Bodies
 from ruptfx.space.nodes import Nodes
+from ruptfx.space.variation import Variation
 
 
 class Discretisation:
@@ -37,7 +39,11 @@ class Discretisation:
         Displacements.
     layout : Nodes
     materials : list of Material
-        In the order of the bodies.
+        In the order of the bodies. Where parameters vary, with their numbers at the point with the slowest S waves.
+    given : list of Material
+        As in the case, with profiles.
+    variation : Variation or None
+        Parameters that vary in the bodies.
     mass : ndarray, shape (nodes * components,)
         Lumped mass of every local degree of freedom [kg].
     components : int
@@ -75,21 +81,37 @@ class Discretisation:
         self.layout = Nodes(self.space, bodies)
         self.nodes, self.owned_nodes, self.total_nodes = self.layout.count, self.layout.owned, self.layout.total
         self.coordinates = self.layout.coordinates
-        self.materials = _in_order(materials, bodies.names)
+        self.materials = self.given = _in_order(materials, bodies.names)
+        self.variation: Variation | None = None
+        if Variation.needed(self.given):
+            self.variation = Variation(self.space, bodies.names, bodies.cell_body, self.given, plane)
+            self.materials = self.variation.references
         self.mass = self._mass()
 
     def _mass(self) -> np.ndarray:
         """Return the lumped mass of every local degree of freedom [kg], shape (nodes * components,)."""
         ufl = fem.ufl
         dx = self.measure()
-        density = [material.density for material in self.materials]
+        density: list[Any] = [material.density for material in self.materials_in_forms()]
         test = self.around(self.sum_of(ufl.TestFunction(self.space)))
         mass = fem.assemble_summed(self.space, sum(rho * test * dx(i) for i, rho in enumerate(density)))
         if self.plane == "axisymmetric":
-            gained = axisymmetry.mass_on_axis(self.space, np.array(density)[self.bodies.cell_body])
+            gained = axisymmetry.mass_on_axis(self.space, self._density_of_cells())
             self.layout.sum_shared(gained)
             mass += gained
         return mass
+
+    def materials_in_forms(self) -> list[Material]:
+        """Return the materials of the bodies with functions in place of parameters that vary."""
+        if self.variation is None:
+            return self.materials
+        return [self.variation.in_forms(number) for number in range(len(self.materials))]
+
+    def _density_of_cells(self) -> np.ndarray:
+        """Return the mean density of the points of every local cell [kg/m3]."""
+        if self.variation is not None:
+            return np.asarray(self.variation.evaluate(lambda material, _: material.density).mean(axis=1))
+        return np.array([material.density for material in self.materials])[self.bodies.cell_body]
 
     def measure(self) -> fem.ufl.Measure:
         """Return the measure of all cells with the quadrature of the mass, tagged by body."""

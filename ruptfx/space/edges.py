@@ -156,9 +156,17 @@ class Edge:
             np.diagonal(material.impedance(np.eye(dim), model.plane), axis1=1, axis2=2)
             for material in model.materials
         ])  # by body, axis of the normal and component
+
+        def impedance(axis: int, i: int) -> Expr:
+            varying = model.variation
+            if varying is None:
+                return model.by_cell(diagonal[model.bodies.cell_body, axis, i])
+            return varying.function(varying.evaluate(
+                lambda material, body: varying.impedance(material, body, axis == i, diagonal[body, axis, i])
+            ))  # fmt: skip
+
         return self.integral(lambda tests, n: sum(
-            model.by_cell(diagonal[model.bodies.cell_body, axis, i]) * n[axis] ** 2 * tests[i]
-            for axis in range(dim) for i in range(model.components)
+            impedance(axis, i) * n[axis] ** 2 * tests[i] for axis in range(dim) for i in range(model.components)
         ))  # fmt: skip
 
     def normals(self) -> np.ndarray:

@@ -14,6 +14,7 @@ from ruptfx.schema import CaseError
 
 if TYPE_CHECKING:
     from ruptfx.space.discretisation import Discretisation
+    from ruptfx.space.variation import Variation
 
 
 def radiation_impedance(model: Discretisation, fault: Fault) -> np.ndarray:
@@ -66,11 +67,32 @@ def _side(model: Discretisation, fault: Fault, side: str) -> np.ndarray:
         share = areas.reshape(model.nodes, -1)[nodes, 0]
         area += share
         try:
-            result += share[:, None, None] * _impedance(material, fault, model)
+            of_body = _impedance(material, fault, model)
+            if model.variation is None or not model.variation.varies(index):
+                result += share[:, None, None] * of_body
+                continue
+            # Their mean by area; waves along the normal and across it have moduli of their own.
+            normal = face.frame[:, 0] if face.has_normal else np.zeros((len(nodes), 1))
+            along = normal[:, :, None] * normal[:, None, :]
+            across = np.eye(model.components) - along
+            for part, is_normal in ((along, True), (across, False)):
+                size = np.einsum("nij,nij->n", of_body, part) / np.maximum(np.trace(part, axis1=1, axis2=2), 1e-300)
+                relative = _relative(model.variation, index, is_normal)
+                weighted = fem.assemble_summed(model.space, inside * relative * test * measure)
+                weighted = model.layout.reduce_tied(weighted)
+                result += (weighted.reshape(model.nodes, -1)[nodes, 0] * size)[:, None, None] * part
         except RuptfxError as caught:
             error = caught
     parallel.raise_on_all(model.comm, error)
     return result / area[:, None, None]
+
+
+def _relative(variation: Variation, index: int, along_normal: bool) -> fem.Expr:
+    """Return the impedance of a body whose parameters vary over that of its reference, as a function."""
+    reference = variation.impedance(variation.references[index], index, along_normal, 1.0)
+    return variation.function(variation.evaluate(
+        lambda material, body: variation.impedance(material, body, along_normal, 1.0) / reference
+    ))  # fmt: skip
 
 
 def _impedance(material: Material, fault: Fault, model: Discretisation) -> np.ndarray:

@@ -18,11 +18,15 @@ from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.operators import Bulk, FusedOperator
 from ruptfx.operators.ufl_form import UflForm
 from ruptfx.schema import kinds, own_module
+from ruptfx.space.variation import Variation
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
 SOFT = IsotropicElastic(density=1.0, young_modulus=2.0, poisson_ratio=0.3)
 STIFF = IsotropicElastic(density=1.0, young_modulus=5.0, poisson_ratio=0.2)
+HARDENED = IsotropicElastic(density=1.0, poisson_ratio=0.2, young_modulus={
+    "kind": "random", "mean": 5.0, "standard_deviation": 1.0, "correlation_length": 0.3, "seed": 2,
+})  # fmt: skip
 
 
 class Setting(NamedTuple):
@@ -30,6 +34,7 @@ class Setting(NamedTuple):
     order: int
     plane: Any
     shape: str  # box, affine, bent, curved
+    varies: bool = False  # moduli of one material, from point to point
 
 
 # Every element, plane, geometry and both parities of the order; each distinct form costs a compilation, so not all
@@ -57,8 +62,18 @@ SETTINGS = [
     Setting("triangle", 1, "strain", "bent"),
     Setting("triangle", 1, "antiplane", "bent"),
     Setting("tetrahedron", 1, "solid", "bent"),
+    Setting("quadrilateral", 2, "strain", "box", True),
+    Setting("quadrilateral", 3, "stress", "affine", True),
+    Setting("quadrilateral", 3, "antiplane", "box", True),
+    Setting("quadrilateral", 4, "strain", "bent", True),
+    Setting("quadrilateral", 2, "stress", "curved", True),
+    Setting("quadrilateral", 3, "axisymmetric", "bent", True),
+    Setting("quadrilateral", 2, "axisymmetric", "curved", True),
+    Setting("hexahedron", 2, "solid", "box", True),
+    Setting("hexahedron", 1, "solid", "bent", True),
+    Setting("triangle", 1, "strain", "bent", True),
 ]
-STRAIGHT = [setting for setting in SETTINGS if setting.shape != "curved"]
+STRAIGHT = [setting for setting in SETTINGS if setting.shape != "curved" and not setting.varies]  # of uniform bodies
 
 
 def make_mesh(cell: str, shape: str) -> Any:
@@ -109,6 +124,9 @@ def make_bulk(setting: Setting) -> Bulk:
     # By place, not by number: the same on any number of ranks.
     middle = mesh.geometry.x[fem.geometry_dofmap(mesh)].mean(axis=1)
     material = (np.sin(40 * middle.sum(axis=1)) > 0).astype(np.int32)
+    if setting.varies:
+        variation = Variation(space, ["soft", "stiff"], material, [SOFT, HARDENED], setting.plane)
+        return Bulk(space, setting.plane, variation.references, material, variation=variation)
     return Bulk(space, setting.plane, [SOFT, STIFF], material)
 
 

@@ -149,7 +149,7 @@ def test_laws_take_them() -> None:
         ({"kind": "table", "positions": [0.0, 1.0], "values": [1.0]}, "same length"),
         ({"kind": "table", "positions": [1.0, 0.0], "values": [1.0, 2.0]}, "positions"),
         ({**example("random_classes"), "weights": [0.0, 0.0]}, "positive total weight"),
-        ({"kind": "wave"}, "unknown kind 'wave', known: along_dip, boxcar, cone"),
+        ({"kind": "wave"}, "unknown kind 'wave', known: along_axis, along_dip, boxcar, cone"),
         ("0.3", "input should be a valid number"),
     ],
 )
@@ -173,5 +173,5 @@ def test_a_profile_must_keep_the_bound_of_its_number():
 
 
 def test_a_kind_that_is_no_text_is_a_message() -> None:
-    with pytest.raises(ValidationError, match="'kind' is required, one of: along_dip, boxcar, cone"):
+    with pytest.raises(ValidationError, match="'kind' is required, one of: along_axis, along_dip, boxcar, cone"):
         Coulomb.model_validate({"mu_d": {"kind": {"kind": "table"}}})
