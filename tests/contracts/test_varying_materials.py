@@ -57,7 +57,7 @@ def march(given: dict[str, Any], steps: int, comm: Any = COMM) -> tuple[Model, A
     model = Model(case, comm)
     motion, state = case.stepper.bind(model), model.initial_state()
     for number in range(steps):
-        state.watched = number == steps - 1
+        state.wants_energies = number == steps - 1
         motion.step(state)
     return model, motion, state
 
@@ -269,14 +269,14 @@ def test_a_stress_gauge_has_the_local_stiffness() -> None:
     """A receiver in the stiffer layer: sigma_yy = (lambda + 2 G) e_yy of its place."""
     layers = over("y", kind="layers", boundaries=[0.2], values=[1e9, 4e9])
     model = block({"young_modulus": layers, "poisson_ratio": 0.0}, [], order=2)
-    from ruptfx.instruments._sensed import Sensed, SensedPoint
+    from ruptfx.instruments._readings import ModelReadings, SensedPoint
     from ruptfx.space.inside import Inside
 
     u = np.zeros((model.nodes, 2))
     u[:, 1] = 1e-3 * model.coordinates[:, 1]
     for y, modulus in ((0.1, 1e9), (0.33, 4e9)):
         point = [0.12, y]
-        share = SensedPoint(Sensed(model, unstressed), Inside(model, point, None, "here"), point).stress((1, 1))
+        share = SensedPoint(ModelReadings(model, unstressed), Inside(model, point, None, "here"), point).stress((1, 1))
         total = parallel.total(COMM, share.weights @ u.ravel()[share.places]) if len(share.places) else (
             parallel.total(COMM, 0.0))  # fmt: skip
         assert float(total) == pytest.approx(1e-3 * modulus, rel=1e-9)
