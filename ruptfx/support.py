@@ -299,13 +299,20 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     if "stages" in choices and not stepper.staged:
         yield Refusal(("stepper",), "its steps take no stages", (("stepper",),), (("stages",),))
-    if "fracture" in choices and not stepper.fracture:
-        yield Refusal(("stepper",), "bodies break in explicit steps only", (("stepper",),))
+    way = choices.get("fracture")
+    if way is not None and not stepper.fracture:
+        yield Refusal(("stepper",), "bodies do not break in its steps", (("stepper",),))
+    elif way is not None and "implicit" in stepper.ways:
+        kind = cast(type[Fracture], way).kind()
+        if not cast(type[Fracture], way).implicit:
+            reason = f"fracture.kind = '{kind}' inserts facets in explicit steps only"
+            yield Refusal(("stepper",), reason, (("stepper",), ("fracture",)))
+        if "collisions" in choices:
+            yield Refusal(("stepper",), "collisions act in explicit steps only", (("stepper",),), (("collisions",),))
     large = "large_rotations"
     if large in choices and not stepper.large_rotations:
         reason = f"stepper.kind = '{stepper.kind()}' is for small rotations"
         yield Refusal((large,), reason, (("stepper",),), ((large,),))
-    way = choices.get("fracture")
     sliding = tuple(f"faults.{name}.sliding" for name in _faults(choices, "sliding"))
     if way is not None and sliding:
         yield Refusal(sliding, "with [fracture] interfaces join the facets that they begin with", drop=(sliding,))

@@ -33,6 +33,28 @@ def block(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(table, changes or {})
 
 
+def joined_bar(
+    stepper: dict[str, Any], toughness: float, duration: float, changes: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """A bar of strong halves that are pulled apart along y at 1 mm/s; the facets between them may fail.
+
+    It has no lateral contraction, so stress is uniform until they do.
+    """
+    weak = {"kind": "linear", "f_t": 4e6, "c": 10e6, "G_Ic": toughness, "G_IIc": 3 * toughness}
+    ends = [("upper.top", "y", 1e-3), ("lower.bottom", "y", 0.0), ("upper.top", "x", 0.0), ("lower.bottom", "x", 0.0)]
+    return block({
+        "plane": "stress", "stepper": stepper, "duration": duration,
+        "materials.default": {**GRANITE, "poisson_ratio": 0.0},
+        "mesh": {"kind": "triangles", "width": 4e-3, "height": 8e-3, "element_size": 1e-3, "divide": 4e-3, "turn": 0.2},
+        "fracture": {"kind": "intrinsic", "unresolved": True, "default": {"cohesion": NEVER, "friction": RUBS},
+                     "pairs": {"lower-upper": {"cohesion": weak, "friction": RUBS}}},
+        "boundaries": [{"kind": "driven", "edge": edge, "component": component, "velocity": speed, "ramp": 1e-4}
+                       for edge, component, speed in ends],
+        "output.interface_interval": 1e-4, "output.bulk_interval": 1e-3,
+        **(changes or {}),
+    })  # fmt: skip
+
+
 def meeting_blocks(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """A brittle block that hits another one obliquely and breaks to pieces, which rub against each other."""
     brittle = {"kind": "linear", "f_t": 4e6, "c": 6e6, "G_Ic": 1.0, "G_IIc": 3.0}

@@ -41,6 +41,8 @@ class Fracture(Alternative):
     rigid: ClassVar[bool] = False
     """Whether cells are tied until a facet breaks (extrinsic); otherwise springs connect them from the start."""
 
+    implicit: ClassVar[bool] = False
+    """Whether facets act in implicit steps, with those of `Stepper.fracture`."""
     planes: ClassVar[tuple[Plane, ...]] = IN_PLANE
     """Where bodies break."""
     isotropic: ClassVar[bool] = False

@@ -316,7 +316,7 @@ class RigidCracks(CrackStep):
         if len(self._waiting) and np.isfinite(cracks["time_of_failure"][self._waiting]).any():
             self._wait(cracks)
         self._worst = int(taken[4])
-        self._count(state, taken[:4])
+        self.count(state, taken[:4])
 
     def require_balance(self, time: float) -> None:
         """Refuse tractions with an error above `ALLOWED`, and log some of the steps with one above `CONVERGED`.

@@ -239,7 +239,7 @@ class CrackStep:
 
     def _prepare(self, space: fem.dolfinx.fem.FunctionSpace[np.float64], bodies: Bodies, plane: Plane) -> None:
         """Compile the step."""
-        self._kernels = [_Kernel(self, group) for group in self.groups]
+        self._kernels = [Kernel(self, group, self.corners) for group in self.groups]
 
     def initial_state(self) -> FaultState:
         """Return the fields of all facets in the initial state."""
@@ -271,15 +271,23 @@ class CrackStep:
         since : float
             Time since the previous tractions [s].
         """
-        energy = np.zeros(5)
-        for kernel, group in zip(self._kernels, self.groups, strict=True):
-            before = energy[3]
-            kernel(state, mass, since, energy)
-            if not energy[3] <= before:
-                self._worst = group.facets.start + int(energy[4])
+        nodes = state.displacement, state.velocity, mass, state.force
+        taken = self.sweep(self._kernels, state.cracks, nodes, state.time, since)
         components = len(state.force) // self._nodes
         state.force[self._owned_nodes * components :] = 0
-        self._count(state, energy[:4])
+        self.count(state, taken)
+
+    def sweep(
+        self, kernels: Sequence[Kernel], cracks: FaultState, nodes: Sequence[np.ndarray], time: float, since: float
+    ) -> np.ndarray:
+        """Call the kernels of all groups; return the losses in friction, fracture and contact [J], and the residual."""
+        energy = np.zeros(5)
+        for kernel, group in zip(kernels, self.groups, strict=True):
+            before = energy[3]
+            kernel(cracks, nodes, time, since, energy)
+            if not energy[3] <= before:
+                self._worst = group.facets.start + int(energy[4])
+        return energy[:4]
 
     def require_balance(self, time: float) -> None:
         """Check the residual of the last step.
@@ -298,7 +306,7 @@ class CrackStep:
             "continuous? Try ruptfx check-law"
         )
 
-    def _count(self, state: State, taken: np.ndarray) -> None:
+    def count(self, state: State, taken: np.ndarray) -> None:
         """Count energy losses of facets in a step, and the largest residual of their laws."""
         *energies, self.residual = taken.tolist()
         for name, amount in zip(("frictional_dissipation", "fracture", "impact_loss"), energies, strict=True):
@@ -466,10 +474,18 @@ def _distinct(laws: Iterable[CrackLaws]) -> list[CrackLaws]:
     return found
 
 
-class _Kernel:
-    """The compiled step of one group."""
+class Kernel:
+    """The compiled step of one group.
 
-    def __init__(self, cracks: CrackStep, group: Group) -> None:
+    Parameters
+    ----------
+    cracks : CrackStep
+    group : Group
+    corners : ndarray of int, shape (all facets, 2 sides, 2 ends)
+        Rows of the ends of all facets in the arrays of nodes that the step is called with.
+    """
+
+    def __init__(self, cracks: CrackStep, group: Group, corners: np.ndarray) -> None:
         facets, self._states = group.facets, [*ENDS, *cracks.law_states]
         self._facets, self._count = facets, facets.stop - facets.start
         parameters, macros = formulas(group.laws, group.rated)
@@ -497,7 +513,7 @@ class _Kernel:
         self._library = native.load("cracks", source, macros)
         width = self._library.lanes_per_batch() // 2  # facets per batch
         fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))
-        corners = cracks.corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
+        corners = corners[facets].transpose(1, 0, 2)[:, fill]  # [side, facet, end]
         rows = [*cracks.normal.T, cracks.weight, cracks.stiffness, *([cracks.along] * cracks.large_rotations)]
         rows += [*cracks.initial.T] * int(cracks.initial.any())
         columns = np.stack([row[facets] for row in rows])[:, fill]
@@ -517,16 +533,29 @@ class _Kernel:
         lengths[: self._count] = weight[self._facets]
         blocks[:] = lengths.reshape(blocks.shape)
 
-    def __call__(self, state: State, mass: np.ndarray, since: float, energy: np.ndarray) -> None:
+    def __call__(
+        self, cracks: FaultState, nodes: Sequence[np.ndarray], time: float, since: float, energy: np.ndarray
+    ) -> None:
+        """Advance the fields of the facets and add their forces at all corners.
+
+        Parameters
+        ----------
+        cracks : dict of ndarray
+            Fields of all facets.
+        nodes : sequence of ndarray, shape (nodes * 2,)
+            Displacement, velocity, mass and force.
+        time, since : float
+            Of the displacement, and since the previous tractions [s].
+        energy : ndarray, shape (5,)
+            Sums of the losses in friction, fracture and contact [J], the largest residual and its facet.
+        """
         if not self._count:
             return
-        cracks = state.cracks
         ends = (ctypes.c_void_p * len(self._states))(*(self._begin(cracks[name]) for name in self._states))
         facets = (ctypes.c_void_p * len(FACETS))(*(self._begin(cracks[name]) for name in FACETS))
-        arrays = (self._node, self._fixed, self._number, self._varied, self._owned, state.displacement, state.velocity,
-                  mass, state.force)  # fmt: skip
+        arrays = self._node, self._fixed, self._number, self._varied, self._owned, *nodes
         self._library.update(
-            ctypes.c_long(self._count), ctypes.c_double(since), ctypes.c_double(state.time),
+            ctypes.c_long(self._count), ctypes.c_double(since), ctypes.c_double(time),
             *(ctypes.c_void_p(array.ctypes.data) for array in arrays), ctypes.byref(ends), ctypes.byref(facets),
             ctypes.c_void_p(energy.ctypes.data),
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -24,6 +24,7 @@ class Intrinsic(Fracture):
     """
 
     former_kinds = ("everywhere",)
+    implicit: ClassVar[bool] = True
 
     stiffness_ratio: Annotated[float, Field(ge=3), Unit("1")] = 10.0
     """alpha: stiffness of the springs times the mean length of facets over Young's modulus; a large one reduces the

@@ -154,8 +154,8 @@ class NewtonSolver:
         """Evaluate dR/du for SNES."""
         step = self._step
         self._visit(step, x.array_r)
-        nodal = [(reaction.nodes, reaction.stiffness) for _, _, reaction in step.reactions]
-        symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit, nodal=nodal)
+        reactions = [reaction for _, _, reaction in step.reactions]
+        symmetric = self._tangent.update(*step.key[:2], step.tangents, driven=self._tangent.unit, reactions=reactions)
         # CG or GMRES, unless the case says otherwise or the matrix is factorised.
         if symmetric is not None and self._multigrid and "ksp_type" not in self._options.given:
             self._ksp.setType("cg" if symmetric else "gmres")

@@ -13,6 +13,7 @@ from ruptfx.operators.assembled import stiffness_form
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
+    from ruptfx.mechanisms import Reaction
     from ruptfx.model import Model
 
 
@@ -63,6 +64,7 @@ class Tangent:
         """Return K of some elements as a matrix with room for the tangents of the interfaces."""
         faces = [fault.interface for fault in self._model.faults if not (fault.interface.one_sided or fault.slides)]
         pairs = [np.stack([face.plus, face.minus], axis=1) for face in faces]
+        pairs += [each.coupled() for each in self._model.mechanisms]
         layout = self._model.layout
         coupled = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
         tied = (layout.kept, layout.copies) if layout.bodies.ties else None
@@ -70,7 +72,7 @@ class Tangent:
 
     def update(
         self, c_M: float, c_C: float, blocks: dict[str, np.ndarray], driven: float, held: np.ndarray | None = None,
-        nodal: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+        reactions: Sequence[Reaction] = (),
     ) -> bool | None:  # fmt: skip
         """Fill the matrix; return whether it is symmetric, or None if it has not changed; collective.
 
@@ -82,20 +84,22 @@ class Tangent:
             Diagonal entry of rows of driven nodes and of copies of tied nodes, whose other entries are zero.
         held : ndarray, shape (nodes * components,), optional
             Springs to the ground [N/m]; they must be a function of the other parameters.
-        nodal : sequence of (ndarray of shape (n,), ndarray of shape (n, components, components))
-            Local nodes and their stiffness to the ground [N/m], of mechanisms.
+        reactions : sequence of Reaction
+            Forces of mechanisms, with their stiffness.
         """
         model, matrix = self._model, self.matrix
+        between = [reaction.between() for reaction in reactions]
+        added = [*(reaction.stiffness for reaction in reactions), *between]
         same = (
             self._built is not None
             and self._built[0] == (c_M, c_C)
             and all(np.array_equal(block, self._built[1][name]) for name, block in blocks.items())
-            and len(nodal) == len(self._built[2])
-            and all(np.array_equal(block, built) for (_, block), built in zip(nodal, self._built[2], strict=True))
+            and len(added) == len(self._built[2])
+            and all(np.array_equal(block, built) for block, built in zip(added, self._built[2], strict=True))
         )
         if not parallel.anywhere(model.comm, not same):
             return None
-        self._built = ((c_M, c_C), blocks, [block for _, block in nodal])
+        self._built = ((c_M, c_C), blocks, added)
         self._stiffness.copy(matrix, fem.PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         if model.viscosity is not None and c_C:
             matrix.axpy(model.viscosity.eta * c_C, self._viscous, fem.PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
@@ -108,12 +112,14 @@ class Tangent:
         for fault in model.faults:
             if fault.name in blocks:
                 _add_interface(matrix, fault.interface, blocks[fault.name])
-        for nodes, stiffness in nodal:
-            _add_at_nodes(matrix, nodes, stiffness, model.owned_nodes)
+        for reaction, blocks_between in zip(reactions, between, strict=True):
+            if len(reaction.stiffness):
+                _add_at_nodes(matrix, reaction.nodes, reaction.stiffness, model.owned_nodes)
+            _add_between(matrix, reaction.pairs, blocks_between)
         matrix.assemble()
         matrix.zeroRowsColumns(self._given_rows, diag=driven)
         skew = any(np.any(block[:, 1:, 0]) for block in blocks.values())
-        skew = skew or any(np.any(block != np.swapaxes(block, 1, 2)) for _, block in nodal)
+        skew = skew or any(np.any(block != np.swapaxes(block, 1, 2)) for block in added)
         return not parallel.anywhere(model.comm, skew)
 
 
@@ -129,6 +135,13 @@ def _add_at_nodes(matrix: Any, nodes: np.ndarray, blocks: np.ndarray, owned: int
     for node, block in zip(nodes.astype(fem.PETSc.IntType), blocks, strict=True):
         if node < owned:
             matrix.setValuesBlockedLocal([node], [node], block, addv=fem.PETSc.InsertMode.ADD_VALUES)
+
+
+def _add_between(matrix: Any, pairs: np.ndarray, blocks: np.ndarray) -> None:
+    """Add stiffness between the nodes of pairs."""
+    both = np.block([[blocks, -blocks], [-blocks, blocks]])
+    for pair, block in zip(pairs.astype(fem.PETSc.IntType), both, strict=True):
+        matrix.setValuesBlockedLocal(pair, pair, block, addv=fem.PETSc.InsertMode.ADD_VALUES)
 
 
 def _add_interface(matrix: Any, face: Interface, tangent: np.ndarray) -> None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, ClassVar
@@ -97,16 +97,24 @@ class Reaction:
         Local nodes, ghosts included.
     force : ndarray, shape (n, components)
         [N], complete at every node.
-    stiffness : ndarray, shape (n, components, components)
-        Exact derivative of minus the force [N/m].
+    stiffness : ndarray, shape (n, components, components) or (0, components, components)
+        Exact derivative of minus the force by the displacement of the same node [N/m]; no rows without one.
     fields : dict of str to ndarray
         Fields of the mechanism at the end of the step.
+    pairs : ndarray of int, shape (m, 2)
+        Pairs of local nodes that this rank counts, among those of `Mechanism.coupled`; the same in all steps.
+    between : callable, () -> ndarray, shape (m, components, components)
+        Derivative of the force on the first node of a pair by the displacement of the second one [N/m]: the force
+        depends on the difference of both displacements, and the second node has the opposite force. Called where
+        the matrix of a step needs it.
     """
 
     nodes: NDArray[np.int64]
     force: Floats
     stiffness: Floats
     fields: Mapping[str, Floats]
+    pairs: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    between: Callable[[], Floats] = field(default=lambda: np.zeros((0, 1, 1)))
 
 
 class Mechanism:
@@ -193,8 +201,12 @@ class Mechanism:
 
     # -- implicit steps ----------------------------------------------------------------------------
 
+    def coupled(self) -> NDArray[np.int64]:
+        """Return pairs of local nodes that its stiffness couples in implicit steps, shape (pairs, 2)."""
+        return np.zeros((0, 2), dtype=np.int64)
+
     def respond(self, state: State, end: StepEnd) -> Reaction:
-        """Return its forces at the end of an implicit step, with `state` unchanged.
+        """Return its forces at the end of an implicit step, with `state` unchanged; collective.
 
         Only mechanisms that override it act in implicit steps beside the bodies, boundaries and faults.
         """
@@ -205,10 +217,23 @@ class Mechanism:
         raise NotImplementedError
 
     def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
-        """Copy its fields to the state and count its losses; the displacement is that at the start of the step."""
+        """Copy its fields to the state and count its losses; the displacement is that at the start of the step.
+
+        Raises
+        ------
+        RuptfxError
+            On all ranks.
+        """
 
     def step_error(self, state: State, reaction: Reaction) -> float:
-        """Return its error in a step over what is tolerated, largest of this rank; steps of variable length heed it."""
+        """Return its error in a step over what is tolerated, largest of this rank; steps of variable length heed it.
+
+        They do not accept an error above 1 in their smallest step either.
+        """
+        return 0.0
+
+    def fastest(self, state: State) -> float:
+        """Return the largest rate of slip or opening against its resistance [m/s], of this rank."""
         return 0.0
 
     # -- explicit steps ----------------------------------------------------------------------------

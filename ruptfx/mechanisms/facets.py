@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ruptfx.cracks._response import FacetResponse
 from ruptfx.cracks._rigid import RigidCracks
 from ruptfx.cracks.extrinsic import Extrinsic
-from ruptfx.mechanisms import Floats, Mechanism, Rows, Springs
+from ruptfx.mechanisms import Floats, Mechanism, Reaction, Rows, Springs, StepEnd
 from ruptfx.mechanisms._rotation_error import deducting_dissipation
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
     from ruptfx.model import Model
-    from ruptfx.state import State
+    from ruptfx.state import FaultState, State
+
+MOST_DAMAGE = 0.1  # growth of the damage of a facet in an implicit step
 
 
 class Facets(Mechanism):
@@ -89,6 +93,50 @@ class IntrinsicFacets(Facets):
 
     def account(self, state: State, kick: Kick) -> None:
         self.cracks.require_balance(state.time)
+
+    # -- implicit steps ----------------------------------------------------------------------------
+
+    @cached_property
+    def _response(self) -> FacetResponse:
+        return FacetResponse(self.cracks)
+
+    def coupled(self) -> NDArray[np.int64]:
+        pairs: NDArray[np.int64] = self._response.pairs
+        return pairs
+
+    def respond(self, state: State, end: StepEnd) -> Reaction:
+        given = state, self.model.mass, end.displacement, end.dt
+        fields, _ = self._response.fields(*given)
+        return self._reaction(fields, lambda: self._response.stiffness(*given, fields))
+
+    def force_of(self, state: State) -> Reaction:
+        return self._reaction(state.cracks, lambda: np.zeros((len(self._response.pairs), 2, 2)))
+
+    def _reaction(self, fields: FaultState, between: Callable[[], Floats]) -> Reaction:
+        """Return the forces of tractions; collective."""
+        force = np.zeros(2 * self.model.nodes)
+        self.cracks.add_force(fields, force)
+        self.model.layout.take_from_owners(force)
+        nodes, to_ground = np.arange(self.model.nodes), np.zeros((0, 2, 2))
+        return Reaction(nodes, force.reshape(-1, 2), to_ground, fields, self._response.pairs, between)
+
+    def advance(self, state: State, end: StepEnd, reaction: Reaction) -> None:
+        self._response.advance(state, self.model.mass, end.displacement, end.dt)
+
+    def step_error(self, state: State, reaction: Reaction) -> float:
+        grown = reaction.fields["damage"] - state.cracks["damage"]
+        return float(grown.max(initial=0.0)) / MOST_DAMAGE
+
+    def fastest(self, state: State) -> float:
+        cracks, fields = self.cracks, state.cracks
+        rows = state.velocity.reshape(-1, 2)
+        rate = rows[cracks.corners[:, 1]] - rows[cracks.corners[:, 0]]
+        slip_rate = np.einsum("fec,fc->fe", rate, cracks.tangent)
+        failed = fields["time_of_failure"] < state.time
+        yields = (fields["damage"] > 0) & ~failed[:, None]
+        slides = failed[:, None] & (fields["normal_traction"] < 0)
+        speed = np.where(yields, np.linalg.norm(rate, axis=2), np.where(slides, np.abs(slip_rate), 0.0))
+        return float(speed.max(initial=0.0))
 
 
 class ExtrinsicFacets(Facets):

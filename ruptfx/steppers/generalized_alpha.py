@@ -46,6 +46,7 @@ class GeneralizedAlpha(Stepper):
     closure: ClassVar[float] = 0.01
     why_open: ClassVar[str] = "the default scheme damps what its steps do not resolve"
     staged: ClassVar[bool] = True
+    fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
 
     scheme: SchemeName = "generalized_alpha"

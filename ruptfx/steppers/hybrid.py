@@ -48,6 +48,7 @@ class Hybrid(Stepper):
     why_open: ClassVar[str] = "explicit steps that start with slip under way balance it half a step later"
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True
+    fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
 
     slow: AnyStepper = Field(default={"kind": "quasi_static"}, validate_default=True)
@@ -198,6 +199,7 @@ class HybridMotion:
                 holds = holds | (fields["damage"] < 1)
                 largest = max(largest, float(np.abs(opens[fault.name]).max(initial=0.0)))
             largest = max(largest, float(np.where(holds, speed, 0.0).max(initial=0.0)))
+        largest = max(largest, *(mechanism.fastest(state) for mechanism in self.model.mechanisms), 0.0)
         return parallel.largest(self.model.comm, largest)
 
     def _switch(self, state: State, to: float, why: str) -> None:

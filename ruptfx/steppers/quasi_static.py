@@ -49,6 +49,7 @@ class QuasiStatic(Stepper):
     inertia: ClassVar[bool] = False
     adaptive: ClassVar[bool] = True
     staged: ClassVar[bool] = True
+    fracture: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
 
     first_step: Duration | None = None
@@ -117,6 +118,7 @@ class QuasiStaticMotion(SlowMotion):
             if error <= 1:
                 break
             if dt <= self._smallest:
+                self._require_resolved(state, solution)
                 self._warn(state, error)
                 break
             dt = parallel.three_digits(max(dt * stepped(max(0.8 / error, MOST_SHRINKING)), self._smallest))
@@ -169,6 +171,22 @@ class QuasiStaticMotion(SlowMotion):
         self.take(state, solution)
         if deferred is not None and state.lazy_bodies:
             deferred.begin(state)
+
+    def _require_resolved(self, state: State, solution: Solution) -> None:
+        """Refuse a step in which mechanisms jump; collective.
+
+        Raises
+        ------
+        ConvergenceError
+            On all ranks, with an unchanged state.
+        """
+        errors = [mechanism.step_error(state, reaction) for mechanism, _, reaction in solution.reactions]
+        error = parallel.largest(self.model.comm, max(errors, default=0.0))
+        if error > 1:
+            raise ConvergenceError(
+                f"no equilibrium near that at time {state.time:.6g} s: the error of a step of {solution.dt:.3g} s, the "
+                f"smallest, is {error:.3g} times what is tolerated; use kind = 'hybrid'"
+            )
 
     def _warn(self, state: State, error: float) -> None:
         if not self._warned:
