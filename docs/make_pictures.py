@@ -295,6 +295,7 @@ COMMANDS = (
       for name in ("pushed_block", "fibre_pull_out", "inclined_plates", "front_types")),
     Command("contact_fringes.py", {"contact_fringes": "pair"}),
     Command("pressed_block.py", {"pressed_block": "strains"}),
+    Command("sensitivity.py", {"sensitivity": "sensitivity"}),
     Command("optical_methods.py", {"optical_methods": "optics"}),
     Command("rough_rupture.py", {"rough_rupture": "arrivals"}),
     Command("rough_rupture.py small", {"rough_rupture_small": "arrivals"}),

@@ -23,6 +23,7 @@ _PUBLIC = {
     "Case": "ruptfx.case",
     "read_case": "ruptfx.case",
     "simulate": "ruptfx.simulation",
+    "gradient": "ruptfx.adjoint.gradients",
     "Record": "ruptfx.record",
     "plots": "ruptfx.plots",
 }

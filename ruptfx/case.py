@@ -24,6 +24,7 @@ from ruptfx.friction import AnyFriction
 from ruptfx.instruments import AnyInstrument
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
+from ruptfx.misfits import AnyMisfit, Unknown
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import (
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
-    "attachments", "steppers", "instruments", "profiles", "phases",
+    "attachments", "steppers", "instruments", "misfits", "profiles", "phases",
 ]  # fmt: skip
 
 
@@ -227,6 +228,10 @@ class Case(CaseFile):
     """Masses, springs and ground attached to edges, an entry each."""
     instruments: list[AnyInstrument] = []
     """Measurements during the run, an entry each: receivers, velocimeters, strain gauges, load cells."""
+    objective: list[AnyMisfit] = []
+    """Function of the readings of a run that `ruptfx gradient` differentiates, the sum of its entries."""
+    unknowns: list[Unknown] = []
+    """Quantities by which it is differentiated, an entry each; all that the case has without any."""
     stages: list[Stage] = []
     """Successive stages with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None

@@ -143,7 +143,7 @@ def choices_of(case: Case) -> Choices:
     for name in ("fracture", "collisions"):
         if (part := getattr(case, name)) is not None:
             choices[name] = type(part)
-    given = (name for name in ("stages", "large_rotations") if getattr(case, name))
+    given = (name for name in ("stages", "large_rotations", "objective") if getattr(case, name))
     return choices | {name: type(case) for name in given}
 
 
@@ -411,8 +411,35 @@ def _memory(choices: Choices) -> Iterator[Refusal]:
         yield Refusal(wrong, f"works with plane = {known} only, not '{plane}'", (wrong,))
 
 
+def _objective(choices: Choices) -> Iterator[Refusal]:
+    """Yield refusals of what the sweeps of `ruptfx.adjoint` do not contain, in a case with an objective."""
+    if "objective" not in choices:
+        return
+    stepper, whole = _stepper(choices), ("objective",)
+    if not stepper.adjoint:
+        reason = f"its steps have no adjoint, which {whole[0]} needs"
+        yield Refusal(("stepper",), reason, (("stepper",),), (whole,))
+    reason = "has no adjoint, which objective needs"
+    for field in ("sliding", "cohesion"):
+        if keys := tuple(f"faults.{name}.{field}" for name in _faults(choices, field)):
+            yield Refusal(keys, reason, drop=(keys, whole))
+    for key in ("stages", "large_rotations", "fracture", "collisions"):
+        if key in choices:
+            yield Refusal((key,), reason, drop=((key,), whole))
+    ties = tuple(
+        key for key, cls in choices.items() if issubclass(cls, Boundary) and overrides(cls, Boundary, "tied_edges")
+    )
+    attached = tuple(key for key in choices if key.startswith("attachments."))
+    for keys in filter(None, (ties, attached)):
+        yield Refusal(keys, reason, drop=(keys, whole))
+    bodies = {key: cast(type[Material], cls) for key, cls in choices.items() if key.startswith("materials.")}
+    if keys := tuple(key for key, cls in bodies.items() if cls.has_memory()):
+        yield Refusal(keys, reason, (keys,), (whole,))
+
+
 RULES: tuple[Callable[[Choices], Iterator[Refusal]], ...] = (
     _contact_in_steps, _sliding, _cohesion, _boundaries, _attachments, _bodies, _planes, _materials, _varying, _memory,
+    _objective,
 )  # fmt: skip
 
 

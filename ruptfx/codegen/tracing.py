@@ -340,10 +340,26 @@ def _reason(error: Exception) -> str:
 
 def derivative(expression: Expression, variable: Expression) -> Expression:
     """Return the exact derivative of a traced expression with respect to a symbol (forward mode on the graph)."""
+    return directional([expression], {variable: constant(1)})[0]
+
+
+def directional(
+    expressions: Iterable[Expression], directions: Mapping[Expression, Expression], guarded: bool = False
+) -> list[Expression]:
+    """Return the exact derivatives of traced expressions along directions, the changes of some nodes of the graph.
+
+    Parameters
+    ----------
+    expressions : iterable of Expression
+    directions : mapping of Expression to Expression
+    guarded : bool
+        Whether no change times an infinite derivative is zero.
+    """
+    expressions = list(expressions)
     slopes: dict[Expression, Expression] = {}
-    for node in _ordered([expression]):
-        if node is variable:
-            slopes[node] = constant(1)
+    for node in _ordered(expressions):
+        if node in directions:
+            slopes[node] = directions[node]
             continue
         total = constant(0)
         inner = [slopes.get(arg) if isinstance(arg, Expression) else None for arg in node.args]
@@ -354,9 +370,54 @@ def derivative(expression: Expression, variable: Expression) -> Expression:
             else:
                 for partial, slope in zip(_RULES[node.op](*node.args), inner, strict=True):
                     if slope is not None and not _is(slope, 0):
-                        total = apply("add", total, apply("multiply", partial, slope))
+                        part = _times(slope, partial) if guarded else apply("multiply", partial, slope)
+                        total = apply("add", total, part)
         slopes[node] = total
-    return slopes[expression]
+    return [slopes[expression] for expression in expressions]
+
+
+def transposed(seeds: Mapping[Expression, Expression], variables: Iterable[Expression]) -> list[Expression]:
+    """Return the sum of seed times derivative over traced expressions, for each variable (reverse mode on the graph).
+
+    Parameters
+    ----------
+    seeds : mapping of Expression to Expression
+        Factor of each expression.
+    variables : iterable of Expression
+        Symbols.
+    """
+    total: dict[Expression, Expression] = dict(seeds)
+    for node in reversed(_ordered(seeds)):
+        factor = total.get(node, constant(0))
+        if node.op not in _RULES or _is(factor, 0):
+            continue
+        if node.op == "where":
+            condition, x, y = node.args
+            parts = [(x, apply("where", condition, factor, 0.0)), (y, apply("where", condition, 0.0, factor))]
+        else:
+            parts = list(zip(node.args, (_times(factor, each) for each in _RULES[node.op](*node.args)), strict=True))
+        for arg, part in parts:
+            total[arg] = apply("add", total.get(arg, constant(0)), part)
+    return [total.get(variable, constant(0)) for variable in variables]
+
+
+def _times(factor: Expression, partial: Array) -> Expression:
+    """Return a factor times a partial derivative, zero where the factor is, also where the derivative is infinite."""
+    if not isinstance(partial, Expression) or partial.op == "constant":
+        return apply("multiply", factor, partial)
+    return apply("where", apply("equal", factor, 0.0), 0.0, apply("multiply", factor, partial))
+
+
+def substituted(expressions: Iterable[Expression], values: Mapping[Expression, Expression]) -> list[Expression]:
+    """Return traced expressions with other expressions in the place of some symbols."""
+    expressions = list(expressions)
+    new: dict[Expression, Expression] = {}
+    for node in _ordered(expressions):
+        if node in values:
+            new[node] = values[node]
+        else:
+            new[node] = _node(node.op, *(new[arg] if isinstance(arg, Expression) else arg for arg in node.args))
+    return [new[expression] for expression in expressions]
 
 
 def depends(expression: Array, variables: Iterable[Expression]) -> bool:

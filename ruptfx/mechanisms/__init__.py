@@ -139,6 +139,8 @@ class Mechanism:
     """
 
     order: ClassVar[int] = 55
+    adjoint: ClassVar[bool] = False
+    """Whether the sweeps of `ruptfx.adjoint` contain it."""
     energies: ClassVar[tuple[Energy, ...]] = ()
     rounds_as_kernel: bool = False
     damped: Damped | None = None

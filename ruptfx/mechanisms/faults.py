@@ -37,6 +37,7 @@ class Faults(Mechanism):
     """
 
     order = 60
+    adjoint = True
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

@@ -19,6 +19,7 @@ class Supports(Mechanism):
     """Elastic supports of edges, whose energy is part of the strain energy."""
 
     order = 30
+    adjoint = True
 
     @classmethod
     def present(cls, model: Model) -> bool:
@@ -32,6 +33,7 @@ class Loads(Mechanism):
     """Applied forces and prescribed motion; dashpots are in the update of the stepped nodes."""
 
     order = 50
+    adjoint = True
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

@@ -30,6 +30,7 @@ class SlidingFaults(Faults):
     """
 
     order = 70
+    adjoint = False
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

@@ -20,6 +20,7 @@ class KelvinVoigt(Mechanism):
     """Damping in the sweep of the bulk kernel where that covers all elements, else by an operator of its own."""
 
     order = 20
+    adjoint = True
 
     def __init__(self, model: Model) -> None:
         super().__init__(model)

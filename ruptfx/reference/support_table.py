@@ -140,6 +140,7 @@ def features() -> Iterator[Feature]:
     yield _alone("mass damping", "damping.mass", Damping)
     yield _of_fault("Kelvin-Voigt damping", "damping.kelvin_voigt", Damping, whole=True)
     yield _alone("stages", "stages", Case)
+    yield _of_fault("gradients", "objective", Case, whole=True)
     for kind, attachment in alternatives("ruptfx.attachments").items():
         yield _alone(f"attachment {kind}", "attachments.0", attachment)
     for kind, way in alternatives("ruptfx.cracks").items():

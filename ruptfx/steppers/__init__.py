@@ -99,6 +99,8 @@ class Stepper(Alternative):
     """Whether bodies may turn by any angle."""
     attachments: ClassVar[bool] = False
     """Whether its steps ask mechanisms for their forces, so that masses and springs may be attached to the bodies."""
+    adjoint: ClassVar[bool] = False
+    """Whether its steps have an adjoint (`ruptfx.adjoint`), so that an objective may be differentiated."""
     memory: ClassVar[bool] = False
     """Whether its steps advance materials with memory."""
     multipliers: ClassVar[bool] = True

@@ -41,6 +41,7 @@ class Leapfrog(Stepper):
     large_rotations: ClassVar[bool] = True
     attachments: ClassVar[bool] = True
     memory: ClassVar[bool] = True
+    adjoint: ClassVar[bool] = True
 
     safety: Fraction = 0.9
     """Time step over the stable one."""

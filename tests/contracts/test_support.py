@@ -51,6 +51,12 @@ FEATURES: dict[str, dict[str, Any]] = {
                         "faults.main.initial_stress": {"normal": 0.0}},
     "periodic": {"boundaries": [*SIDES, SMALL["boundaries"][1]]},
     "stages": {"stages": [{"duration": 1e-6}, {"duration": 1e-6, "damping": {"mass": 1e3}}]},
+    "objective": {"objective": [{"kind": "final_slip", "sigma": 1e-6}]},
+    "objective and sliding": {"objective": [{"kind": "final_slip", "sigma": 1e-6}], "faults.main.sliding": {}},
+    "objective and periodic": {"objective": [{"kind": "final_slip", "sigma": 1e-6}],
+                               "boundaries": [*SIDES, SMALL["boundaries"][1]]},
+    "objective and cohesion": {"objective": [{"kind": "final_slip", "sigma": 1e-6}], "faults.main.cohesion": BOND,
+                               "stages": [{"duration": 1e-6}, {"duration": 1e-6}]},
     "coulomb": {"faults.main.friction": {"kind": "coulomb", "mu_d": 0.6}},
     "weakened": {"faults.main.nucleation": [{"kind": "friction_drop", "mu_d": 0.1, "center": 2e-3,
                                              "half_width": 1e-3}]},
@@ -123,7 +129,8 @@ def test_every_remedy_is_accepted() -> None:
 
 ROWS = {
     "sliding interfaces": "sliding", "cohesive interfaces": "cohesion", "gap": "gap", "boundary periodic": "periodic",
-    "stages": "stages", "friction coulomb": "coulomb", "friction rate_and_state_ageing": "plain",
+    "stages": "stages", "gradients": "objective", "friction coulomb": "coulomb",
+    "friction rate_and_state_ageing": "plain",
     "nucleation friction_drop": "weakened", "boundary absorbing": "waves", "mass damping": "waves",
     "Kelvin-Voigt damping": "waves",
 }  # fmt: skip

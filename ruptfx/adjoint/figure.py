@@ -1,0 +1,45 @@
+"""Figure of a gradient: sensitivity to every unknown along the interface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ruptfx.figure_style import new_figure, scale, styled
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+
+@styled
+def draw(found: xarray.Dataset) -> Figure:
+    """Return the figure: derivative per length of the interface by each unknown field, over the position.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        Result of `ruptfx.gradient`.
+    """
+    fields = [name for name, values in found.data_vars.items() if "unknown" in values.attrs and values.dims]
+    numbers = [name for name, values in found.data_vars.items() if "unknown" in values.attrs and not values.dims]
+    figure, axes = new_figure(max(len(fields), 1), 1, 1.5 * max(len(fields), 1) + 0.6, sharex=True)
+    for ax, name in zip(axes[:, 0], fields, strict=False):
+        values = found[name]
+        fault = str(values.dims[0]).removeprefix("point_")
+        position, weight = found[f"position_{fault}"].values, found[f"weight_{fault}"].values
+        size, unit = scale(position, "m")
+        density = values.values / weight
+        ax.axhline(0.0, color="0.7", lw=0.6)
+        ax.plot(position / size, density, lw=1.0)
+        ax.set_title(f"{name}", loc="left", fontsize="small")
+        ax.set_ylabel(f"{values.attrs['units']}/{found[f'weight_{fault}'].attrs['units']}")
+        ax.set_xlabel(f"Position ({unit})" if ax is axes[len(fields) - 1, 0] else "")
+    if not fields:
+        axes[0, 0].bar(np.arange(len(numbers)), [float(found[name]) for name in numbers])
+        axes[0, 0].set_xticks(np.arange(len(numbers)), numbers, rotation=20, ha="right")
+        axes[0, 0].set_ylabel(f"derivative ({found['objective'].attrs['units']} per unit)")
+    unit = found["objective"].attrs["units"]
+    figure.suptitle(f"Sensitivity of the objective, {float(found['objective']):.6g} {unit}")
+    return figure

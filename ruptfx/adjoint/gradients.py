@@ -1,0 +1,263 @@
+"""Gradient of the objective of a case by its unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx import RuptfxError, fem
+from ruptfx.adjoint.history import LARGEST
+from ruptfx.adjoint.sweeps import Sweeps, Told
+from ruptfx.adjoint.unknowns import Place, chosen
+from ruptfx.case import Case
+from ruptfx.instruments._readings import ModelReadings
+from ruptfx.misfits import Misfit, Request, Trace, Unknown
+from ruptfx.model import Model
+from ruptfx.platform import parallel
+from ruptfx.platform.progress import Progress, working
+from ruptfx.schema import CaseError
+
+if TYPE_CHECKING:
+    import xarray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """Derivative of the objective by one unknown, at all points of its interface in their order; on all ranks.
+
+    Attributes
+    ----------
+    unknown : Unknown
+    place : Place
+    values : ndarray, shape (n,)
+        By the value at each point.
+    """
+
+    unknown: Unknown
+    place: Place
+    values: Floats
+
+
+class Objective:
+    """The objective of a case: a run, its value and its gradient.
+
+    Parameters
+    ----------
+    case : Case
+    terms : sequence of Misfit
+    comm : MPI communicator
+    most : float
+        Largest memory of the history of the interfaces on all ranks [bytes].
+    tell : callable
+        Called with the finished fraction of the run and a text.
+    model : Model, optional
+        Of the case, with other initial tractions or parameters.
+    record : bool
+        Whether a gradient is needed.
+
+    Attributes
+    ----------
+    value : float
+    unit : str
+    samples : list of (str, Sample)
+        Readings of all terms with their names.
+    sweeps : Sweeps
+    """
+
+    def __init__(
+        self, case: Case, terms: Sequence[Misfit], comm: fem.MPI.Comm | None = None, most: float = LARGEST,
+        tell: Told = lambda done, text: None, model: Model | None = None, record: bool = True,
+    ) -> None:  # fmt: skip
+        self.case, self.terms = case, list(terms)
+        self.unit = _unit(self.terms)
+        self.model = model or Model(case, comm)
+        refuse(self.model)
+        self._counts: list[int] = []
+        names: list[str] = []
+
+        def requests(model: Model, dt: float, steps: int) -> list[Request]:
+            # Stress of one everywhere: what contains the initial stress has an offset.
+            bodies = ModelReadings(model, lambda points: np.ones((len(points), 6)))
+            found = [term.requests(bodies, f"objective.{number}") for number, term in enumerate(self.terms)]
+            self._counts = [len(each) for each in found]
+            whole = [each for of_term in found for each in of_term]
+            names.extend(each.channel.name if isinstance(each, Trace) else each.field for each in whole)
+            return whole
+
+        self.sweeps = Sweeps(self.model, requests, most, tell, record)
+        self.samples = list(zip(names, self.sweeps.samples, strict=True))
+        self.value, self._factors = self._evaluate()
+
+    def _evaluate(self) -> tuple[float, list[Floats]]:
+        total, factors = 0.0, []
+        samples = self.sweeps.samples
+        for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
+            value, slopes = term.evaluate(samples[begin:end])
+            total += value
+            factors += slopes
+        return total, factors
+
+    def gradient(self, unknowns: Sequence[Unknown] = (), tell: Told = lambda done, text: None) -> list[Derivative]:
+        """Return the derivatives by the given unknowns, or all of the case; collective."""
+        found = chosen(self.sweeps.model, unknowns)
+        loaded = {key.key: np.zeros(0) for key, _ in found}
+        points = self.sweeps.points
+        for _, place in found:
+            loaded[place.key] = np.zeros(len(points[place.fault].fault.interface.weight))
+
+        def each_step(fault: int, time: float, of_parameters: Floats) -> None:
+            for _, place in found:
+                if place.nucleation is not None and place.fault == fault:
+                    where = points[fault].fault.interface.locations
+                    loaded[place.key] += place.nucleation.shear_traction(where, time) * of_parameters[1]
+
+        gradient = self.sweeps.adjoint(self._factors, each_step, tell)
+        result = []
+        for unknown, place in found:
+            names = list(points[place.fault].parameters)
+            here = loaded[place.key] + sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
+            result.append(Derivative(unknown, place, self._whole(place.fault, here)))
+        return result
+
+    def _whole(self, number: int, values: Floats) -> Floats:
+        face = self.sweeps.points[number].fault.interface
+        whole = np.zeros(face.total)
+        whole[face.number[face.owned]] = values[face.owned]
+        return parallel.total(self.sweeps.model.comm, whole)
+
+    def dataset(self, derivatives: Sequence[Derivative]) -> xarray.Dataset:
+        """Return value and derivatives with positions and units; collective."""
+        import xarray
+
+        data: dict[str, object] = {"objective": ((), self.value, {"units": self.unit, "long_name": "objective"})}
+        coordinates: dict[str, object] = {}
+        for number in sorted({each.place.fault for each in derivatives}):
+            fault = self.sweeps.points[number].fault
+            face, dim = fault.interface, f"point_{fault.name}"
+            coordinates[f"position_{fault.name}"] = (
+                dim, self._whole(number, face.position), {"units": "m", "long_name": f"position, {face.line.meaning}"}
+            )
+            if face.across is not None:
+                coordinates[f"across_{fault.name}"] = (
+                    dim, self._whole(number, face.across), {"units": "m", "long_name": "position along tangent 2"}
+                )
+            area = "m2" if face.across is not None else "m"
+            data[f"weight_{fault.name}"] = (
+                dim, self._whole(number, face.weight), {"units": area, "long_name": "tributary length or area"}
+            )
+        for each in derivatives:
+            fault = self.sweeps.points[each.place.fault].fault
+            by = f"({each.place.unit})" if set(each.place.unit) & set("/ ") else each.place.unit
+            unit = f"{self.unit}/{by}" if by != "1" else self.unit
+            about = {"units": unit, "unknown": each.unknown.key, "uniform_change": float(each.values.sum())}
+            if each.unknown.shape == "number":
+                data[each.unknown.key] = ((), float(each.values.sum()), {
+                    **about, "long_name": f"derivative by {each.unknown.key}, a number",
+                })  # fmt: skip
+            else:
+                data[each.unknown.key] = (f"point_{fault.name}", each.values, {
+                    **about, "long_name": f"derivative by {each.unknown.key} at each point",
+                })  # fmt: skip
+        return xarray.Dataset(data, coordinates, {"case_hash": self.case.hash, "title": self.case.title})
+
+
+def gradient(
+    case: Case, objective: Sequence[Misfit] | Misfit | None = None, unknowns: Sequence[Unknown | str] = (),
+    comm: fem.MPI.Comm | None = None, progress: bool = True, memory: float = LARGEST,
+) -> xarray.Dataset:  # fmt: skip
+    """Return the objective of a case and its exact gradient; one run forward and one sweep backward; collective.
+
+    Parameters
+    ----------
+    case : Case
+    objective : Misfit or sequence of Misfit, optional
+        Default is `[[objective]]` of the case.
+    unknowns : sequence of Unknown or str
+        Default is `[[unknowns]]` of the case; without any, all that the case has.
+    comm : MPI communicator, optional
+        Default is all ranks of the job.
+    progress : bool
+        Show progress bars on rank 0.
+    memory : float
+        Largest memory of the history of the interfaces on all ranks [bytes].
+
+    Returns
+    -------
+    xarray.Dataset
+        `objective`; for each unknown a variable of the name of its key: the derivative by the value at each point, or
+        by a number. Attribute `uniform_change` is the derivative by a change that is the same at all points. Divide by
+        `weight_FAULT` for the sensitivity per length, which does not depend on the mesh.
+
+    Raises
+    ------
+    RuptfxError
+        On all ranks, before the first step: no objective, unknowns that the case does not have, data outside of the
+        run, features without an adjoint; after the sweep: a given unknown that the objective does not depend on.
+    """
+    comm = comm or fem.MPI.COMM_WORLD
+    terms = [objective] if isinstance(objective, Misfit) else list(objective or case.objective)
+    if not terms:
+        raise CaseError("objective: there is none; add an entry [[objective]], such as kind = 'final_slip'")
+    given = [Unknown(key=each) if isinstance(each, str) else each for each in unknowns] or list(case.unknowns)
+    show = progress and comm.rank == 0
+    with working("building the model", show):
+        model = Model(case, comm)
+    refuse(model)
+    chosen(model.in_steps("explicit"), given)  # refuses unknown keys before the first step
+    with Progress(show) as bar:
+        made = Objective(case, terms, comm, memory, bar.update, model)
+    with Progress(show) as bar:
+        found = made.gradient(given, bar.update)
+    for each in given:
+        values = next(one.values for one in found if one.unknown.key == each.key)
+        if not np.any(values):
+            raise RuptfxError(
+                f"unknowns: the objective does not depend on '{each.key}', its gradient is zero at all points; remove "
+                "it, or choose an objective that feels it"
+            )
+    return made.dataset(found)
+
+
+def refuse(model: Model) -> None:
+    """Refuse what has no adjoint in a model.
+
+    Raises
+    ------
+    CaseError
+    """
+    case = model.case
+    if not case.stepper.adjoint:
+        raise CaseError(f"stepper.kind = '{case.stepper.kind()}': has no adjoint; use 'leapfrog'")
+    if not model.faults:
+        raise CaseError("objective: the case has no interface, whose initial stress and law are the unknowns")
+    if case.stop_when is not None:
+        raise CaseError("stop_when: the end of the run would depend on the unknowns; remove it")
+    for each in model.mechanisms:
+        if not each.adjoint:
+            name = type(each).__module__.rpartition(".")[2]
+            raise CaseError(f"objective: '{name}' has no adjoint ({type(each).__name__}); remove it from the case")
+    for fault in model.faults:
+        if fault.cohesion is not None:
+            raise CaseError(f"faults.{fault.name}.cohesion: has no adjoint; remove it")
+    if case.stages:
+        raise CaseError("stages: have no adjoint; remove them")
+    if not model.quadratic:
+        raise CaseError("large_rotations: have no adjoint; remove the line")
+
+
+def _unit(terms: Sequence[Misfit]) -> str:
+    units = {term.unit: number for number, term in enumerate(terms)}
+    if len(units) > 1:
+        (one, first), (other, second) = list(units.items())[:2]
+        raise CaseError(
+            f"objective.{second}.kind = '{terms[second].kind()}': is in {other}, and objective.{first} in {one}; terms "
+            "of one objective have the same unit; remove one of them"
+        )
+    return next(iter(units))

@@ -1,0 +1,409 @@
+"""Derivatives of the explicit step at the points of an interface, compiled from the traced contact method and law.
+
+A step maps the jumps of the bodies, the fields of the previous traction, initial tractions and parameters of the law to
+the change of the tractions and the new fields (`faults/points.c`). The slip rate V is the solution of a scalar equation
+G(V, inputs) = 0, so that dV = -(dG/dinputs) dinputs / (dG/dV); V is known here, from the run. Stuck points have V = 0,
+open ones the slip rate of zero traction. From one graph come three C functions:
+
+    value   outputs of the inputs, which equal those of the step
+    push    changes of the outputs = derivative times changes of the inputs (tangent-linear, forward mode)
+    pull    factors of the inputs = transposed derivative times factors of the outputs (adjoint, reverse mode)
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.codegen import native
+from ruptfx.codegen.tracing import (
+    Expression,
+    constant,
+    derivative,
+    directional,
+    record,
+    substituted,
+    symbol,
+    to_c,
+    transposed,
+)
+from ruptfx.contact import Array, Point, Trial
+from ruptfx.faults.fault import FASTEST_CREEP, Fault
+from ruptfx.faults.points import Clock
+from ruptfx.faults.projection import TracedLaw, parameters_as_symbols
+
+Floats = NDArray[np.float64]
+NUMBERS = ("dt", "since", "extrapolation", "carried")
+"""Numbers of a step, the same at all points."""
+
+
+class PointMap:
+    """The step at the points of one fault as a function, with its derivatives.
+
+    Parameters
+    ----------
+    fault : Fault
+    normal_impedance : ndarray, shape (n,)
+    shear_impedance : ndarray, shape (n, tangents)
+        Impedances [Pa s/m] by number of the step: 0, 1, all others.
+
+    Attributes
+    ----------
+    inputs, outputs : list of str
+        Rows of the arrays of `pull` and `push`. The first `local` outputs are the change of the traction, the
+        next ones the fields that steps read again, in the order of `memory`.
+    memory : list of str
+        Fields of the previous traction among the inputs.
+    history : list of str
+        Inputs that change from step to step: jumps, rates and `memory`.
+    parameters : dict of str to ndarray, shape (n,)
+        Initial tractions and parameters of the law.
+    """
+
+    def __init__(
+        self, fault: Fault, normal_impedance: Sequence[Floats], shear_impedance: Sequence[Floats]
+    ) -> None:
+        law, face = fault.traced_law(), fault.interface
+        self.fault, self._n = fault, len(face.weight)
+        t = range(face.tangents)
+        self.local = face.frame.shape[1]
+        self.memory = [
+            *(f"slip_{k}" for k in t), *(f"mean_slip_rate_{k}" for k in t), "normal_stress",
+            *(f"s_{name}" for name in law.state_names),
+        ]  # fmt: skip
+        self.history = [f"{kind}_{k}" for kind in ("jump", "rate") for k in range(self.local)] + self.memory
+        self.parameters = {"normal_stress_0": fault.normal_stress_0}
+        self.parameters |= {f"shear_traction_0_{k}": fault.shear_traction_0[:, k] for k in t}
+        self.parameters |= {
+            name: np.broadcast_to(np.asarray(value, float), self._n) for name, value in law.parameters.items()
+        }
+        self.inputs = [*self.history, *self.parameters]
+        of_contact, contact = parameters_as_symbols(fault.contact, "c_")
+        self._known: dict[str, list[Floats]] = {
+            name: [np.broadcast_to(np.asarray(value, float), self._n)] * 3 for name, value in of_contact.items()
+        }
+        self._known["gap"] = [np.zeros(self._n) if fault.gap is None else fault.gap] * 3
+        self._known["normal_impedance"] = list(normal_impedance)
+        self._known |= {f"shear_impedance_{k}": [each[:, k] for each in shear_impedance] for k in t}
+        self._known = {
+            name: [np.ascontiguousarray(each, float) for each in values] for name, values in self._known.items()
+        }
+        self._found = [*(f"found_{k}" for k in t), "stuck", "opened"]
+        step = _Step(fault, law, contact)
+        self.outputs = list(step.outputs)
+        self._library = self._compile(step)
+
+    # -- code ---------------------------------------------------------------------------------------------------
+
+    def _compile(self, step: _Step) -> ctypes.CDLL:
+        inputs = [symbol(name) for name in self.inputs]
+        outputs = list(step.outputs.values())
+        by_v = derivative(step.balance, step.v)
+        # Factors of the outputs, and with them that of V, of the equation of V and of the free slip rate.
+        factors = [symbol(f"factor_{i}") for i in range(len(outputs))]
+        of_v: Array = transposed(_sums(outputs, factors), [step.v])[0]
+        seeds = _sums(
+            [*outputs, step.balance, step.free],
+            [*factors, np.where(step.slides > 0, -of_v / by_v, 0.0), np.where(symbol("opened") > 0, of_v, 0.0)],
+        )
+        pulled = transposed(seeds, inputs)
+        changes = {each: symbol(f"change_{i}") for i, each in enumerate(inputs)}
+        of_balance, of_free = directional([step.balance, step.free], changes, guarded=True)
+        of_v = np.where(step.slides > 0, -of_balance / by_v, np.where(symbol("opened") > 0, of_free, 0.0))
+        pushed = directional(outputs, {**changes, step.v: of_v}, guarded=True)
+        known = [*self.inputs, *self._found, *self._known]
+        functions = {
+            "value": (outputs, []), "push": (pushed, [f"change_{i}" for i in range(len(inputs))]),
+            "pull": (pulled, [f"factor_{i}" for i in range(len(outputs))]),
+        }  # fmt: skip
+        return native.load(
+            "point_map", "#include <math.h>\n" + "\n".join(
+                _function(name, [*known, *more], substituted(found, {step.v: step.v_found}))
+                for name, (found, more) in functions.items()
+            )
+        )  # fmt: skip
+
+    # -- products -------------------------------------------------------------------------------------------------
+
+    def value(self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats) -> Floats:
+        """Return the outputs of a step, shape (outputs, n).
+
+        Parameters
+        ----------
+        clock : int
+            Number of the step: 0, 1, and 2 for all others.
+        numbers : Clock
+            Its times.
+        history, parameters : ndarray, shapes (history, n) and (parameters, n)
+        found : ndarray, shape (tangents + 2, n)
+            Mean slip rate of the step [m/s], 1 where points are stuck, 1 where they are open.
+        """
+        return self._call("value", clock, numbers, [history, parameters, found], len(self.outputs))
+
+    def push(
+        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, changes: Floats
+    ) -> Floats:
+        """Return the changes of the outputs from those of the inputs, shape (inputs, n); other arguments as `value`."""
+        return self._call("push", clock, numbers, [history, parameters, found], len(self.outputs), changes)
+
+    def pull(
+        self, clock: int, numbers: Clock, history: Floats, parameters: Floats, found: Floats, factors: Floats
+    ) -> Floats:
+        """Return the factors of the inputs from those of the outputs, shape (outputs, n); the rest as `value`."""
+        return self._call("pull", clock, numbers, [history, parameters, found], len(self.inputs), factors)
+
+    def found(self, history: Floats, after: Floats, clock: Clock) -> Floats:
+        """Return slip rate and branch of a step from the histories of this step and the next one."""
+        t, first = self.fault.tangents, 2 * self.local
+        rate, sigma = after[first + t : first + 2 * t], after[first + 2 * t]
+        opened = ~(sigma > 0)
+        stuck = ~opened & ((rate == 0).all(axis=0) | (self.fault.contact.traction_ends_slip and clock.since == 0))
+        return np.concatenate([rate, stuck[None].astype(float), opened[None].astype(float)])
+
+    def _call(
+        self, name: str, clock: int, times: Clock, blocks: list[Floats], count: int, seeds: Floats | None = None
+    ) -> Floats:
+        out = np.empty((count, self._n))
+        numbers = np.array([times.dt, times.since, times.extrapolation, self._carried(times)])
+        rows = [np.ascontiguousarray(each) for each in [*blocks, *([] if seeds is None else [seeds])]]
+        known = [values[clock] for values in self._known.values()]
+        arrays = [_rows(each) for each in rows]
+        pointers = np.concatenate([
+            *arrays[:3], np.array([each.ctypes.data for each in known], np.uintp), *arrays[3:],
+        ])  # fmt: skip
+        results = _rows(out)
+        getattr(self._library, name)(
+            ctypes.c_long(self._n), *(ctypes.c_void_p(each.ctypes.data) for each in (numbers, pointers, results))
+        )
+        return out
+
+    def _carried(self, times: Clock) -> float:
+        e = times.extrapolation
+        return -e / (1 + e) if self.fault.contact.traction_ends_slip else 1.0
+
+
+class _Step:
+    """The graph of a step with V as a symbol.
+
+    Attributes
+    ----------
+    outputs : dict of str to Expression
+    v, v_found : Expression
+        Symbol of V, and its value from the mean slip rate of the step.
+    balance : Expression
+        G(V, inputs), zero where the point slides.
+    free : Expression
+        Slip rate of zero traction.
+    slides : Expression
+        1 where the point is neither stuck nor open.
+    """
+
+    def __init__(self, fault: Fault, law: TracedLaw, contact: Array) -> None:
+        face, t = fault.interface, range(fault.tangents)
+        normal = int(face.has_normal)
+        self.v = v = symbol("V")
+        since, stuck, opened = symbol("since"), symbol("stuck"), symbol("opened")  # type: Array, Array, Array
+        self.slides: Array = np.where(stuck > 0, 0.0, np.where(opened > 0, 0.0, 1.0))
+        shear_0: list[Array] = [symbol(f"shear_traction_0_{k}") for k in t]
+        before: list[Array] = [symbol(f"mean_slip_rate_{k}") for k in t]
+        slip: list[Array] = [symbol(f"slip_{k}") for k in t]
+        sigma_0, sigma_before = symbol("normal_stress_0"), symbol("normal_stress")
+        apart: Array = symbol("jump_0") + symbol("gap") if normal else constant(0)
+        trial: Trial = record(contact.trial, Point(
+            normal_stress_0=sigma_0, shear_traction_0=shear_0, opening_jump=apart,
+            slip_jump=[symbol(f"jump_{normal + k}") for k in t], slip=slip, since=since, dt=symbol("dt"),
+            opening_velocity=symbol("rate_0") if normal else constant(0),
+            slip_velocity=[symbol(f"rate_{normal + k}") for k in t], normal_impedance=symbol("normal_impedance"),
+            shear_impedance=[symbol(f"shear_impedance_{k}") for k in t],
+        ))  # fmt: skip
+        shear, z = [_as_expression(each) for each in trial.shear_traction], trial.impedance
+        sigma: Array = np.where(opened > 0, 0.0, trial.normal_stress)
+        # As `project` of points.c.
+        carried: Array = symbol("carried")
+        product = _sum(before[k] * shear[k] for k in t)
+        shift_square = _sum((carried * z[k] * before[k]) ** 2 for k in t)
+        trial_square = _sum(shear[k] * shear[k] for k in t)
+        keeps: Array = np.where(carried > 0, 1.0, np.where(4 * shift_square <= trial_square, 1.0, 0.0))
+        turns: Array = np.where(product > 0, np.where(keeps > 0, carried, 0.0), 0.0)
+        turning = [turns * before[k] for k in t]
+        shifted = [shear[k] + z[k] * turning[k] for k in t]
+        size, faster = _length(shifted), _length(before)
+        way: list[Array]
+        way = [np.sign(shifted[0])] if len(shear) == 1 else [each / _nonzero(size) for each in shifted]
+        along: Array = np.where(product > 0, _sum(before[k] * way[k] for k in t), 0.0)
+        taken = _sum(turning[k] * way[k] for k in t)
+        # A step of zero length has no impedance, and no slip.
+        loose = [np.where(z[k] > 0, shifted[k] / np.where(z[k] > 0, z[k], 1.0), 0.0) for k in t]
+        speed = _length(loose)
+        self.free = speed - taken
+
+        given = {
+            symbol("slip_rate"): v, symbol("rate_before"): along, symbol("speed_before"): faster,
+            symbol("normal_stress"): sigma, symbol("normal_stress_before"): sigma_before,
+            symbol("radiation"): constant(0), symbol("bond"): constant(0),
+        }  # fmt: skip
+        begun = dict(zip(map(symbol, law.start), substituted(law.start.values(), given), strict=True))
+        names = list(law.outputs)
+        of_law: dict[str, Array] = dict(
+            zip(names, substituted(law.outputs.values(), {**given, **begun}), strict=True)
+        )
+        strength = of_law["strength"]
+        final: list[Array]
+        if len(shear) == 1:
+            self.balance = size - z[0] * (v + taken) - strength
+            final = way
+        else:
+            ratio = [shifted[k] / (strength + z[k] * (v + taken)) for k in t]
+            square = _sum(each * each for each in ratio)
+            self.balance = square - 1.0
+            norm = np.sqrt(np.where(self.slides > 0, square, 1.0))
+            final = [
+                np.where(opened > 0, loose[k] / _nonzero(speed), ratio[k] / norm) for k in t
+            ]  # fmt: skip
+        ends, started = fault.contact.traction_ends_slip, since > 0
+        mean: list[Array] = [np.where(stuck > 0, 0.0, (v + taken) * final[k] - turning[k]) for k in t]
+        traction: list[Array] = [np.where(opened > 0, 0.0, shear[k] - z[k] * mean[k]) for k in t]
+        now: list[Array] = [
+            np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], of_law["rate_now"] * final[k]) for k in t
+        ]
+        if ends:
+            mean = [np.where(started, mean[k], before[k]) for k in t]
+        slipping = mean if ends else before
+        change = [shear_k - initial for shear_k, initial in zip(traction, shear_0, strict=True)]
+        opening: Array = (sigma - trial.normal_stress) * trial.normal_compliance if ends else np.where(
+            sigma_before > 0, 0.0, np.where(apart < 0, 0.0, apart)
+        )
+        found = {
+            **({"change_normal": sigma_0 - sigma} if normal else {}), **{f"change_{k}": change[k] for k in t},
+            **{f"slip_{k}": slip[k] + since * slipping[k] for k in t}, **{f"mean_slip_rate_{k}": mean[k] for k in t},
+            "normal_stress": sigma, **{f"s_{name}": of_law[f"n_{name}"] for name in law.state_names},
+            **{f"slip_rate_{k}": now[k] for k in t}, **{f"shear_traction_{k}": traction[k] for k in t},
+            "opening": opening,
+        }  # fmt: skip
+        self.outputs = {name: _as_expression(value) for name, value in found.items()}
+        of_found: list[Array] = [symbol(f"found_{k}") for k in t]
+        solved: Array = _length([of_found[k] + turning[k] for k in t]) - taken if len(shear) > 1 else (
+            _sum(of_found[k] * way[k] for k in t)
+        )
+        self.v_found: Array = np.where(stuck > 0, 0.0, np.where(opened > 0, self.free, solved))
+
+
+class InitialMap:
+    """Fields before the first step as a function of initial tractions and parameters, with its derivatives.
+
+    Parameters
+    ----------
+    fault : Fault
+    names : list of str
+        Parameters of `PointMap`.
+    memory : list of str
+        Its fields.
+    slip_rate : ndarray, shape (n, tangents), or None
+        Initial slip rate from the velocities of the bodies [m/s].
+
+    Raises
+    ------
+    RuptfxError
+        If the initial state of the law cannot be traced.
+    """
+
+    def __init__(self, fault: Fault, names: list[str], memory: list[str], slip_rate: Floats | None) -> None:
+        t, self._n, self._names = range(fault.tangents), len(fault.interface.weight), names
+        given = np.zeros((self._n, len(t))) if slip_rate is None else slip_rate
+        self._given = np.ascontiguousarray(given.T)
+        rate: list[Array] = [symbol(f"given_{k}") for k in t]
+        shear_0: list[Array] = [symbol(f"shear_traction_0_{k}") for k in t]
+        shear, speed, sigma = _length(shear_0), _length(rate), symbol("normal_stress_0")
+        _, law = parameters_as_symbols(fault.friction, "p_")
+        state: Mapping[str, Array] = record(law.initial_state, sigma, shear, speed)
+        creep: Array = _as_expression(record(law.carried_slip_rate, shear, sigma, state))
+        creep = np.where(creep < FASTEST_CREEP, creep, 0.0)
+        start = {
+            **{f"slip_{k}": constant(0) for k in t},
+            **{f"mean_slip_rate_{k}": np.where(speed > 0, rate[k], creep * shear_0[k] / np.maximum(shear, 1e-300))
+               for k in t},
+            "normal_stress": sigma, **{f"s_{name}": _as_expression(state[name]) for name in law.all_state_fields()},
+        }  # fmt: skip
+        outputs, inputs = [_as_expression(start[name]) for name in memory], [symbol(name) for name in names]
+        factors = [symbol(f"factor_{i}") for i in range(len(outputs))]
+        changes = {each: symbol(f"change_{i}") for i, each in enumerate(inputs)}
+        known = [*names, *(f"given_{k}" for k in t)]
+        self._count = len(outputs)
+        self._library = native.load("initial_map", "#include <math.h>\n" + "\n".join([
+            _function("value", known, outputs),
+            _function("push", [*known, *(f"change_{i}" for i in range(len(inputs)))],
+                      directional(outputs, changes, guarded=True)),
+            _function("pull", [*known, *(f"factor_{i}" for i in range(len(outputs)))],
+                      transposed(_sums(outputs, factors), inputs)),
+        ]))  # fmt: skip
+
+    def value(self, parameters: Floats) -> Floats:
+        """Return the fields, shape (memory, n)."""
+        return self._call("value", self._count, parameters)
+
+    def push(self, parameters: Floats, changes: Floats) -> Floats:
+        """Return the changes of the fields from those of the parameters, shapes (memory, n) and (parameters, n)."""
+        return self._call("push", self._count, parameters, changes)
+
+    def pull(self, parameters: Floats, factors: Floats) -> Floats:
+        """Return the factors of the parameters from those of the fields, shapes (parameters, n) and (memory, n)."""
+        return self._call("pull", len(self._names), parameters, factors)
+
+    def _call(self, name: str, count: int, parameters: Floats, seeds: Floats | None = None) -> Floats:
+        out, numbers = np.empty((count, self._n)), np.zeros(len(NUMBERS))
+        rows = [np.ascontiguousarray(each) for each in (parameters, self._given, seeds) if each is not None]
+        pointers, results = np.concatenate([_rows(each) for each in rows]), _rows(out)
+        getattr(self._library, name)(
+            ctypes.c_long(self._n), *(ctypes.c_void_p(each.ctypes.data) for each in (numbers, pointers, results))
+        )
+        return out
+
+
+def _function(name: str, inputs: Sequence[str], outputs: Sequence[Expression]) -> str:
+    """Return a C function from rows of arrays to rows of arrays, point by point."""
+    numbers = "".join(f"const double {each} = numbers[{i}]; (void){each};\n" for i, each in enumerate(NUMBERS))
+    given = "".join(f"const double {each} = in[{i}][l]; (void){each};\n" for i, each in enumerate(inputs))
+    body = to_c({f"out[{i}][l]": each for i, each in enumerate(outputs)})
+    return (
+        f"void {name}(long n, const double *numbers, const double *const *in, double *const *out)\n{{\n{numbers}"
+        f"for (long l = 0; l < n; l++) {{\n{given}{body}\n}}\n}}\n"
+    )
+
+
+def _rows(block: Floats) -> NDArray[np.uintp]:
+    """Return the addresses of the rows of a contiguous array."""
+    return np.asarray(block.ctypes.data + block.strides[0] * np.arange(len(block)), dtype=np.uintp)
+
+
+def _sums(expressions: Sequence[Expression], factors: Sequence[Array]) -> dict[Expression, Expression]:
+    """Return the factor of every expression; equal expressions are one, with the sum of their factors."""
+    found: dict[Expression, Array] = {}
+    for expression, factor in zip(expressions, factors, strict=True):
+        found[expression] = found[expression] + factor if expression in found else factor
+    return found
+
+
+def _as_expression(value: Array) -> Expression:
+    return value if isinstance(value, Expression) else constant(value)
+
+
+def _sum(terms: Array) -> Array:
+    total: Array = 0.0
+    for term in terms:
+        total = term + total
+    return total
+
+
+def _length(vector: Sequence[Array]) -> Array:
+    """Return the length of a vector with the derivative zero where it is zero."""
+    if len(vector) == 1:
+        return np.abs(vector[0])
+    square = _sum(each * each for each in vector)
+    return np.where(square > 0, np.sqrt(np.where(square > 0, square, 1.0)), 0.0)
+
+
+def _nonzero(value: Array) -> Array:
+    return np.where(value > 0, value, 1.0)

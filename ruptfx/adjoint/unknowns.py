@@ -1,0 +1,161 @@
+"""Unknowns of an objective: which initial tractions and parameters of a law the keys of a case are."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ruptfx.faults.fault import Fault
+from ruptfx.friction import FrictionLaw
+from ruptfx.mechanisms import mechanisms_of
+from ruptfx.misfits import Unknown
+from ruptfx.nucleation import Nucleation
+from ruptfx.profiles import evaluate
+from ruptfx.schema import CaseError, nearest, unit_of
+
+if TYPE_CHECKING:
+    from ruptfx.model import Model
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of an unknown among the parameters of the interfaces.
+
+    Attributes
+    ----------
+    key, unit : str
+    fault : int
+    rows : tuple of (str, float)
+        Parameters of `PointMap` and their change by that of the unknown; none for a nucleation.
+    nucleation : Nucleation, optional
+        Nucleation of unit amplitude, if the unknown is an amplitude.
+    """
+
+    key: str
+    unit: str
+    fault: int
+    rows: tuple[tuple[str, float], ...] = ()
+    nucleation: Nucleation | None = None
+
+
+def places(model: Model) -> dict[str, Place]:
+    """Return all unknowns that a case has, by key."""
+    return {place.key: place for number, fault in enumerate(model.faults) for place in _of_fault(model, number, fault)}
+
+
+def chosen(model: Model, unknowns: Sequence[Unknown]) -> list[tuple[Unknown, Place]]:
+    """Return the given unknowns, or all, with their places.
+
+    Raises
+    ------
+    CaseError
+        A key that is no unknown of the case, or given twice.
+    """
+    known = places(model)
+    given = list(unknowns) or [Unknown(key=key) for key in known]
+    for number, each in enumerate(given):
+        if each.key not in known:
+            hint = nearest(each.key, list(known))
+            raise CaseError(f"unknowns.{number}.key = '{each.key}': cannot be differentiated, {hint}")
+        if each.key in [other.key for other in given[:number]]:
+            raise CaseError(f"unknowns.{number}.key = '{each.key}': is given twice; remove one of them")
+    return [(each, known[each.key]) for each in given]
+
+
+def _of_fault(model: Model, number: int, fault: Fault) -> Iterator[Place]:
+    of_case = model.placed[fault.name]
+    key = f"faults.{fault.name}"
+    given = of_case.initial_stress
+    if of_case.friction.given_slip_rate() is not None and given.shear is None:
+        raise CaseError(
+            f"{key}.friction.V_initial: with the state given, too, the initial shear stress follows from the law, and "
+            "its derivative is not computed; give initial_stress.shear in its place"
+        )
+    angle = np.deg2rad(given.rake or 0.0)
+    directions = (1.0,) if fault.tangents == 1 else (float(np.cos(angle)), float(np.sin(angle)))
+    rows = tuple((f"shear_traction_0_{k}", part) for k, part in enumerate(directions))
+    yield Place(f"{key}.initial_stress.shear", "Pa", number, rows)
+    yield Place(f"{key}.initial_stress.normal", "Pa", number, (("normal_stress_0", 1.0),))
+    wrapped = [each for each in fault.nucleation if type(each).weaken is not Nucleation.weaken]
+    law: FrictionLaw = fault.friction
+    prefix = "p_"
+    for weakening in reversed(wrapped):  # the last one is outside
+        index = fault.nucleation.index(weakening)
+        for name in type(law).model_fields:
+            if name in type(weakening).model_fields and name in _numbers(law):
+                place = f"{key}.nucleation.{index}.{name}"
+                yield Place(place, unit_of(type(weakening), name), number, ((prefix + name, 1.0),))
+        law, prefix = law.law, f"{prefix}law_"  # type: ignore[attr-defined]
+    path = f"{key}.friction"
+    while True:
+        for name in _numbers(law):
+            yield Place(f"{path}.{name}", unit_of(type(law), name), number, ((prefix + name, 1.0),))
+        if getattr(law, "law", None) is None:
+            break
+        law, prefix, path = law.law, f"{prefix}law_", f"{path}.law"  # type: ignore[attr-defined]
+    for index, each in enumerate(fault.nucleation):
+        if "extra" in type(each).model_fields:
+            one = each.substituted({"extra": 1.0})
+            yield Place(f"{key}.nucleation.{index}.extra", unit_of(type(each), "extra"), number, nucleation=one)
+
+
+def _numbers(law: FrictionLaw) -> list[str]:
+    found = []
+    for name in type(law).model_fields:
+        value = getattr(law, name)
+        if isinstance(value, float | int | np.ndarray) and not isinstance(value, bool):
+            found.append(name)
+    return found
+
+
+def perturbed(
+    model: Model, changes: Mapping[tuple[int, str], Floats], amplitudes: Mapping[tuple[int, int], Floats] | None = None
+) -> Model:
+    """Return a model with other initial tractions and parameters.
+
+    Parameters
+    ----------
+    model : Model
+    changes : mapping of (int, str) to ndarray, shape (n,)
+        Added to parameters of `PointMap`, by fault and name.
+    amplitudes : mapping of (int, int) to ndarray, shape (n,), optional
+        Added to `extra` of nucleations, by fault and number.
+    """
+    view = copy.copy(model)
+    view.faults = []
+    for number, fault in enumerate(model.faults):
+        mine = {name: change for (which, name), change in changes.items() if which == number}
+        shear = fault.shear_traction_0.copy()
+        for k in range(fault.tangents):
+            shear[:, k] += mine.get(f"shear_traction_0_{k}", 0.0)
+        law = _with(fault.friction, "p_", mine)
+        normal = fault.normal_stress_0 + mine.get("normal_stress_0", 0.0)
+        nucleation = list(fault.nucleation)
+        for (which, index), change in (amplitudes or {}).items():
+            if which == number:
+                places, each = fault.interface.locations, nucleation[index]
+                extra = evaluate(each.extra, places) + change  # type: ignore[attr-defined]
+                nucleation[index] = each.substituted({"extra": extra})
+        view.faults.append(replace(
+            fault, friction=law, shear_traction_0=shear, normal_stress_0=normal, nucleation=tuple(nucleation)
+        ))  # fmt: skip
+    view.mechanisms = mechanisms_of(view)
+    return view
+
+
+def _with(part: FrictionLaw, prefix: str, changes: Mapping[str, Floats]) -> FrictionLaw:
+    new: dict[str, object] = {}
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, FrictionLaw):
+            new[name] = _with(value, f"{prefix}{name}_", changes)
+        elif prefix + name in changes:
+            new[name] = value + changes[prefix + name]
+    return part.substituted(new)

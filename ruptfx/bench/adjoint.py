@@ -1,0 +1,243 @@
+"""Adjoint and tangent-linear sweeps: exact transposes of each other, and exact derivatives of the run.
+
+Products <J x, y> and <x, J' y> of the derivative J of all readings by all parameters agree to rounding, for every
+friction law, contact method and plane, over 200 steps. Through a rupture with the ageing law, which has no kinks, the
+remainder of Taylor's series J(p + e d) - J(p) - e <gradient, d> falls with the square of e, and tangent-linear sweeps
+equal central differences. Gradients on 1 and 2 ranks agree. A gradient by 10 000 unknowns costs at most three runs.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tomli_w
+
+from ruptfx import RuptfxError, Table
+from ruptfx.adjoint.gradients import Objective
+from ruptfx.adjoint.unknowns import perturbed, places
+from ruptfx.bench import Check, Outcome
+from ruptfx.bench._rupture import elastic
+from ruptfx.bench.time_order import CONTACTS, LAWS, plates
+from ruptfx.case import Case
+from ruptfx.model import Model
+from ruptfx.platform import launch
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ruptfx.fem import MPI
+
+STEPS = 200
+PLANES = ("strain", "stress", "antiplane")
+FEW = ("linear_slip_weakening", "rate_and_state_ageing")  # laws of the other planes where not `fine`
+SIZES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+KINDS = {
+    "initial_stress.shear": 1e7, "initial_stress.normal": 1e7, "friction.a": 5e-3, "friction.b": 5e-3,
+    "friction.D_c": 1e-2, "friction.f_0": 0.1, "nucleation.0.extra": 1e7,
+}  # fmt: skip
+"""Parameters of the rupture and sizes of their changes."""
+
+
+def sliding_plates(law: Table, contact: Table, plane: str, steps: int = STEPS) -> Case:
+    """Return two plates that begin to slide, with an objective of slip, slip rate and motion of the bodies."""
+    table = plates(law, contact, steps)
+    table["plane"] = plane
+    if plane == "antiplane":
+        for boundary in table["boundaries"]:
+            boundary["traction"] = boundary["traction"][:1]
+    along = [1.0] if plane == "antiplane" else [1.0, 0.0]
+    table["instruments"] = [
+        {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 5e-3, "bandwidth": 1e6},
+        {"kind": "velocimeter", "name": "body", "interval": 1e-7, "point": [7e-3, 1.2e-3], "direction": along},
+    ]
+    times = {"times": [4e-6, 7.5e-6], "sigma": 1.0}
+    table["objective"] = [
+        {"kind": "final_slip", "sigma": 1e-6},
+        {"kind": "traces", "instrument": "fault", "data": {"slip_rate": [0.0, 0.0]}, "units": {"slip_rate": "m/s"},
+         **times},
+        {"kind": "traces", "instrument": "body", "data": {"velocity": [0.0, 0.0]}, "units": {"velocity": "m/s"},
+         **times},
+    ]  # fmt: skip
+    return Case.model_validate(table)
+
+
+def mismatch(case: Case, comm: MPI.Comm) -> float:
+    """Return |<J x, y> - <x, J' y>| over the sum of the sizes of the terms, for random x and y."""
+    sweeps = Objective(case, case.objective, comm).sweeps
+    random = np.random.default_rng(0)
+    x = [random.normal(size=each.shape) * np.abs(each) for each in sweeps.parameters]
+    changes = sweeps.tangent(x)
+    y = [random.normal(size=len(each)) / max(float(np.abs(each).max()), 1e-300) for each in changes]
+    gradient = sweeps.adjoint(y)
+    forward = [a * b for a, b in zip(changes, y, strict=True)]
+    backward = [a * b for a, b in zip(gradient, x, strict=True)]
+    size = sum(float(np.abs(each).sum()) for each in forward)
+    return abs(sum(float(each.sum()) for each in forward) - sum(float(each.sum()) for each in backward)) / size
+
+
+def rupture() -> Case:
+    """Return a rupture with the ageing law from an overstressed patch."""
+    return Case.model_validate({
+        "plane": "strain", "order": 4, "duration": 1.0,
+        "mesh": {"kind": "half_plate", "length": 8e3, "height": 2.4e3, "element_size": 400.0},
+        "materials": {"default": elastic(6000.0, 3464.0, 2670.0)},
+        "damping": {"kelvin_voigt": {"eta": 7e-4}},
+        "faults": {"main": {
+            "contact": {"kind": "split_node"},
+            "friction": {"kind": "rate_and_state_ageing", "a": 0.008, "b": 0.012, "D_c": 0.02, "f_0": 0.6, "V_0": 1e-6,
+                         "V_initial": 1e-6},
+            "initial_stress": {"normal": 120e6, "shear": 75e6},
+            "nucleation": {"kind": "overstress", "extra": {
+                "kind": "boxcar", "center": 0.0, "half_width": 1.5e3, "inside": 20e6, "outside": 0.0}},
+        }},
+        "boundaries": [
+            {"kind": "driven", "edge": "upper.left", "component": "y", "velocity": 0.0},
+            {"kind": "absorbing", "edge": "upper.right"}, {"kind": "absorbing", "edge": "upper.top"},
+        ],
+        "instruments": [
+            {"kind": "velocimeter", "name": "body", "interval": 0.01, "point": [4e3, 800.0], "direction": [1.0, 0.0]},
+        ],
+        "objective": [
+            {"kind": "final_slip", "sigma": 1.0, "target": 0.3},
+            {"kind": "traces", "instrument": "body", "sigma": 0.3, "times": [0.6, 0.8, 0.95],
+             "data": {"velocity": [0.0, 0.2, 0.4]}, "units": {"velocity": "m/s"}},
+        ],
+    })  # fmt: skip
+
+
+class Remainders:
+    """Remainders of Taylor's series of an objective through a rupture.
+
+    Attributes
+    ----------
+    found : dict of str to ndarray, shape (sizes,)
+        Remainder over the change of first order times the size, by kind of parameter.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        case = rupture()
+        model = Model(case, comm).in_steps("explicit")
+        made = Objective(case, case.objective, comm)
+        gradient = {each.unknown.key: each.values for each in made.gradient()}
+        known, self.found = places(model), dict[str, np.ndarray]()
+        face = model.faults[0].interface
+        for kind, size in KINDS.items():
+            place = known[f"faults.main.{kind}"]
+            shape = size * np.cos(face.position / 1500.0)
+            slope = float(gradient[place.key] @ shape)
+            found = []
+            for each in SIZES:
+                if place.nucleation is None:
+                    view = perturbed(model, {(0, row): each * part * shape for row, part in place.rows})
+                else:
+                    view = perturbed(model, {}, {(0, 0): each * shape})
+                value = Objective(case, case.objective, comm, model=view, record=False).value
+                found.append(abs(value - made.value - each * slope) / abs(slope))
+            self.found[kind] = np.array(found)
+
+    @property
+    def least_order(self) -> float:
+        """Smallest order between the first and the last size over all parameters."""
+        decades = np.log10(SIZES[0] / SIZES[-1])
+        return min(float(np.log10(each[0] / each[-1]) / decades) for each in self.found.values())
+
+
+def central_differences(count: int, comm: MPI.Comm) -> float:
+    """Return the largest error of tangent-linear sweeps against central differences in random directions."""
+    case = rupture()
+    model = Model(case, comm).in_steps("explicit")
+    sweeps, worst = Objective(case, case.objective, comm).sweeps, 0.0
+    names = list(sweeps.points[0].parameters)
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        x = random.normal(size=sweeps.parameters[0].shape) * sweeps.parameters[0]
+        x[[name.endswith("theta_initial") for name in names]] = 0.0
+        exact = sweeps.tangent([x])
+        step = 1e-5
+        both = []
+        for sign in (1, -1):
+            view = perturbed(model, {(0, name): sign * step * row for name, row in zip(names, x, strict=True)})
+            made = Objective(case, case.objective, comm, model=view, record=False)
+            both.append([sample.values for _, sample in made.samples])
+        for one, other, linear in zip(*both, exact, strict=True):
+            error = np.linalg.norm((one - other) / (2 * step) - linear) / np.linalg.norm(linear)
+            worst = max(worst, float(error))
+    return worst
+
+
+def cost(comm: MPI.Comm) -> float:
+    """Return the time of a gradient by 10 000 unknowns over that of a run, median of three."""
+    table = plates(LAWS["linear_slip_weakening"], CONTACTS["split_node"], STEPS)
+    table |= {"plane": "strain", "order": 4, "duration": 4e-6, "stepper": {"kind": "leapfrog"}}
+    table["mesh"] = {"kind": "two_plates", "length": 0.5, "height": 20e-3, "element_size": 1e-3}
+    table["objective"] = [{"kind": "final_slip", "sigma": 1e-6}]
+    case = Case.model_validate(table)
+    model, ratios = Model(case, comm), []
+    made = Objective(case, case.objective, comm, model=model)
+    motion = case.stepper.bind(model)
+    for _ in range(3):
+        state, began = model.initial_state(), time.process_time()
+        for _ in range(made.sweeps.steps):
+            motion.step(state)
+        run, began = time.process_time() - began, time.process_time()
+        made.sweeps.run_again()
+        made.gradient()
+        ratios.append((time.process_time() - began) / run)
+    return median(ratios)
+
+
+def of_ranks() -> float:
+    """Return the largest difference of gradients on 1 and 2 ranks, relative to the largest value of each unknown."""
+    import xarray
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "rupture.toml")
+        path.write_text(tomli_w.dumps(rupture().table()), encoding="utf-8")
+        found = []
+        for ranks in (1, 2):
+            out = Path(folder, str(ranks))
+            if launch.run_on(ranks, ["gradient", str(path), "--out", str(out), "--quiet"]):
+                raise RuptfxError(f"bench adjoint: the gradient did not run on {ranks} rank(s)")
+            found.append(xarray.load_dataset(out / "gradient.nc", engine="h5netcdf"))
+        one, two = found
+        return max(
+            float(np.abs(one[name] - two[name]).max() / max(float(np.abs(one[name]).max()), 1e-300))
+            for name in one.data_vars
+        )
+
+
+def run(fine: bool, comm: MPI.Comm) -> Outcome:
+    checks = []
+    for plane in PLANES:
+        for name, contact in CONTACTS.items():
+            laws = LAWS if fine or plane == PLANES[0] else {law: LAWS[law] for law in FEW}
+            worst = max(mismatch(sliding_plates(law, contact, plane), comm) for law in laws.values())
+            quantity = f"transpose, {plane}, {name}, {len(laws)} laws: |<Jx, y> - <x, J'y>|"
+            checks.append(Check(quantity, 0.0, worst, 1e-12, "1", "exact transposes"))
+    remainders = Remainders(comm)
+    checks.append(Check("order of Taylor's remainder, 1e-2 to 1e-6", 2.0, remainders.least_order, 0.05, "1",
+                        "gradient exact", "at least"))  # fmt: skip
+    checks.append(Check("tangent-linear sweep against central differences", 0.0,
+                        central_differences(20 if fine else 4, comm), 1e-6, "1", "derivative"))  # fmt: skip
+    checks.append(Check("gradients on 1 and 2 ranks", 0.0, of_ranks(), 1e-10, "1", "1 rank against 2"))
+    checks.append(Check("cost of a gradient by 10 000 unknowns over a run", 3.0, cost(comm), 0.0, "1",
+                        "forward, and backward with the same kernel", "at most", timing=True))  # fmt: skip
+    return Outcome(checks, lambda: _draw(remainders))
+
+
+def _draw(remainders: Remainders) -> Figure:
+    from ruptfx.figure_style import new_figure
+
+    figure, ((ax,),) = new_figure(1, 1, 3.0, 4.5)
+    for kind, values in remainders.found.items():
+        ax.loglog(SIZES, values, "o-", ms=3, lw=1, label=kind)
+    first = max(float(values[0]) for values in remainders.found.values())
+    ax.loglog(SIZES, 2 * first * (np.array(SIZES) / SIZES[0]) ** 2, "k:", lw=1, label="second order")
+    ax.set(xlabel="size of the change", ylabel="Taylor's remainder over the slope")
+    ax.legend(frameon=False, fontsize="x-small")
+    return figure

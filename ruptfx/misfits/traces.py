@@ -1,0 +1,175 @@
+"""Traces of an instrument against data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, ValidationInfo, model_validator
+
+from ruptfx.input import number_files
+from ruptfx.input.quantities import factor
+from ruptfx.misfits import Floats, Misfit, Request, Sample, Trace
+from ruptfx.schema import CaseError, Name, nearest
+from ruptfx.units import Duration, Positive, Time
+
+if TYPE_CHECKING:
+    from ruptfx.instruments._readings import ModelReadings
+
+
+class Traces(Misfit):
+    """Traces of an instrument: half the sum of ((reading - data) / sigma)^2 over channels and times.
+
+    The readings have the filter of the instrument (`bandwidth`) and are interpolated linearly to the times of the data.
+    Columns of a CSV file are the time and channels of the instrument, each with its unit in the header:
+    `time (us), slip_rate (m/s)`. Another file is an `instruments.h5` of a run, of which the group of the instrument is
+    read. A case contains the data, not the file.
+    """
+
+    example: ClassVar[str] = (
+        '{ kind = "traces", instrument = "fault", times = [1e-6, 2e-6, 3e-6], sigma = 1e-6, '
+        'data = { slip = [1e-6, 2e-6, 3e-6] }, units = { slip = "m" } }'
+    )
+
+    instrument: Name
+    """Name of the instrument."""
+    file: str | None = None
+    """CSV file or `instruments.h5`, relative to the case file."""
+    times: list[float] = []
+    """Times of the data [s], in place of a file."""
+    data: dict[str, list[float]] = {}
+    """Values at these times by channel, in place of a file."""
+    units: dict[str, str] = {}
+    """Unit of each channel of `data`."""
+    channels: Annotated[list[str], Field(min_length=1)] | None = None
+    """Channels that count; default is all of the data."""
+    sigma: Positive
+    """Standard deviation of the noise, in the SI unit of the channels."""
+    begin: Time = 0.0
+    """Start of the window of times that count [s]."""
+    end: Duration | None = None
+    """End of that window [s]; default is the last time of the data."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, values: object, info: ValidationInfo) -> object:
+        if not isinstance(values, Mapping) or not isinstance(values.get("file"), str):
+            return values
+        if values.get("data") or values.get("times"):
+            raise ValueError("give either a file, or times, data and units")
+        path = Path((info.context or {}).get("directory") or ".", values["file"])
+        read = _from_run if path.suffix in (".h5", ".nc") else _from_text
+        times, data, units = read(path, str(values.get("instrument")))
+        return {**{k: v for k, v in values.items() if k != "file"}, "times": times, "data": data, "units": units}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Traces:
+        if not self.data or len(self.times) < 1:
+            raise ValueError("there are no data; give a file, or times, data and units")
+        if np.any(np.diff(self.times) <= 0):
+            raise ValueError("times must increase")
+        for name, values in self.data.items():
+            if len(values) != len(self.times):
+                raise ValueError(f"data.{name}: {len(values)} values at {len(self.times)} times")
+            if name not in self.units:
+                raise ValueError(f"data.{name}: has no unit; add it to units, or to the header of the file")
+        return self
+
+    @property
+    def _inside(self) -> np.ndarray:
+        times = np.array(self.times)
+        return (times >= self.begin) & (times <= (np.inf if self.end is None else self.end))
+
+    def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
+        case = bodies.model.case
+        named = {instrument.name: (number, instrument) for number, instrument in enumerate(case.instruments)}
+        if self.instrument not in named:
+            hint = nearest(self.instrument, list(named))
+            raise CaseError(f"{key}.instrument = '{self.instrument}': no such instrument, {hint}")
+        times = np.array(self.times)[self._inside]
+        if not len(times):
+            raise CaseError(f"{key}.begin = {self.begin:g} s: there are no data in the window; change begin or end")
+        if times[0] < 0 or times[-1] > case.duration * (1 + 1e-9):
+            raise CaseError(
+                f"{key}.times: data from {times[0]:.6g} s to {times[-1]:.6g} s, and the run lasts "
+                f"{case.duration:.6g} s; make it longer, or give begin and end"
+            )
+        number, instrument = named[self.instrument]
+        found = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
+        chosen = self._chosen
+        units = set()
+        for name in chosen:
+            if name not in found:
+                hint = nearest(name, list(found))
+                raise CaseError(f"{key}.data.{name}: '{self.instrument}' has no such channel, {hint}")
+            if name not in self.data:
+                raise CaseError(f"{key}.channels: there are no data of '{name}'")
+            if found[name].offset != 0:
+                raise CaseError(
+                    f"{key}.data.{name}: contains the initial stress of the bodies, which is not differentiated; use "
+                    "channels of motion, strain or the interface"
+                )
+            units.add(found[name].unit)
+            try:
+                factor(self.units[name], found[name].unit)
+            except ValueError as error:
+                raise CaseError(f"{key}.units.{name} = '{self.units[name]}': {error}") from None
+        if len(units) > 1:
+            raise CaseError(
+                f"{key}.sigma: one number for channels in {' and '.join(sorted(units))}; give an entry for the "
+                "channels of each unit, with `channels`"
+            )
+        return [Trace(found[name], times, instrument.bandwidth) for name in chosen]
+
+    @property
+    def _chosen(self) -> list[str]:
+        return list(self.data) if self.channels is None else self.channels
+
+    def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
+        total, slopes = 0.0, []
+        for name, sample in zip(self._chosen, samples, strict=True):
+            wanted = np.array(self.data[name])[self._inside] * float(factor(self.units[name], None))  # SI
+            residual = (sample.values - wanted) / self.sigma
+            total += 0.5 * float(residual @ residual)
+            slopes.append(residual / self.sigma)
+        return total, slopes
+
+
+def _from_text(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    lines = [line for line in number_files.text_of(path).splitlines() if line.strip()]
+    first = next((i for i, line in enumerate(lines) if number_files.is_number(_words(line)[0])), None)
+    if first is None or first == 0:
+        raise ValueError(f"{path}: a header with the unit of every column and lines with numbers are needed")
+    header = [number_files._BRACKETED.fullmatch(cell) for cell in _words(lines[first - 1].lstrip("# "))]
+    if any(cell is None for cell in header):
+        raise ValueError(f"{path}: each column needs a unit in the header: time (us), slip_rate (m/s)")
+    named = [(cell[1].strip(), cell[2].strip()) for cell in header if cell is not None]
+    rows = np.array([[number_files.number(word, path, i) for word in _words(line)]
+                     for i, line in enumerate(lines[first:], first + 1)])  # fmt: skip
+    if rows.ndim != 2 or rows.shape[1] != len(named):
+        raise ValueError(f"{path}: {len(named)} columns have names, and lines have other numbers of columns")
+    times = rows[:, 0] * float(factor(named[0][1], "s"))
+    data = {name: column.tolist() for (name, _), column in zip(named[1:], rows.T[1:], strict=True)}
+    return times.tolist(), data, dict(named[1:])
+
+
+def _words(line: str) -> list[str]:
+    return [word.strip() for word in line.split(";" if ";" in line else ",")]
+
+
+def _from_run(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            if instrument not in file.groups:
+                raise ValueError(f"{path}: has no instrument '{instrument}', {nearest(instrument, list(file.groups))}")
+            group = file[instrument]
+            names = [name for name in group.variables if name != "time"]
+            data = {name: group[name][:].astype(float).tolist() for name in names}
+            units = {name: str(group[name].attrs["units"]) for name in names}
+            return group["time"][:].astype(float).tolist(), data, units
+    except (OSError, KeyError) as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None

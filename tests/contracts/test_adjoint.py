@@ -1,0 +1,259 @@
+"""Gradients: of every friction law and contact method, against differences of runs, on ranks, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening
+
+from ruptfx.case import Case, parse_case
+from ruptfx.check_law.examples import friction
+from ruptfx.misfits import Sample
+from ruptfx.schema import CaseError, alternatives
+
+pytest.importorskip("dolfinx")
+
+from ruptfx import RuptfxError, fem, gradient
+from ruptfx.adjoint.gradients import Objective
+from ruptfx.adjoint.sweeps import Sweeps
+from ruptfx.adjoint.unknowns import perturbed, places
+from ruptfx.bench import adjoint as bench
+from ruptfx.bench.time_order import CONTACTS, LAWS
+from ruptfx.instruments._readings import ModelReadings
+from ruptfx.model import Model
+from ruptfx.platform import launch
+
+pytestmark = pytest.mark.fem
+
+SLIP = [{"kind": "final_slip", "sigma": 1e-6}]
+RUPTURE = {"duration": 14e-6, "objective": SLIP}
+
+
+def of_examples(kind: str, held: str | None) -> dict[str, Any]:
+    """Example of a law, without the initial slip rate where the state is given, too."""
+    law = friction(kind, held).model_dump(mode="json", exclude_none=True)
+    inner = law
+    while "law" in inner:
+        inner = inner["law"]
+    if {"theta_initial", "psi_initial"} & inner.keys():
+        inner.pop("V_initial", None)
+    return law
+
+
+def reproduced(sweeps: Sweeps) -> tuple[float, float]:
+    """Largest difference of the traced steps from the compiled ones, and the share of sliding points and steps."""
+    points, rows, worst, sliding = sweeps.points[0], sweeps._histories[0].rows, 0.0, 0.0
+    local, width = points.local, len(points.memory)
+    for step in range(sweeps.steps):
+        kick = min(step, 2)
+        found = points.found(rows[step], rows[step + 1], sweeps._clocks[kick])
+        outputs = points.value(kick, sweeps._clocks[kick], rows[step], sweeps._loaded(0, step * sweeps.dt), found)
+        new, wanted = outputs[local : local + width], rows[step + 1][2 * local :]
+        size = np.abs(wanted).max(axis=1, keepdims=True)
+        worst = max(worst, float((np.abs(new - wanted) / np.where(size > 0, size, 1.0)).max()))
+        sliding += float(np.mean((found[-2] == 0) & (found[-1] == 0))) / sweeps.steps
+    return worst, sliding
+
+
+@pytest.mark.parametrize("kind, held", [law for law in friction_laws() if law[1] in (None, "coulomb")])
+@pytest.mark.parametrize("contact", CONTACTS)
+def test_every_law_and_contact_has_exact_transposes(kind: str, held: str | None, contact: str) -> None:
+    case = bench.sliding_plates(of_examples(kind, held), CONTACTS[contact], "strain", steps=60)
+    worst, sliding = reproduced(Objective(case, case.objective, fem.MPI.COMM_SELF).sweeps)
+    assert worst < 1e-12
+    assert sliding > 0.02
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+
+
+@pytest.mark.parametrize("plane", ["stress", "antiplane"])
+@pytest.mark.parametrize("contact", CONTACTS)
+def test_every_plane_has_exact_transposes(plane: str, contact: str) -> None:
+    case = bench.sliding_plates(LAWS["rate_and_state_ageing"], CONTACTS[contact], plane, steps=60)
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+
+
+def differences(case: Case, shape: Any, sizes: dict[str, float], step: float) -> dict[str, tuple[float, float]]:
+    """Slopes of the objective along changes of every parameter: by the gradient, and by central differences."""
+    model = Model(case).in_steps("explicit")
+    exact = gradient(case, progress=False)
+    position = model.faults[0].interface.position
+    found = {}
+    for key, place in places(model).items():
+        change = sizes[place.unit] * shape(position)
+        values = [Objective(case, case.objective, record=False, model=perturbed(
+            model, {(0, row): sign * step * part * change for row, part in place.rows})).value for sign in (1, -1)]
+        found[key] = float(exact[key].values @ change), (values[0] - values[1]) / (2 * step)
+    return found
+
+
+@pytest.mark.parametrize("changes", [
+    {}, {"faults.main.contact": COMPLIANT}, {"damping.kelvin_voigt": {"fraction": 0.2}, "plane": "strain"},
+    {"damping.mass": 2e4, "operator": "ufl_form", "boundaries": [{"kind": "absorbing", "edge": "upper.top"}]},
+    {"boundaries": [{"kind": "spring", "edge": "upper.top", "normal": 1e12, "tangential": 1e12}]},
+])  # fmt: skip
+def test_gradients_through_a_rupture_equal_central_differences(changes: dict[str, Any]) -> None:
+    case = parse_case(slip_weakening({**RUPTURE, **changes}))
+    sizes = {"Pa": 1e6, "m": 1e-6, "1": 0.1}
+    found = differences(case, lambda x: np.cos(400 * x), sizes, 1e-6)
+    assert len(found) == 5
+    largest = max(abs(exact) for exact, _ in found.values())
+    for key, (exact, difference) in found.items():  # differences have rounding errors
+        assert exact == pytest.approx(difference, rel=1e-5, abs=1e-7 * largest), key
+
+
+def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
+    made = bench.Remainders(fem.MPI.COMM_SELF)
+    assert made.least_order > 1.95
+    assert set(made.found) == set(bench.KINDS)
+
+
+def test_tangent_linear_sweeps_equal_central_differences() -> None:
+    assert bench.central_differences(2, fem.MPI.COMM_SELF) < 1e-6
+
+
+def test_gradients_in_three_dimensions_have_exact_transposes() -> None:
+    from small_cases import strike_slip
+
+    case = parse_case(strike_slip({"objective": SLIP, "duration": 2e-6}))
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+
+
+def test_a_gradient_is_the_same_on_two_ranks() -> None:
+    assert bench.of_ranks() < 1e-10
+
+
+@pytest.mark.parametrize("kind", MISFITS := alternatives("ruptfx.misfits"))
+def test_every_misfit_has_exact_derivatives(kind: str) -> None:
+    """Of its value by its readings, and through a run."""
+    import tomllib
+
+    table = tomllib.loads(f"example = {MISFITS[kind].example}")["example"]
+    instruments = [{"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 5.3e-3}]
+    case = bench.sliding_plates(LAWS["rate_and_state_ageing"], CONTACTS["split_node"], "stress", steps=60)
+    case = parse_case({**case.table(), "instruments": instruments, "objective": [table]})
+    made = Objective(case, case.objective, fem.MPI.COMM_SELF)
+    (term,), samples = case.objective, [sample for _, sample in made.samples]
+    made.terms[0].requests(ModelReadings(made.model, lambda points: np.zeros((len(points), 6))), "objective.0")
+    value, slopes = made.terms[0].evaluate(samples)
+    random = np.random.default_rng(0)
+    change = [random.normal(size=len(each.values)) * np.abs(each.values).max() for each in samples]
+    both = [made.terms[0].evaluate([
+        Sample(each.at, each.values + sign * 1e-6 * by, each.weights) for each, by in zip(samples, change, strict=True)
+    ])[0] for sign in (1, -1)]  # fmt: skip
+    slope = sum(float(a @ b) for a, b in zip(slopes, change, strict=True))
+    assert slope == pytest.approx((both[0] - both[1]) / 2e-6, rel=1e-6)
+    assert value == made.value
+    assert any(np.any(each.values) for each in made.gradient())
+    assert term.kind() == kind
+
+
+def test_data_are_read_from_files_with_units(tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text("time (us),slip (um),slip_rate (m/s)\n1,0.5,0\n2,1.5,0.1\n")
+    term = {"kind": "traces", "instrument": "fault", "file": "data.csv", "sigma": 1e-6, "channels": ["slip"]}
+    table = slip_weakening({"objective": [term], "instruments": [
+        {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}]})
+    made = parse_case(table, tmp_path)
+    assert made.objective[0].times == pytest.approx([1e-6, 2e-6], rel=1e-15)
+    assert made.objective[0].units["slip"] == "um"
+    found = Objective(made, made.objective)
+    reading = found.samples[0][1].values
+    assert found.value == pytest.approx(0.5 * np.sum((reading - [0.5e-6, 1.5e-6]) ** 2) / 1e-12)
+    assert parse_case(made.table()).objective == made.objective  # the data are in the case
+    (tmp_path / "data.csv").write_text("time,slip\n1,0.5\n2,1.5\n")
+    with pytest.raises(CaseError, match=r"objective\.0.*needs a unit in the header"):
+        parse_case(table, tmp_path)
+
+
+FAULT = {"kind": "fault_receiver", "name": "fault", "interval": 1e-7, "position": 16e-3}
+TRACE = {"kind": "traces", "instrument": "fault", "times": [1e-6], "data": {"slip": [0.0]}, "units": {"slip": "m"},
+         "sigma": 1e-6}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"objective": []}, "objective: there is none"),
+    ({"objective": [{**TRACE, "times": [1.0]}]}, r"objective\.0\.times: data from 1 s to 1 s, and the run lasts"),
+    ({"objective": [{**TRACE, "units": {"slip": "Pa"}}]}, r"objective\.0\.units\.slip = 'Pa': .* of another kind"),
+    ({"objective": [{**TRACE, "instrument": "falt"}]}, r"objective\.0\.instrument = 'falt': .*did you mean 'fault'"),
+    ({"objective": [{**TRACE, "data": {"slep": [0.0]}, "units": {"slep": "m"}}]}, r"no such channel, did you mean"),
+    ({"objective": [TRACE, {"kind": "slip_time", "position": 16e-3}]}, r"objective\.1.* is in s, and objective\.0"),
+    ({"objective": SLIP, "unknowns": [{"key": "faults.main.friction.mu"}]}, r"unknowns\.0\.key .*did you mean"),
+    ({"objective": SLIP, "stop_when": {"sliding_dead_for": 1e-6}}, "stop_when: the end of the run"),
+    ({"objective": SLIP, "unknowns": [{"key": "faults.main.friction.mu_s"}] * 2}, "is given twice"),
+])  # fmt: skip
+def test_what_cannot_be_differentiated_is_refused_before_the_first_step(
+    changes: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: object) -> None:
+        raise AssertionError("a step was made")
+
+    monkeypatch.setattr("ruptfx.steppers.leapfrog.LeapfrogMotion.step", refuse)
+    case = parse_case(slip_weakening({"instruments": [FAULT], **changes}))
+    with pytest.raises(RuptfxError, match=message):
+        gradient(case, progress=False)
+
+
+def test_a_law_whose_start_cannot_be_traced_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    cls = alternatives("ruptfx.friction")["linear_slip_weakening"]
+    monkeypatch.setattr(cls, "initial_state", lambda self, normal, shear, rate: {
+        "cumulative_slip": np.array([0.0 if value > 0 else 1.0 for value in normal])})  # fmt: skip
+    with pytest.raises(RuptfxError, match="a law acts point by point"):
+        gradient(parse_case(slip_weakening(RUPTURE)), progress=False)
+
+
+def test_an_unknown_that_the_objective_does_not_feel_is_named() -> None:
+    """Cohesion that is lost has no effect; the others have one."""
+    law = {"kind": "cohesion", "c": 1e5, "D_cohesion": 1e-6, "law": {"kind": "coulomb", "mu_d": 1e3}}
+    case = parse_case(slip_weakening({**RUPTURE, "faults.main.friction": law}))
+    with pytest.raises(RuptfxError, match=r"does not depend on 'faults\.main\.friction\.c', its gradient is zero"):
+        gradient(case, unknowns=["faults.main.friction.c"], progress=False)
+
+
+def test_a_history_beyond_the_memory_is_refused() -> None:
+    with pytest.raises(RuptfxError, match=r"the history of the interfaces .* needs .* GB of memory"):
+        gradient(parse_case(slip_weakening(RUPTURE)), progress=False, memory=1e4)
+
+
+@pytest.mark.parametrize("changes, key", [
+    ({"faults.main.sliding": {}, "faults.main.contact": COMPLIANT}, "faults.main.sliding"),
+    ({"stepper": {"kind": "hybrid"}, "faults.main.contact": COMPLIANT}, "stepper.kind = 'hybrid'"),
+    ({"boundaries": [{"kind": "periodic", "first": "lower.left", "second": "lower.right"}]}, "boundaries.0"),
+    ({"stages": [{"duration": 14e-6}]}, "stages"),
+])  # fmt: skip
+def test_a_case_with_an_objective_refuses_what_has_no_adjoint(changes: dict[str, Any], key: str) -> None:
+    table = slip_weakening({**RUPTURE, **changes})
+    with pytest.raises(CaseError, match=f"{re.escape(key)}.*adjoint"):
+        parse_case(table)
+    parse_case(merged(table, {"objective": None}))
+
+
+def test_the_command_writes_data_and_a_figure(tmp_path: Path) -> None:
+    import xarray
+
+    path = tmp_path / "case.toml"
+    number = {"key": "faults.main.friction.D_c", "shape": "number"}
+    field = {"key": "faults.main.initial_stress.shear"}
+    path.write_text(tomli_w.dumps(slip_weakening({**RUPTURE, "unknowns": [number, field]})))
+    assert launch.run_on(1, ["gradient", str(path), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    found = xarray.load_dataset(tmp_path / "out" / "gradient.nc", engine="h5netcdf")
+    assert found[number["key"]].ndim == 0 and found[number["key"]].attrs["units"] == "1/m"
+    shear = found[field["key"]]
+    assert shear.dims == ("point_main",) and shear.attrs["units"] == "1/Pa"
+    assert shear.attrs["uniform_change"] == pytest.approx(float(shear.sum()))
+    assert (tmp_path / "out" / "gradient.png").stat().st_size > 5000
+    assert (tmp_path / "out" / "case.toml").exists()
+
+
+def test_recorded_runs_are_those_of_the_time_loop(tmp_path: Path) -> None:
+    """The objective of a run of `simulate` from its files."""
+    from ruptfx import simulate
+
+    case = parse_case(slip_weakening({**RUPTURE, "faults.main.contact": SPLIT}))
+    made = Objective(case, case.objective)
+    with simulate(case, out=tmp_path / "run", progress=False) as record:
+        slip = record.interface["slip"].values[-1]
+    np.testing.assert_array_equal(made.samples[0][1].values, slip)
