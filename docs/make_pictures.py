@@ -233,7 +233,7 @@ FIGURES = {
     "antiplane": "space_time", "bimaterial": "space_time", "rate_state": "space_time", "kalthoff": "cracks",
     "branching": "cracks", "brazilian": "cracks", "ball": "wavefield", "granite": "emission",
     "debonding": "snapshots", "sliding_start": "forces", "slow_sliding": "forces", "measured_surface": "surfaces",
-    "rough_sliding": "surfaces", "stress_barrier": "front",
+    "rough_sliding": "surfaces", "stress_barrier": "front", "fault_zone": "space_time",
 }  # fmt: skip
 """Figure of the demo of the same name that a picture shows."""
 LUMPED = {

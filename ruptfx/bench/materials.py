@@ -61,7 +61,8 @@ class Block(MeshSource):
 
 
 def run(fine: bool, comm: MPI.Comm) -> list[Check]:
-    return [*_relaxation(), *_flow(), *_waves(fine, comm), *_layers(comm), *_blocks(comm), *_cost(fine)]
+    waves = [*_waves(fine, comm), *_layers(comm), *_trapped(comm)]
+    return [*_relaxation(), *_flow(), *waves, *_blocks(comm), *_cost(fine)]
 
 
 def _points(material: Any, shear: np.ndarray, dt: float) -> np.ndarray:
@@ -232,6 +233,54 @@ def _layers(comm: MPI.Comm) -> list[Check]:
         for wave, plane in (("S", "antiplane"), ("P", "strain"))
         for name, (exact, found) in column_of_layers(plane, comm).items()
     ]
+
+
+def trapped_period(comm: MPI.Comm) -> tuple[float, float]:
+    """Return the expected and found period of waves that are trapped in a zone of slower rock [s].
+
+    The zone of demos/fault_zone.toml: S waves are slower by 30 % within h = 500 m of a fault that slips under constant
+    traction. With the wavenumber k the motion cos(k x) cos(q y) in the zone and cos(k x) exp(-p y) beyond it oscillates
+    at omega, q^2 = omega^2 / c_1^2 - k^2, p^2 = k^2 - omega^2 / c_2^2, q h tan(q h) = G_2 / G_1 p h (Love 1911). The
+    model starts with it, over half of a wavelength of 2.5 km, and the projection of the velocity on it changes sign.
+    """
+    from scipy.optimize import brentq
+
+    density, slow, fast, h = 2670.0, 2425.0, 3464.0, 500.0
+    size, columns, rows = 125.0, 10, 48
+    k, ratio = np.pi / (columns * size), (fast / slow) ** 2
+
+    def numbers(omega: float) -> tuple[float, float]:
+        return float(np.sqrt((omega / slow) ** 2 - k**2)), float(np.sqrt(k**2 - (omega / fast) ** 2))
+
+    def residual(omega: float) -> float:
+        q, p = numbers(omega)
+        return q * np.sin(q * h) - ratio * p * np.cos(q * h)
+
+    omega = brentq(residual, slow * k * (1 + 1e-9), min(fast * k, slow * np.hypot(k, 0.5 * np.pi / h)) * (1 - 1e-9))
+    q, p = numbers(omega)
+    c_s = {"kind": "layers", "boundaries": [h], "values": [slow, fast]}
+    material = {"density": density, "c_p": 6000.0, "c_s": {"kind": "along_axis", "axis": "y", "profile": c_s}}
+    case = _case(material, "isotropic_elastic", Block(columns=columns, rows=rows, size=size), [], "antiplane")
+    model = Model(case, comm)
+    state, motion = model.initial_state(), case.stepper.bind(model)
+    x, y = model.coordinates.T
+    shape = np.cos(k * x) * np.where(y < h, np.cos(q * y), np.cos(q * h) * np.exp(-p * (y - h)))
+    state.velocity[:] = shape
+    times, found = [0.0], [parallel.total(comm, model.layout.owned_dot(shape * model.mass, state.velocity))]
+    while np.count_nonzero(np.diff(np.sign(found))) < 4:
+        motion.step(state)
+        times.append(motion.dt * (len(times) - 0.5))
+        found.append(parallel.total(comm, model.layout.owned_dot(shape * model.mass, state.velocity)))
+    v, t = np.array(found), np.array(times)
+    before = np.flatnonzero(np.diff(np.sign(v)))
+    zeros = t[before] - v[before] * (t[before + 1] - t[before]) / (v[before + 1] - v[before])
+    return 2 * np.pi / omega, 2 * float(zeros[3] - zeros[0]) / 3
+
+
+def _trapped(comm: MPI.Comm) -> list[Check]:
+    exact, found = trapped_period(comm)
+    named = "fault zone: period of trapped waves of 2.5 km"
+    return [Check(named, exact, found, 0.05, "s", "Love (1911)", relative=True)]
 
 
 def _blocks(comm: MPI.Comm) -> list[Check]:

@@ -43,6 +43,8 @@ class Variation:
     references : list of Material
         With numbers: those of the point with the slowest S waves, in anisotropic bodies of that with the highest
         density.
+    fastest : ndarray, shape (bodies,)
+        Largest speed of P waves in every body, in antiplane of S waves [m/s].
 
     Raises
     ------
@@ -71,6 +73,13 @@ class Variation:
             self._values.append(found)
         parallel.raise_on_all(space.mesh.comm, error)
         self.references = [self._reference(number) for number in range(len(self.given))]
+        speeds = self.evaluate(lambda material, number: self.impedance(
+            material, number, True, self.references[number].wave_speeds(plane).c_p * self.references[number].density
+        ) / material.density)  # fmt: skip
+        self.fastest = np.array([
+            parallel.largest(space.mesh.comm, float(speeds[cell_body == number].max(initial=0.0)))
+            for number in range(len(self.given))
+        ])  # fmt: skip
 
     @staticmethod
     def needed(materials: Sequence[Material]) -> bool:

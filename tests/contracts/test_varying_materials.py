@@ -17,7 +17,7 @@ from ruptfx.schema import CaseError
 pytest.importorskip("dolfinx")
 
 from ruptfx import fem, operators
-from ruptfx.bench.materials import Block, column_of_layers
+from ruptfx.bench.materials import Block, column_of_layers, trapped_period
 from ruptfx.boundaries._loading import Loads
 from ruptfx.case import Case, parse_case
 from ruptfx.materials._traced import traced
@@ -123,6 +123,12 @@ def test_layers() -> None:
         found = column_of_layers(plane, COMM)
         for name, (exact, value) in found.items():
             assert value == pytest.approx(exact, rel=2e-3), (plane, name)
+
+
+def test_waves_trapped_in_a_zone() -> None:
+    """The period of a Love wave, over a boundary between elements."""
+    exact, found = trapped_period(COMM)
+    assert found == pytest.approx(exact, rel=2e-4)
 
 
 def test_dashpots_have_the_local_impedance() -> None:

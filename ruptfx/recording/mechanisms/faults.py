@@ -94,6 +94,8 @@ class FaultRecords(Records):
         # The end of the interface next to a driven edge, or the left end.
         right = any(edge.endswith(".right") for edge in case.driven_edges)
         of_bodies = np.array([material.wave_speeds(case.plane) for material in self.model.materials])
+        if (varying := self.model.variation) is not None:
+            of_bodies[:, 0] = varying.fastest
         onset, center = first_begun(fault.nucleation)
         return {
             "fault": fault.name, "position_measure": line.measure, "origin": line.origin,
