@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from ruptfx import Table, support
 from ruptfx.attachments import AnyAttachment
 from ruptfx.boundaries import AnyBoundary, Boundary
+from ruptfx.cameras import AnyCamera
 from ruptfx.cohesion import AnyCohesion
 from ruptfx.collisions import AnyCollisions
 from ruptfx.contact import AnyContact
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 
 FOLDERS = [
     "meshes", "materials", "contact", "friction", "cohesion", "cracks", "collisions", "nucleation", "boundaries",
-    "attachments", "steppers", "instruments", "misfits", "profiles", "phases",
+    "attachments", "steppers", "instruments", "misfits", "profiles", "phases", "cameras",
 ]  # fmt: skip
 
 
@@ -232,6 +233,8 @@ class Case(CaseFile):
     """Function of the readings of a run that `ruptfx gradient` differentiates, the sum of its entries."""
     unknowns: list[Unknown] = []
     """Quantities by which it is differentiated, an entry each; all that the case has without any."""
+    cameras: list[AnyCamera] = []
+    """Cameras whose films `ruptfx film` makes from the snapshots of the run, an entry each."""
     stages: list[Stage] = []
     """Successive stages with other boundaries and damping: press, hold, shear."""
     stop_when: StopWhen | None = None
@@ -255,8 +258,9 @@ class Case(CaseFile):
         checks: list[Callable[[], None]] = [
             *(partial(boundary.check, key, self.plane, allowed) for key, boundary in self.all_boundaries()),
             partial(self._check_attachments, allowed), partial(self._check_initial_velocity, allowed),
-            self._check_stages, partial(self._check_instruments, allowed), self._check_intervals, self._check_forces,
-            self._check_rotations, self._check_fracture, self._check_axisymmetric, self._check_tensors,
+            self._check_stages, partial(self._check_instruments, allowed), self._check_cameras, self._check_intervals,
+            self._check_forces, self._check_rotations, self._check_fracture, self._check_axisymmetric,
+            self._check_tensors,
         ]  # fmt: skip
         problems = []
         for check in checks:
@@ -335,6 +339,16 @@ class Case(CaseFile):
                     "of its own"
                 )
             seen.add(instrument.name)
+
+    def _check_cameras(self) -> None:
+        seen = set[str]()
+        for number, camera in enumerate(self.cameras):
+            camera.check(f"cameras.{number}", self.plane)
+            if camera.name in seen:
+                raise ValueError(
+                    f"cameras.{number}.name = '{camera.name}': another camera has that name; give each one of its own"
+                )
+            seen.add(camera.name)
 
     def _check_intervals(self) -> None:
         given = {f"output.{name}_interval": getattr(self.output, f"{name}_interval") for name in self.intervals}

@@ -16,7 +16,7 @@ from ruptfx import __version__, fem
 COMMANDS = {
     "Begin": ("new", "convert", "demos", "describe"),
     "Compute": ("check", "mesh", "run", "resume", "study", "gradient"),
-    "Look at it": ("list", "plot", "movie", "dic", "compare", "events", "export"),
+    "Look at it": ("list", "plot", "movie", "film", "dic", "compare", "events", "export"),
     "Trust and extend": ("bench", "check_law", "cite"),
 }
 """By the heading under which `--help` lists them."""

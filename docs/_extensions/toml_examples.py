@@ -18,12 +18,13 @@ TABLES = {
     "contact": r"faults\.\w+\.contact", "cracks": "fracture", "collisions": "collisions",
     "nucleation": r"faults\.\w+\.nucleation", "boundaries": "boundaries", "attachments": "attachments",
     "materials": r"materials\.\w+", "meshes": "mesh", "phases": r"mesh\.phases", "steppers": "stepper",
-    "instruments": "instruments", "misfits": "objective", "histories": r"boundaries\.history",
+    "instruments": "instruments", "misfits": "objective", "cameras": "cameras",
+    "histories": r"boundaries\.history",
 }  # fmt: skip
 """Names of the tables of a case in which a kind of a topic stands."""
 DECLARED = {
     "boundaries": "[[boundaries]]", "attachments": "[[attachments]]", "instruments": "[[instruments]]",
-    "misfits": "[[objective]]",
+    "misfits": "[[objective]]", "cameras": "[[cameras]]",
     "meshes": "[mesh]", "phases": "[mesh.phases]",
 }  # fmt: skip
 HEADER = re.compile(r"^\[{1,2}([\w.\"-]+)\]{1,2}", re.MULTILINE)

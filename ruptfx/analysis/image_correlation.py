@@ -10,6 +10,7 @@ Rows of images go up, as y does.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -188,6 +189,49 @@ def photographed(image: Array, along_x: Array, along_y: Array, noise: float = 0.
     return np.clip(np.round(seen + noise * np.random.default_rng(seed).normal(size=image.shape)), 0, GREYS)
 
 
+def pixel_displacements(record: Record, moved: Array, pixel: float) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    """Return displacements on square pixels, from those of the nodes of the snapshots.
+
+    Parameters
+    ----------
+    record : Record
+    moved : ndarray, shape (nodes, 2)
+        [m]
+    pixel : float
+        [m]
+
+    Returns
+    -------
+    along_x, along_y : ndarray, shape (rows, columns)
+        [pixels]; outside of the bodies those of the nearest pixel.
+    plate : ndarray of bool, same shape
+        Whether a pixel is on a body.
+    (x, y) : tuple of ndarray
+        Centres of columns and rows [m].
+    """
+    points = record.bulk["points"].values
+    pixels = round(float(np.ptp(points, axis=0).max()) / pixel)
+    along: list[Array | None] = [None, None]
+    for fields in _of_bodies(record, moved / pixel, pixels):
+        along = [_filled(known, part) for known, part in zip(along, fields, strict=True)]
+    moved_x, moved_y = (part for part in along if part is not None)
+    plate = np.isfinite(moved_x)
+    nearest = tuple(distance_transform_edt(~plate, return_distances=False, return_indices=True))
+    (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+    rows, columns = ((np.arange(n) + 0.5) / n for n in plate.shape)
+    return moved_x[nearest], moved_y[nearest], plate, (left + columns * (right - left), bottom + rows * (top - bottom))
+
+
+def _of_bodies(record: Record, moved: Array, pixels: int) -> Iterator[list[Array]]:
+    """Yield both components on the pixels of each body: interpolation must not cross interfaces, where they jump."""
+    bulk = record.bulk
+    points, cells, body = bulk["points"].values, bulk["cells"].values, bulk["body"].values
+    corners = (points.min(axis=0), points.max(axis=0))
+    for number in np.unique(body[cells[:, 0]]):
+        raster = Raster(points, cells[body[cells[:, 0]] == number], pixels, corners)
+        yield [raster(part) for part in moved.T]
+
+
 def experiment(
     record: Record, row: int, pixel: float, subset: int = 21, window: int | None = None, noise: float = 2.0,
     speckle_size: float = 4.0, seed: int = 0, since: int | None = None,
@@ -230,36 +274,27 @@ def experiment(
     bulk = record.bulk
     if bulk.sizes.get("component") != 2:
         raise RuptfxError(f"{record.path}: image correlation is of displacements in a plane")
-    points, cells, body = bulk["points"].values, bulk["cells"].values, bulk["body"].values
+    points = bulk["points"].values
     pixels = round(float(np.ptp(points, axis=0).max()) / pixel)
     if pixels < 2 * subset:
         raise RuptfxError(
             f"image correlation: the plates have {pixels} pixels of {pixel:g} m, less than two subsets; take smaller "
             "pixels"
         )
-    moved = bulk["displacement"].isel(time=row).values / pixel
+    moved = bulk["displacement"].isel(time=row).values
     if since is not None:
-        moved = moved - bulk["displacement"].isel(time=since).values / pixel
-    along: list[Array | None] = [None, None]
+        moved = moved - bulk["displacement"].isel(time=since).values
     true: dict[str, Array] = {}
-    for number in np.unique(body[cells[:, 0]]):  # not across interfaces, where displacements jump
-        raster = Raster(points, cells[body[cells[:, 0]] == number], pixels)
-        fields = [raster(part) for part in moved.T]
+    for fields in _of_bodies(record, moved / pixel, pixels):
         (xy, xx), (yy, yx) = (np.gradient(part) for part in fields)
         here = {"xx": xx, "yy": yy, "xy": 0.5 * (xy + yx)}
         true = {name: _filled(true.get(name), part) for name, part in here.items()}
-        along = [_filled(known, part) for known, part in zip(along, fields, strict=True)]
-    plate = np.isfinite(fields[0] if along[0] is None else along[0])
-    nearest = distance_transform_edt(~plate, return_distances=False, return_indices=True)
-    moved_x, moved_y = (part[tuple(nearest)] for part in along if part is not None)
+    moved_x, moved_y, plate, (x, y) = pixel_displacements(record, moved, pixel)
     first = speckle(plate.shape, speckle_size, seed)
     still = np.zeros(plate.shape)
     before = photographed(first, still, still, noise, seed + 1)
     after = photographed(first, moved_x, moved_y, noise, seed + 2)
     found = strains(*displacements(before, after, subset), window or subset)
-    left, right, bottom, top = raster.extent
-    rows, columns = ((np.arange(n) + 0.5) / n for n in plate.shape)
-    x, y = left + columns * (right - left), bottom + rows * (top - bottom)
     variables = {f"true_{name}": (("y", "x"), values) for name, values in true.items()}
     variables |= {f"measured_{name}": (("y", "x"), np.where(plate, values, np.nan)) for name, values in found.items()}
     faces = [np.column_stack([data["x"].values, data["y"].values]) for data in record.interfaces.values()]

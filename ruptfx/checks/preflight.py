@@ -69,6 +69,7 @@ def preflight(case: Case) -> Iterator[Row]:
         yield from each.check(plan)
     if case.instruments:
         yield from _instrument_rows(model, motion.dt)
+    yield from _camera_rows(case)
     yield from (row_of(doubt) for doubt in doubts(model))
     yield from _record_rows(case, steps)
     yield from _cost(model, motion, steps, started, built)
@@ -84,6 +85,18 @@ def _variation_rows(model: Model, name: str) -> Iterator[Row]:
         note = f"it is {each.min():.6g} to {each.max():.6g} in the body; speeds below are those of the slowest S waves"
         unit = unit_of(type(model.given[number]), key.partition(".")[0])
         yield Row(f"{name}: {key} varies", float(each.mean()), unit, note)
+
+
+def _camera_rows(case: Case) -> Iterator[Row]:
+    """Yield the number of frames of each camera, and whether snapshots are as frequent."""
+    for camera in case.cameras:
+        interval, frames = case.intervals["bulk"], int((case.duration - camera.exposure) * camera.frame_rate) + 1
+        note = f"one every {1 / camera.frame_rate:.3g} s, from snapshots every {interval:.3g} s"
+        verdict: Literal["ok", "warning"] = "ok"
+        if interval > 1.01 / camera.frame_rate:
+            note += "; several between two snapshots: reduce output.bulk_interval"
+            verdict = "warning"
+        yield Row(f"cameras.{camera.name}: frames", max(frames, 0), "", note, verdict)
 
 
 def _record_rows(case: Case, steps: int | None) -> Iterator[Row]:

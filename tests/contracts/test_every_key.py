@@ -52,6 +52,7 @@ NO_NUMBERS = {
     r"stepper\.(calm_for|slow_below)": "when hybrid steps come back from fast ones, long after the steps here",
     r"stop_when\.\w+": "a rule that must be met",
     r"attachments\.\w+\.name": "of a group of attachments.h5",
+    r"cameras(\..*)?": "films are made from the records",
 }
 """Keys that may leave the numbers as they are, and why."""
 IN_PLANES = {"antiplane": {r"faults\.\w+\.contact\.C_n": "required, and nothing moves along the normal"}}
@@ -74,7 +75,7 @@ OF_STEPPERS = {
 STRINGS = {
     "edge": ["upper.left", "upper.top", "matrix.top", "matrix.right", "matrix.left"], "body": ["upper", "lower"],
     "direction": ["x", "y"], "operator": ["ufl_form"], "name": ["another"],
-    "first": ["lower.left"], "second": ["lower.right"],
+    "first": ["lower.left"], "second": ["lower.right"], "bodies": ["upper", "lower", "matrix"],
 }  # fmt: skip
 """Other values of text, by the name of the key."""
 EXAMPLES = {"cracks": {"default": {"friction": {"kind": "coulomb", "mu_d": 0.6}}}}
@@ -162,6 +163,8 @@ def _given(cls: type[Part], name: str, schema: Mapping[str, Any], options: list[
         return _numbers(cls, name, options)
     if any("const" in item for item in choices(dict(schema))):
         return [next(item["const"] for item in options if "const" in item)]
+    if any(item.get("items", {}).get("type") == "string" for item in (schema, *options)):
+        return [[word] for word in STRINGS.get(name, [])]
     if schema.get("type") == "array" or any(item.get("type") == "array" for item in options):
         limits = next(item for item in (schema, *options) if item.get("type") == "array")
         return [[1e-3 * (1 + i) for i in range(size)] for size in {limits.get("minItems", 2), 3}]
