@@ -11,18 +11,20 @@ Cells still connected at a vertex, through facets without collision contact, exe
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ruptfx import fem
+from ruptfx import RuptfxError, Table, fem
 from ruptfx.codegen import native
 from ruptfx.codegen.tracing import depends, record, symbol
 from ruptfx.collisions import Collisions
-from ruptfx.cracks._step import CrackStep
+from ruptfx.cracks import CrackLaws
+from ruptfx.cracks._step import CrackStep, formulas, varying
 from ruptfx.materials import Material, Plane
 from ruptfx.meshes import FACETS
 from ruptfx.platform import parallel
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 EVERY = 16  # steps between two searches for failed facets and for those to be replaced by collision contact
 MARGIN = 0.3  # largest distance of close pairs, over the mean edge
 MEMORY = ("traction", "overlap")
+LATE = 1e9  # s, after which states of laws are steady
 MOST = 2**31  # larger than any number of a cell
 FIELD = "hand_over"
 FORCE = "force_of_collisions"  # at the nodes this rank owns [N]: half of its work belongs to the next step
@@ -82,18 +85,68 @@ class _Pairs:
     ----------
     pair : ndarray of int32, shape (n, 2)
         Indices of the cells among those at surfaces.
-    modulus, friction, counted : ndarray, shape (n,)
-        Modulus of the potential [Pa], coefficient of friction, and 1 where this rank counts the energy.
-    overlap, traction : ndarray, shape (n,)
-        Energy of the initial overlap without forces [J/m], and the force of friction [N/m].
+    law, modulus, friction, counted : ndarray, shape (n,)
+        Number of the law by which pairs are sorted first, modulus of the potential [Pa], coefficient of friction (1 for
+        other laws), 1 where this rank counts the energy.
+    memory, initial : dict of str to ndarray, shape (n,)
+        `overlap`, energy of the initial overlap without forces [J/m]; `traction`, force of friction [N/m];
+        `pressure`, the force across it, and states of laws. `initial` has the values of pairs that do not touch.
     """
 
     pair: np.ndarray
+    law: np.ndarray
     modulus: np.ndarray
     friction: np.ndarray
     counted: np.ndarray
-    overlap: np.ndarray
-    traction: np.ndarray
+    memory: dict[str, np.ndarray]
+    initial: dict[str, np.ndarray]
+
+
+class _Law:
+    """Compiled step of pairs with the same friction.
+
+    Parameters
+    ----------
+    friction : FrictionLaw, optional
+        A law with rates or states; without it, the friction of a pair is a coefficient.
+
+    Attributes
+    ----------
+    names : list of str
+        Fields of a pair that it needs besides `MEMORY`.
+    initial : dict of str to float
+        Their values before contact.
+    """
+
+    def __init__(self, friction: FrictionLaw | None = None) -> None:
+        self.names: list[str] = []
+        self.initial: dict[str, float] = {}
+        self._number = np.zeros(1)
+        macros: Table = {"RATED": 0}
+        parts = ["collisions/collide.c"]
+        if friction is not None:
+            states = list(friction.all_state_fields())
+            zero = np.zeros(1)
+            first = friction.initial_state(zero, zero, zero)
+            self.initial = {"pressure": 0.0} | {name: float(np.ravel(first[name])[0]) for name in states}
+            self.names = list(self.initial)
+            parameters, macros = formulas(CrackLaws(friction=friction), rated=True)
+            self._number = np.array([*parameters.values(), 0.0], dtype=float)
+            macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
+            macros |= {f"s_{name}": f"OLD({name})" for name in states}
+            macros |= {"RATED": 1, "STATES": ", ".join([*(f"STATE_{name}" for name in states), "STATE_COUNT"])}
+            parts.insert(0, "faults/rated.c")
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
+        self.library = native.load("collide", source, macros)
+
+    def __call__(self, arrays: Sequence[np.ndarray], since: float, memory: Mapping[str, np.ndarray]) -> None:
+        """Add the forces of some pairs, with the arguments of `collide` in `collide.c`."""
+        more: list[object] = []
+        if self.names:
+            states = [memory[name] for name in self.names[1:]]
+            pointers = (ctypes.c_void_p * max(len(states), 1))(*(each.ctypes.data for each in states))
+            more = [ctypes.c_double(since), *map(_pointer, (self._number, memory["pressure"])), ctypes.byref(pointers)]
+        self.library.collide(ctypes.c_long(len(arrays[0])), *map(_pointer, arrays), *more)
 
 
 class CollisionStep:
@@ -111,7 +164,7 @@ class CollisionStep:
     Raises
     ------
     CaseError
-        On all ranks: a friction law that depends on more than pressure.
+        On all ranks: friction that is not proportional to pressure.
     """
 
     def __init__(
@@ -140,20 +193,27 @@ class CollisionStep:
         both = 2 / (1 / spring[:, None] + 1 / spring)
         self._modulus = np.vectorize(lambda k: collisions.modulus(k, cracks.edge))(both)
         laws, names = cracks.fracture.laws_by_pair(bodies.names), bodies.names
-        self._friction = np.array([
-            [_coefficient(laws[min(a, b), max(a, b)].friction, f"{min(a, b)}-{max(a, b)}") for b in names]
-            for a in names
+        pairs = {(a, b): laws[min(a, b), max(a, b)].friction for a in names for b in names}
+        coefficients = {key: _coefficient(law, "-".join(sorted(key))) for key, law in pairs.items()}
+        rated: list[FrictionLaw] = []
+        for key, law in pairs.items():
+            if coefficients[key] is None and law not in rated:
+                rated.append(law)
+        self._laws = [_Law(), *map(_Law, rated)]
+        self._law = np.array([
+            [0 if coefficients[a, b] is not None else 1 + rated.index(pairs[a, b]) for b in names] for a in names
         ])  # fmt: skip
-        self._library = native.load("collide", files("ruptfx.collisions").joinpath("collide.c").read_text())
+        self._friction = np.array([[coefficients[a, b] if coefficients[a, b] is not None else 1.0 for b in names]
+                                   for a in names])  # fmt: skip
+        self._memory = [*MEMORY, *dict.fromkeys(name for law in self._laws for name in law.names)]
         self._made: State | None = None
         self._surface: _Surface | None = None
         self._pairs: _Pairs | None = None
         self._then = self._now = np.zeros((0, 6))
 
-    @staticmethod
-    def initial_state() -> FaultState:
-        """Return pairs with history: numbers of both cells, friction force [N/m], initial overlap energy [J/m]."""
-        return {name: np.zeros(0) for name in ("first", "second", *MEMORY)}
+    def initial_state(self) -> FaultState:
+        """Return pairs with history: numbers of both cells, and their memory."""
+        return {name: np.zeros(0) for name in ("first", "second", *self._memory)}
 
     def cells(self) -> int:
         """Return the number of surface cells on all ranks before any failure; collective."""
@@ -187,7 +247,8 @@ class CollisionStep:
             self._find_pairs(state, x)
             # New pairs that overlap are free of forces at this overlap.
             assert self._pairs is not None
-            self._pairs.overlap[:] = np.where(np.isin(self._numbers(), known), self._pairs.overlap, self._overlaps(x))
+            overlap = self._pairs.memory["overlap"]
+            overlap[:] = np.where(np.isin(self._numbers(), known), overlap, self._overlaps(x))
         elif np.abs(x - self._then).max(initial=0.0) > 0.25 * MARGIN * self._cracks.edge:
             self._find_pairs(state, x)
         self._now = x
@@ -207,11 +268,18 @@ class CollisionStep:
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         force, taken, stored = np.zeros_like(x), np.zeros(1), np.zeros(1)
-        self._library.collide(
-            ctypes.c_long(len(pairs.pair)),
-            *map(_pointer, (pairs.pair, x, moved, surface.rest, pairs.modulus, pairs.friction, pairs.counted,
-                            pairs.overlap, pairs.traction, force, taken, stored)),
-        )  # fmt: skip
+        ends = np.searchsorted(pairs.law, np.arange(len(self._laws) + 1))
+        for law, begin, end in zip(self._laws, ends[:-1], ends[1:], strict=True):
+            some = slice(int(begin), int(end))
+            memory = {name: values[some] for name, values in pairs.memory.items()}
+            given = (pairs.pair[some], x, moved, surface.rest, pairs.modulus[some], pairs.friction[some],
+                     pairs.counted[some], memory["overlap"], memory["traction"], force, taken, stored)  # fmt: skip
+            law(given, since, memory)
+        if not np.isfinite(taken[0]):
+            raise RuptfxError(
+                f"no slip rate of colliding cells balances friction and force at time {state.time:.6g} s; try ruptfx "
+                "check-law"
+            )
         added = np.zeros_like(state.force)
         added.reshape(-1, 2)[self._nodes[surface.cells]] = self._mine(force).reshape(-1, 3, 2)
         state.force += added
@@ -306,11 +374,16 @@ class CollisionStep:
         label = surface.label[pair]
         joined = (label[:, 0, :, None] == label[:, 1, None, :]).any(axis=(1, 2))
         pair = pair[~joined | self._parted(state, pair)]
-        pair = np.ascontiguousarray(pair[np.lexsort([pair[:, 1], pair[:, 0]])])
         of = surface.body[pair].T
+        pair = np.ascontiguousarray(pair[np.lexsort([pair[:, 1], pair[:, 0], self._law[of[0], of[1]]])])
+        of = surface.body[pair].T
+        law = self._law[of[0], of[1]]
+        initial = {
+            name: np.array([each.initial.get(name, 0.0) for each in self._laws])[law] for name in self._memory
+        }  # fmt: skip
         self._pairs = _Pairs(
-            pair, self._modulus[of[0], of[1]], self._friction[of[0], of[1]],
-            surface.owned[pair[:, 0]].astype(float), np.zeros(len(pair)), np.zeros(len(pair)),
+            pair, law, self._modulus[of[0], of[1]], self._friction[of[0], of[1]],
+            surface.owned[pair[:, 0]].astype(float), {name: values.copy() for name, values in initial.items()}, initial,
         )  # fmt: skip
         self._recall(state)
 
@@ -334,16 +407,21 @@ class CollisionStep:
         assert pairs is not None
         theirs = held["first"].astype(int) * MOST + held["second"].astype(int)
         _, mine, place = np.intersect1d(self._numbers(), theirs, return_indices=True)
-        for name in MEMORY:
-            getattr(pairs, name)[mine] = held[name][place]
+        for name in self._memory:
+            pairs.memory[name][mine] = held[name][place]
 
     def _remember(self, state: State) -> None:
         """Store the history of pairs in the state."""
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
-        holds = (pairs.traction != 0) | (pairs.overlap != 0)
+        acting = [pairs.memory[name] != 0 for name in self._memory if name in (*MEMORY, "pressure")]
+        holds = np.any(acting, axis=0)
+        for name, values in pairs.memory.items():
+            values[~holds] = pairs.initial[name][~holds]
         first, second = surface.number[pairs.pair[holds]].T.astype(float)
-        state.pairs = {"first": first, "second": second} | {name: getattr(pairs, name)[holds] for name in MEMORY}
+        state.pairs = {"first": first, "second": second} | {
+            name: pairs.memory[name][holds] for name in self._memory
+        }  # fmt: skip
 
     def gather(self, state: State) -> FaultState:
         """Return pairs with friction of all ranks on rank 0, no rows elsewhere; collective."""
@@ -388,7 +466,7 @@ class CollisionStep:
         pairs, surface = self._pairs, self._surface
         assert pairs is not None and surface is not None
         energy = np.zeros(len(pairs.pair))
-        self._library.overlaps(
+        self._laws[0].library.overlaps(
             ctypes.c_long(len(energy)), *map(_pointer, (pairs.pair, x, surface.rest, pairs.modulus, energy))
         )
         return energy
@@ -409,26 +487,37 @@ def _labels(number: np.ndarray, vertices: np.ndarray, held: np.ndarray) -> np.nd
     return np.asarray(label[place[: len(own)]].reshape(-1, 3))
 
 
-def _coefficient(law: FrictionLaw, pair: str) -> float:
-    """Return the coefficient of a friction law with strength proportional to pressure.
+def _coefficient(law: FrictionLaw, pair: str) -> float | None:
+    """Return the coefficient of a friction law without rates and states, None for others.
 
     Raises
     ------
     CaseError
-        Other laws.
+        Strength that is not proportional to pressure, as forces between overlapping cells have no area; parameters that
+        vary; a law with the time since the start.
     """
-    state = {name: symbol(f"s_{name}") for name in law.all_state_fields()}
-    sigma = symbol("normal_stress")
-    if depends(record(law.strength, symbol("slip_rate"), sigma, state), list(state.values())):
+    for name, _ in varying(law, f"friction of {pair}"):
+        raise CaseError(f"collisions: {name} varies, and colliding cells have no position on it; give a number")
+    if "clock" in law.all_state_fields():
         raise CaseError(
-            f"collisions: friction of {pair}, kind = '{law.kind()}', has a memory of its interface, and what meets has "
-            "none; use 'coulomb'"
+            f"collisions: friction of {pair}, kind = '{law.kind()}', depends on the time since the start, and states "
+            "of colliding cells begin when they meet; use 'coulomb'"
         )
     zero = np.zeros(1)
-    one, two = (float(np.ravel(law.strength(zero, pressure + zero, {}))[0]) for pressure in (1.0, 2.0))
-    if abs(two - 2 * one) > 1e-12 * abs(one):
-        raise CaseError(f"collisions: friction of {pair} is not proportional to pressure; use 'coulomb'")
-    return one
+    first = law.initial_state(zero, zero, zero)
+    for rate, dt in product((0.0, 1e-3, 1.0), (0.0, LATE)):
+        loads = 1e6 + zero, 2e6 + zero
+        then = [first if dt == 0 else law.advance(first, rate + zero, load, dt) for load in loads]
+        one, two = (float(np.ravel(law.strength(rate + zero, load, state))[0])
+                    for load, state in zip(loads, then, strict=True))  # fmt: skip
+        if abs(two - 2 * one) > 1e-9 * abs(one):
+            raise CaseError(f"collisions: friction of {pair} is not proportional to pressure; use 'coulomb'")
+    state = {name: symbol(f"s_{name}") for name in law.all_state_fields()}
+    rate_of = symbol("slip_rate")
+    recorded: object = record(law.strength, rate_of, symbol("normal_stress"), state)
+    if depends(recorded, [rate_of, *state.values()]):
+        return None
+    return float(np.ravel(law.strength(zero, 1 + zero, first))[0])
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

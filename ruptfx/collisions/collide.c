@@ -1,7 +1,16 @@
 // Forces between triangles that overlap, from the potential phi = 3 min(l_1, l_2, l_3) of either, and friction.  Corners
-// are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.
+// are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.  _step.py
+// writes in front of this file, for a law with rates or states (RATED), rated.c with its traced formulas.
 #include <math.h>
 #include <string.h>
+
+#if RATED
+#define GIVE_LAW , &law, number
+#define LAW , struct rated *law, const double *number
+#else
+#define GIVE_LAW
+#define LAW
+#endif
 
 struct triangle { const double *x; double inverse, sense; };  // 1 / twice the area, of the sign of its sense
 
@@ -89,10 +98,11 @@ static void push(const struct triangle *a, const struct triangle *b, double modu
     }
 }
 
-// Friction across the force on a; `moved` are displacements since the last time.  Returns the dissipation.
+// Friction across the force on a; `moved` are displacements since the last time.  Returns the dissipation.  A law with rates or
+// states has the force per thickness between two cells as its normal stress.
 static double rub(const struct triangle *a, const struct triangle *b, const double *moved_a, const double *moved_b,
                   double stiffness, double friction, const double *centre, double *traction, double *force_a,
-                  double *force_b)
+                  double *force_b LAW)
 {
     const double before = *traction;
     const double fx = force_a[0] + force_a[2] + force_a[4], fy = force_a[1] + force_a[3] + force_a[5];
@@ -108,8 +118,20 @@ static double rub(const struct triangle *a, const struct triangle *b, const doub
     for (int k = 0; k < 3; k++)
         for (int c = 0; c < 2; c++)
             slid += along[c] * (la[k] * moved_a[2 * k + c] - lb[k] * moved_b[2 * k + c]);
-    const double trial = before + stiffness * slid, limit = friction * normal;
+    const double trial = before + stiffness * slid;
+#if RATED
+    (void)friction;
+    law->normal_stress = normal;
+    begin_friction(law, number);
+    double strength, slope, rate = 0;
+    if (law->since > 0 && fabs(trial) > friction_at(law, number, 0, &slope))
+        rate = slip_rate_of(law, number, fabs(trial), stiffness * law->since, &strength);
+    const double now = rate == 0 ? trial : copysign(fabs(trial) - stiffness * law->since * rate, trial);
+    advance_friction(law, number, rate);
+#else
+    const double limit = friction * normal;
     const double now = fabs(trial) > limit ? copysign(limit, trial) : trial;
+#endif
     *traction = now;
     for (int k = 0; k < 3; k++)
         for (int c = 0; c < 2; c++) {
@@ -191,10 +213,15 @@ static double share(double energy, double done)
 
 // Forces of all pairs [pair][2], cells [cell][6]; `modulus` of pairs, `rest` twice the initial areas.  `held` is the
 // energy E_0 of an initial overlap without forces: such a pair has the energy (sqrt(E) - sqrt(E_0))^2, and E_0 decreases with
-// E.  Counted pairs add frictional dissipation to taken, and their energy to stored.
+// E.  Counted pairs add frictional dissipation to taken, and their energy to stored.  A law with rates or states keeps the normal
+// force in `pressure`, and its states.
 void collide(long pairs, const int *pair, const double *x, const double *moved, const double *rest,
              const double *modulus, const double *friction, const double *counted, double *held, double *traction,
-             double *force, double *taken, double *stored)
+             double *force, double *taken, double *stored
+#if RATED
+             , double since, const double *number, double *pressure, double *const *state
+#endif
+)
 {
     for (long n = 0; n < pairs; n++) {
         const int first = pair[2 * n], second = pair[2 * n + 1];
@@ -215,9 +242,15 @@ void collide(long pairs, const int *pair, const double *x, const double *moved, 
         } else {
             held[n] = 0;
         }
+#if RATED
+        struct rated law = {.state = state, .l = (int)n, .since = since, .normal_stress_before = pressure[n]};
+#endif
         if (friction[n] > 0 && (centre[2] > 0 || traction[n] != 0))
-            *taken += counted[n]
-                      * rub(&a, &b, moved_a, moved_b, modulus[n], friction[n], centre, traction + n, force_a, force_b);
+            *taken += counted[n] * rub(&a, &b, moved_a, moved_b, modulus[n], friction[n], centre, traction + n, force_a,
+                                       force_b GIVE_LAW);
+#if RATED
+        pressure[n] = law.normal_stress;
+#endif
         *stored += counted[n] * 0.5 * traction[n] * traction[n] / modulus[n];
         for (int k = 0; k < 6; k++) {
             force[6 * first + k] += force_a[k];

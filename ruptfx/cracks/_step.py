@@ -509,7 +509,8 @@ class Kernel:
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
-        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("codegen/lanes.c", "cracks/cracks.c"))
+        parts = "codegen/lanes.c", "faults/rated.c", "cracks/cracks.c"
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         self._library = native.load("cracks", source, macros)
         width = self._library.lanes_per_batch() // 2  # facets per batch
         fill = np.minimum(np.arange(-(-self._count // width) * width), max(self._count - 1, 0))
@@ -623,12 +624,18 @@ def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
         value = None if laws.cohesion is None else getattr(laws.cohesion, name)
         if value is not None and not callable(value) and value <= 0:
             raise CaseError(f"{key}.cohesion.{name} = 0: must be above zero; facets that hold nothing have no cohesion")
-    for name, value in _varying(laws, key) if fracture.rigid else ():
+    for name, value in varying(laws, key) if fracture.rigid else ():
         raise CaseError(
             f"{name} = {value}: varies, and facets of fracture.kind = '{fracture.kind()}' have one number; give a "
             "number, or use 'intrinsic'"
         )
     friction: FrictionLaw = laws.friction
+    for name in friction.all_state_fields():
+        if name in ENDS:
+            raise CaseError(
+                f"{key}.friction.kind = '{friction.kind()}': its state '{name}' is one of facets, too; give cohesion "
+                f"as {key}.cohesion, with another law of friction"
+            )
     if not is_rated(friction):
         return
     kind = f"{key}.friction.kind = '{friction.kind()}'"
@@ -648,11 +655,11 @@ def _check(key: str, laws: CrackLaws, fracture: Fracture) -> None:
         )
 
 
-def _varying(part: Part, key: str) -> Iterator[tuple[str, object]]:
+def varying(part: Part, key: str) -> Iterator[tuple[str, object]]:
     """Yield profiles in a part, with their keys."""
     for name in type(part).model_fields:
         value = getattr(part, name)
         if isinstance(value, Part) and not callable(value):
-            yield from _varying(value, f"{key}.{name}")
+            yield from varying(value, f"{key}.{name}")
         elif callable(value):
             yield f"{key}.{name}", value

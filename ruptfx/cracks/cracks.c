@@ -4,7 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { STATES };  // STATE_normal_traction = 0, ...
 enum { FACETS };  // FACET_time_of_yield = 0, ...
 enum {
     NORMAL_X, NORMAL_Y, WEIGHT, STIFFNESS,
@@ -16,19 +15,6 @@ enum {
 #endif
     COLUMNS
 };
-
-#define OLD(name) state[STATE_##name][l]
-
-#if RATED
-enum { BEGUN };  // of the law, known when the step begins
-
-// What a law with rates takes besides the slip rate.
-struct rated {
-    double *const *state;
-    int l;
-    double since, normal_stress, normal_stress_before, begun[BEGUN_COUNT + 1];
-};
-#endif
 
 // An end: jumps and stiffness now, inelastic jumps and damage before, and what friction admits (at rest, of a law with
 // rates).
@@ -57,53 +43,6 @@ INLINE double damage_of(const double *number, double opening, double slip)
     DAMAGE
     return damage;
 }
-
-#if RATED
-#define GIVEN(at) \
-    double *const *const state = (at)->state; \
-    const int l = (at)->l; \
-    const double since = (at)->since, normal_stress = (at)->normal_stress, \
-        normal_stress_before = (at)->normal_stress_before, rate_before = 0, speed_before = 0, extrapolation = 0, \
-        radiation = 0; \
-    (void)state, (void)l, (void)since, (void)normal_stress, (void)normal_stress_before, (void)rate_before, \
-        (void)speed_before, (void)extrapolation, (void)radiation;
-
-// Strength of friction at a slip rate, with the state advanced to it, and its derivative.
-static double friction_at(const struct rated *at, const double *number, double slip_rate, double *derivative)
-{
-    GIVEN(at)
-    const double *const begun = at->begun;
-    (void)number, (void)begun;
-    double strength, slope;
-    STRENGTH
-    *derivative = slope;
-    return strength;
-}
-
-// Slip rate V at which friction and z V are what is left of a trial traction, by the steps of `next_rate` in points.c;
-// no number where there is none. `friction` becomes its strength.
-static double slip_rate_of(const struct rated *at, const double *number, double trial, double z, double *friction)
-{
-    double slope, low = 0, high = trial / z, v = high;
-    *friction = friction_at(at, number, 0, &slope);
-    if (!(trial > *friction) || !(high > 0)) return 0;
-    v = (trial - *friction) / z;
-    for (int iteration = 0; iteration < 100; iteration++) {
-        *friction = friction_at(at, number, v, &slope);
-        const double residual = trial - z * v - *friction;
-        if (fabs(residual) <= 1e-13 * trial) return v;
-        if (residual > 0) low = v;
-        else high = v;
-        if (high - low <= 1e-15 * high) return fabs(residual) <= 1e-9 * trial ? v : NAN;
-        const double steep = slope + z;
-        const double step = steep > 2 * z ? v + v * expm1(residual / (steep * v)) : v + residual / steep;
-        const double least = low > 1e-12 * high ? low : 1e-12 * high;
-        const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(least * high);
-        v = step > low && step < high && iteration % 8 != 7 ? step : middle;
-    }
-    return NAN;
-}
-#endif
 
 static __attribute__((noinline)) struct answer respond(const struct end *end, const double *number, double damage)
 {
@@ -201,13 +140,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
         .state = state, .l = l, .since = since, .normal_stress = normal_stress,
         .normal_stress_before = OLD(normal_traction) < 0 ? -OLD(normal_traction) : 0,
     };
-    {
-        GIVEN(&rated)
-        const double slip_rate = 0;
-        double *const begun = rated.begun;
-        (void)slip_rate, (void)begun;
-        BEGIN
-    }
+    begin_friction(&rated, number);
     double slope;
     end.rated = &rated;
     end.friction = normal_stress > 0 ? friction_at(&rated, number, 0, &slope) : 0;
@@ -242,12 +175,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     const double slip_rate = since > 0 ? fabs(at.slip - end.slip) / since : 0;
     (void)slip_rate, (void)normal_stress;
 #if RATED
-    {
-        GIVEN(&rated)
-        const double *const begun = rated.begun;
-        (void)begun;
-        ADVANCE
-    }
+    advance_friction(&rated, number, slip_rate);
 #else
     ADVANCE
 #endif

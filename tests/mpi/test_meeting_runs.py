@@ -34,7 +34,12 @@ def same(first: Path, second: Path) -> None:
             assert abs(energy["collision_loss"].values).max() > 0 and abs(energy.closure).max() < 1e-12
 
 
-case_file, alone = run_of(meeting_blocks({"output.checkpoint_steps": 300}))
+AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-6, "f_0": 0.6, "V_0": 1e-6,
+          "theta_initial": 1.0}  # fmt: skip
+case_file, alone = run_of(*(
+    meeting_blocks({"output.checkpoint_steps": 300, **changes})
+    for changes in ({}, {"fracture.pairs": {"plate-stone": {"friction": AGEING}}})  # and all others by Coulomb's law
+))  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
