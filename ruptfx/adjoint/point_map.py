@@ -264,11 +264,15 @@ class _Step:
                 np.where(opened > 0, loose[k] / _nonzero(speed), ratio[k] / norm) for k in t
             ]  # fmt: skip
         ends, started = fault.contact.traction_ends_slip, since > 0
-        mean: list[Array] = [np.where(stuck > 0, 0.0, (v + taken) * final[k] - turning[k]) for k in t]
+        # Where it is open, without size and direction: these have a kink at zero, which the slip rate has not.
+        flies: Array = np.where(stuck > 0, 0.0, opened)
+        slides = [np.where(flies > 0, loose[k], (v + taken) * final[k]) - turning[k] for k in t]
+        mean: list[Array] = [np.where(stuck > 0, 0.0, slides[k]) for k in t]
         traction: list[Array] = [np.where(opened > 0, 0.0, shear[k] - z[k] * mean[k]) for k in t]
-        now: list[Array] = [
-            np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], of_law["rate_now"] * final[k]) for k in t
-        ]
+        moving = [of_law["rate_now"] * final[k] for k in t]
+        if not ends:
+            moving = [np.where(flies > 0, 0.5 * loose[k], moving[k]) for k in t]
+        now: list[Array] = [np.where(stuck > 0, 0.0 if ends else 0.5 * before[k], moving[k]) for k in t]
         if ends:
             mean = [np.where(started, mean[k], before[k]) for k in t]
         slipping = mean if ends else before

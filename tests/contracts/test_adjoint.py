@@ -106,6 +106,43 @@ def test_gradients_through_a_rupture_equal_central_differences(changes: dict[str
         assert exact == pytest.approx(difference, rel=1e-5, abs=1e-7 * largest), key
 
 
+OPENING = [{"kind": "traction", "edge": edge, "traction": [0.0, pull], "ramp": 3e-6}
+           for edge, pull in (("upper.top", 9e6), ("lower.bottom", -9e6))]  # fmt: skip
+CLOSING = [{"kind": "traction", "edge": "upper.top", "traction": [2e6, -9e6], "ramp": 3e-6},
+           *({"kind": "driven", "edge": "lower.bottom", "component": each, "velocity": 0.0} for each in "xy")]
+GAP = {"boundaries": CLOSING, "faults.main.gap": 1e-9, "faults.main.initial_stress": {"normal": 0.0},
+       "faults.main.friction": {"kind": "coulomb", "mu_d": 0.2}}  # fmt: skip
+
+
+@pytest.mark.parametrize("contact", [SPLIT, COMPLIANT], ids=["split_node", "compliant"])
+@pytest.mark.parametrize("changes, sizes", [
+    ({"boundaries": OPENING}, {"Pa": 1e6, "m": 1e-6, "1": 0.1}), (GAP, {"Pa": 1e4, "1": 0.1}),
+], ids=["opens", "closes"])  # fmt: skip
+def test_gradients_of_interfaces_that_open_or_close(changes: Any, sizes: Any, contact: Any) -> None:
+    """Open points move freely from rest, where the direction of their motion is not defined."""
+    case = parse_case(slip_weakening({**RUPTURE, **changes, "faults.main.contact": contact}))
+    sweeps = Objective(case, case.objective).sweeps
+    sigma = sweeps._histories[0].rows[:, sweeps.points[0].history.index("normal_stress")]
+    assert 0.2 < np.mean(sigma <= 0) < 0.9
+    assert reproduced(sweeps)[0] < 1e-12
+    assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+    found = differences(case, lambda x: np.cos(400 * x), sizes, 1e-6)
+    largest = max(abs(exact) for exact, _ in found.values())
+    for key, (exact, difference) in found.items():
+        assert exact == pytest.approx(difference, rel=1e-4, abs=1e-7 * largest), key
+
+
+def test_gradients_around_an_axis_equal_central_differences() -> None:
+    case = parse_case(slip_weakening({
+        "plane": "axisymmetric", "order": 2, "duration": 6e-6, "objective": SLIP, "mesh": {
+            "kind": "fibre_in_matrix", "radius": 4e-3, "outer_radius": 8e-3, "length": 16e-3, "element_size": 1e-3},
+        "faults.main.initial_stress.shear.center": 8e-3,
+    }))  # fmt: skip
+    for key, (exact, difference) in differences(case, lambda x: np.cos(400 * x), {"Pa": 1e6, "m": 1e-6, "1": 0.1},
+                                                1e-6).items():  # fmt: skip
+        assert exact == pytest.approx(difference, rel=1e-6), key
+
+
 def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
     made = bench.Remainders(fem.MPI.COMM_SELF)
     assert made.least_order > 1.95
@@ -116,11 +153,14 @@ def test_tangent_linear_sweeps_equal_central_differences() -> None:
     assert bench.central_differences(2, fem.MPI.COMM_SELF) < 1e-6
 
 
-def test_gradients_in_three_dimensions_have_exact_transposes() -> None:
+def test_gradients_in_three_dimensions() -> None:
     from small_cases import strike_slip
 
     case = parse_case(strike_slip({"objective": SLIP, "duration": 2e-6}))
     assert bench.mismatch(case, fem.MPI.COMM_SELF) < 1e-12
+    found = differences(case, lambda x: np.cos(400 * x), {"Pa": 1e6, "m": 1e-6, "1": 0.1}, 1e-6)
+    for key, (exact, difference) in found.items():
+        assert exact == pytest.approx(difference, rel=1e-6), key
 
 
 def test_a_gradient_is_the_same_on_two_ranks() -> None:
