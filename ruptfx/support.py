@@ -338,6 +338,9 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
         if "implicit" in stepper.ways and not attachment.implicit:
             yield Refusal((key,), f"acts in explicit steps only, stepper.kind = '{stepper.kind()}' has others",
                           (("stepper",),), ((key,),))  # fmt: skip
+        elif stepper.inertia and attachment.inertia and not stepper.newmark:
+            yield Refusal((key,), f"has masses, which the schemes of stepper.kind = '{stepper.kind()}' do not advance",
+                          (("stepper",),), ((key,),))  # fmt: skip
         elif not stepper.inertia and attachment.inertia:
             yield Refusal((key,), f"has no effect without inertia, as in stepper.kind = '{stepper.kind()}'",
                           (("stepper",),), ((key,),))  # fmt: skip

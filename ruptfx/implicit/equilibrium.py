@@ -267,7 +267,8 @@ class Equilibrium:
         step.evaluate(u)
         parallel.raise_on_all(self.model.comm, step.error)
         faults = {name: response.state for name, response in step.responses.items()}
-        return Solution(u.copy(), step.internal, faults, dt, 0, 0, [], step.scale, self.answers, step.tangents)
+        return Solution(u.copy(), step.internal, faults, dt, 0, 0, [], step.scale, self.answers, step.tangents,
+                        reactions=step.reactions)  # fmt: skip
 
     def _everywhere(self, action: Callable[[StepFollower], float | None]) -> float:
         """Call a function for all sliding interfaces and return its largest result; collective.

@@ -101,6 +101,8 @@ class Stepper(Alternative):
     """Whether its steps ask mechanisms for their forces, so that masses and springs may be attached to the bodies."""
     adjoint: ClassVar[bool] = False
     """Whether its steps have an adjoint (`ruptfx.adjoint`), so that an objective may be differentiated."""
+    newmark: ClassVar[bool] = True
+    """Whether implicit steps with inertia follow Newmark's rules, with which attachments advance their masses."""
     memory: ClassVar[bool] = False
     """Whether its steps advance materials with memory."""
     multipliers: ClassVar[bool] = True

@@ -46,6 +46,8 @@ class PetscTs(Stepper):
     sliding: ClassVar[bool] = False
     cohesion: ClassVar[bool] = False
     multipliers: ClassVar[bool] = False
+    attachments: ClassVar[bool] = True
+    newmark: ClassVar[bool] = False
 
     scheme: Literal["alpha2", "basicsymplectic", "rk"] = "alpha2"
     """Family of PETSc's schemes."""
@@ -187,7 +189,8 @@ class PetscTsMotion:
         solution = self._answer(time, self._spread(u.array_r))
         if solution is None:
             return  # the residual is not a number either, and SNES gives up
-        self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit)
+        reactions = [reaction for _, _, reaction in solution.reactions]
+        self._equilibrium.tangent.update(c_M, c_C, solution.tangents, driven=c_M * self._unit, reactions=reactions)
 
     def _converged(self, snes: fem.PETSc.SNES, _: int, norms: tuple[float, float, float]) -> int | None:
         """Test the residual against the forces, which balance before anything moves, and the update."""

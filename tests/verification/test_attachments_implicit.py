@@ -116,12 +116,15 @@ def frequency(course: list[float], times: list[float]) -> float:
     return float(np.pi / (passages[1] - passages[0]))
 
 
-def test_a_plate_that_vibrates_on_the_ground() -> None:
+@pytest.mark.parametrize("steps", [
+    {"kind": "generalized_alpha", "scheme": "average_acceleration"}, {"kind": "petsc_ts"},
+])  # fmt: skip
+def test_a_plate_that_vibrates_on_the_ground(steps: dict[str, Any]) -> None:
     """The lowest mode along y, cos(w (H / 2 - y) / c), has tan(w H / c) = k c / (E w) and keeps its energy."""
     stiffness, speed = 1e11, float(np.sqrt(MODULUS / HOMALITE["density"]))
     w = brentq(lambda w: MODULUS * w / speed * np.tan(w * HEIGHT / speed) - stiffness, 1.0, 1.5 * speed / HEIGHT)
     period = 2 * np.pi / w
-    steps = {"kind": "generalized_alpha", "scheme": "average_acceleration", "time_step": period / 200}
+    steps = {**steps, "time_step": period / 200}
     given = on_ground(STRONG, [], {"stepper": steps, "duration": period})
     given = given.model_copy(update={"attachments": [given.attachments[0].model_copy(update={"normal": stiffness})]})
     model = Model(given)
