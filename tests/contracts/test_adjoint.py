@@ -143,6 +143,28 @@ def test_gradients_around_an_axis_equal_central_differences() -> None:
         assert exact == pytest.approx(difference, rel=1e-6), key
 
 
+def test_gradients_by_nucleations_equal_central_differences() -> None:
+    """One that weakens friction, whose law is inside of another one, and one that adds stress."""
+    case = parse_case(slip_weakening({
+        **RUPTURE, "faults.main.initial_stress.shear.inside": 3.2e6, "faults.main.nucleation": [
+            {"kind": "friction_drop", "mu_d": 0.1, "center": 16e-3, "half_width": 3e-3, "t_w": 3e-6},
+            {"kind": "smooth_patch", "extra": 1e6, "center": 16e-3, "radius": 4e-3, "rise": 4e-6},
+        ],
+    }))  # fmt: skip
+    model = Model(case).in_steps("explicit")
+    exact, known = gradient(case, progress=False), places(model)
+    shape = np.cos(300 * model.faults[0].interface.position)
+    sizes = {"Pa": 1.0, "m": 1e-11, "1": 5e-7, "s": 1e-12}
+    for key in ("nucleation.0.mu_d", "nucleation.0.t_w", "nucleation.1.extra", "friction.mu_s", "friction.D_c"):
+        place = known[f"faults.main.{key}"]
+        change = sizes[place.unit] * shape
+        values = [Objective(case, case.objective, record=False, model=perturbed(
+            model, {(0, row): sign * part * change for row, part in place.rows},
+            {(0, 1): sign * change} if place.nucleation else {})).value for sign in (1, -1)]  # fmt: skip
+        slope = float(exact[place.key].values @ change)
+        assert slope == pytest.approx(0.5 * (values[0] - values[1]), rel=1e-5), key
+
+
 def test_remainders_of_a_rupture_without_kinks_are_of_second_order() -> None:
     made = bench.Remainders(fem.MPI.COMM_SELF)
     assert made.least_order > 1.95
