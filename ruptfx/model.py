@@ -259,7 +259,8 @@ class Model(Discretisation):
         after = self.case.output.rupture_after
         if after is None:
             after = max(first_begun(fault.nucleation)[0], 0.0)
-        made = Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after)
+        direction = fault.initial_stress.direction(face.tangents)
+        made = Fault(name, face, contact, law, normal, shear, tuple(fault.nucleation), gap, cohesion, after, direction)
         try:
             made.require_strength()
         except CaseError as caught:  # the points of a rank may differ

@@ -42,7 +42,7 @@ def slide_reference(
         face.points, face.position, face.number, each, each, np.tile(np.eye(2), (n, 1, 1)), face.weight, face.owned,
         face.total, face.line, other_side="rigid",
     )  # fmt: skip
-    load = fault.load(time)
+    load = fault.load(time)[:, 0]
     z_n, z_s = impedances(points, mobility.ravel(), clock.kick)
     jump = face.geometry.offset + (rows @ displacement[face.dofs]).reshape(n, 2)
     initial = face.initial

@@ -115,8 +115,9 @@ class Objective:
         def each_step(fault: int, time: float, of_parameters: Floats) -> None:
             for _, place in found:
                 if place.nucleation is not None and place.fault == fault:
-                    where = points[fault].fault.interface.locations
-                    loaded[place.key] += place.nucleation.shear_traction(where, time) * of_parameters[1]
+                    acts_on = points[fault].fault
+                    of_shear = np.array(acts_on.shear_direction) @ of_parameters[1 : 1 + acts_on.tangents]
+                    loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
         gradient = self.sweeps.adjoint(self._factors, each_step, tell)
         result = []

@@ -244,7 +244,7 @@ class Sweeps:
         if not fault.is_loaded:
             return parameters
         parameters = parameters.copy()
-        parameters[1] += fault.load(time)
+        parameters[1 : 1 + fault.tangents] += fault.load(time).T
         return parameters
 
     def _stiffness(self, field: Floats) -> Floats:

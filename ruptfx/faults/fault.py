@@ -49,6 +49,8 @@ class Fault:
         Cohesion in addition to friction, until the points have failed.
     rupture_after : float
         Time from which ruptures count [s].
+    shear_direction : tuple of float
+        Components of the unit vector along which nucleations add shear traction, that of the initial shear stress.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Fault:
     gap: np.ndarray | None = None
     cohesion: CohesiveLaw | None = None
     rupture_after: float = 0.0
+    shear_direction: tuple[float, ...] = (1.0,)
 
     @property
     def slides(self) -> bool:
@@ -73,14 +76,14 @@ class Fault:
         return any(type(item).shear_traction is not Nucleation.shear_traction for item in self.nucleation)
 
     def load(self, time: float) -> np.ndarray:
-        """Return the shear traction that nucleations add along the first tangent [Pa], shape (n,)."""
+        """Return the shear traction that nucleations add [Pa], shape (n, tangents)."""
         places = self.interface.locations
-        return sum((item.shear_traction(places, time) for item in self.nucleation), np.zeros(len(places)))
+        added: np.ndarray = sum((item.shear_traction(places, time) for item in self.nucleation), np.zeros(len(places)))
+        return np.outer(added, self.shear_direction)
 
     def driving_shear(self, time: float) -> np.ndarray:
         """Return the initial shear traction plus that of nucleations [Pa], shape (n, tangents)."""
-        shear = self.shear_traction_0.copy()
-        shear[:, 0] += self.load(time)
+        shear: np.ndarray = self.shear_traction_0 + self.load(time)
         return shear
 
     def traced_law(self) -> TracedLaw:
@@ -189,9 +192,7 @@ class Fault:
         traction = self.components(state, "shear_traction")
         # Between two tractions slip continues at the rate of the first one. Split nodes have counted that already.
         slip = ahead * self.components(state, "slip_rate") * self.contact.traction_ends_slip
-        shear = traction.copy()
-        if self.is_loaded:
-            shear[:, 0] -= self.load(time)
+        shear = traction - self.load(time) if self.is_loaded else traction
         now = self.contact.stored(state["normal_stress"], list(shear.T), opening, list((jump - slip).T))
         before = self.contact.stored(self.normal_stress_0, list(self.shear_traction_0.T), 0 * opening, list(0 * slip.T))
         if self.cohesion is not None:

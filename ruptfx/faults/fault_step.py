@@ -19,7 +19,6 @@ from ruptfx.faults.fault import Fault
 from ruptfx.faults.interface import Interface
 from ruptfx.faults.point_code import FAILURE, PointCode, filled
 from ruptfx.faults.points import Clock
-from ruptfx.fields import component_names
 from ruptfx.state import FaultState
 
 
@@ -152,9 +151,8 @@ class FaultStep:
             self._bind(*given)
         fault, since = self.fault, self.clock.since
         if fault.is_loaded:
-            first = component_names("mean_slip_rate", fault.tangents)[0]
-            load, rate_old = fault.load(time), state[first] * (since > 0)
-            self._code.put("shear_traction_0", fault.shear_traction_0[:, 0] + load)  # other tangents are unchanged
+            load, rate_old = fault.load(time), fault.components(state, "mean_slip_rate") * (since > 0)
+            self._code.put("shear_traction_0", fault.shear_traction_0 + load)
         self._times[-2:] = fault.threshold_at(time, self._threshold), time
         if fault.cohesion is not None:
             self._held = (np.maximum(-state["normal_stress"], 0.0), state["opening"].copy())
@@ -162,7 +160,8 @@ class FaultStep:
         if self._result[1] >= 0:
             self._code.fail(state, time, self._result)
         if fault.is_loaded:
-            power = fault.contact.dissipated(fault.load(time - since), load, rate_old, state[first])
+            rate = fault.components(state, "mean_slip_rate")
+            power = fault.contact.dissipated(fault.load(time - since), load, rate_old, rate).sum(axis=1)
             work = float((fault.interface.owned * fault.interface.weight) @ power)
             self.work = work * (since if fault.contact.traction_ends_slip else self.clock.kick)
         return float(self._result[0])

@@ -34,8 +34,8 @@ class InitialStress(Part):
     """Shear traction along the (first) tangent; default is that of a rate-and-state law whose slip rate and
     state are both given, else zero."""
     rake: Annotated[float, Field(ge=-180, le=180)] | None = None
-    """Direction of `shear` on a surface in degrees, from the first tangent (strike) to the second (down dip); default
-    is 0."""
+    """Direction of `shear` and of nucleations on a surface in degrees, from the first tangent (strike) to the second
+    (down dip); default is 0."""
     tensor: Annotated[list[float], Field(min_length=3, max_length=6), Unit("Pa")] | None = None
     """Uniform stress of the bodies instead, the same for all interfaces that give it, tension positive: xx, yy, xy, in
     3D xx, yy, zz, xy, yz, xz."""
@@ -88,9 +88,19 @@ class InitialStress(Part):
                 raise CaseError(f"initial_stress.shear: {others} carry another; give two of the three")
         elif carried is not None:
             shear[:, 0] = carried
-        if self.rake is not None:
-            if face.tangents < 2:
-                raise CaseError(f"initial_stress.rake = {self.rake:g}: in 2D shear has one direction; leave it out")
-            angle = np.deg2rad(self.rake)
-            shear = shear[:, :1] * np.array([np.cos(angle), np.sin(angle)])
-        return normal, shear
+        return normal, shear[:, :1] * self.direction(face.tangents)
+
+    def direction(self, tangents: int) -> tuple[float, ...]:
+        """Return the unit vector of `shear` along the tangents; the first tangent without a rake.
+
+        Raises
+        ------
+        CaseError
+            If there is a rake and one tangent only.
+        """
+        if self.rake is None:
+            return (1.0, 0.0)[:tangents]
+        if tangents < 2:
+            raise CaseError(f"initial_stress.rake = {self.rake:g}: in 2D shear has one direction; leave it out")
+        angle = np.deg2rad(self.rake)
+        return float(np.cos(angle)), float(np.sin(angle))

@@ -164,7 +164,7 @@ class Faults(Mechanism):
         traction = fault.components(state.faults[fault.name], "shear_traction")
         area = fault.interface.owned * fault.interface.weight
         state.add_energy(fault.name, "frictional_dissipation", float(area @ np.sum(traction * way, axis=1)))
-        state.energy["boundary_work"] += float((area * fault.load(0.0)) @ way[:, 0])
+        state.energy["boundary_work"] += float(area @ np.sum(fault.load(0.0) * way, axis=1))
 
 
 def _contact_springs(fault: Fault, count: int) -> Springs:

@@ -20,7 +20,7 @@ class Nucleation(Alternative):
     """Contract of a nucleation."""
 
     def shear_traction(self, position: np.ndarray, time: float) -> np.ndarray:
-        """Return the shear traction [Pa] added to the initial one along the first tangent.
+        """Return the shear traction [Pa] added along the first tangent, in 3D along the rake of the initial stress.
 
         Parameters
         ----------

@@ -215,7 +215,7 @@ class SlidingStep:
             self._refresh()
         n = len(face.plus)
         if fault.is_loaded:
-            self._load[:n] = fault.load(time)
+            self._load[:n] = fault.load(time)[:, 0]
         if not self._rigid:
             self._stress_before[:] = state["normal_stress"]
             if fault.is_loaded:
@@ -230,7 +230,7 @@ class SlidingStep:
         if cohesive:
             dissipated -= self._split(old, state)
         if fault.is_loaded:
-            self.work = self._taken(fault.load(time - self.clock.since), self._load[:n], state)
+            self.work = self._taken(fault.load(time - self.clock.since)[:, 0], self._load[:n], state)
         return dissipated
 
     def _refresh(self) -> None:

@@ -1,4 +1,4 @@
-"""Every key of a case changes what comes out, or is refused, in every plane of two dimensions and with every stepper.
+"""Every key of a case changes the results or is refused, in every plane, in three dimensions and with every stepper.
 
 Keys are found in the classes of the case, so that a new one is tried without an edit here. Each gets other values until
 one of them changes the state of a few steps, of the stop rules, or for keys of records the files of a run.
@@ -53,6 +53,8 @@ NO_NUMBERS = {
     r"stop_when\.\w+": "a rule that must be met",
     r"attachments\.\w+\.name": "of a group of attachments.h5",
     r"cameras(\..*)?": "films are made from the records",
+    r"instruments\.\w+\.fault": "names the interface of several",
+    r"faults\.main\.initial_stress\.normal\.profile\.file": "gives the lists beside it",
 }
 """Keys that may leave the numbers as they are, and why."""
 IN_PLANES = {"antiplane": {r"faults\.\w+\.contact\.C_n": "required, and nothing moves along the normal"}}
@@ -66,6 +68,7 @@ PLANES: dict[str, dict[str, Any]] = {
     "stress": {}, "strain": {}, "antiplane": {},
     "axisymmetric": {"mesh": {"kind": "fibre_in_matrix", "radius": 4e-3, "outer_radius": 8e-3, "length": 4e-3,
                               "element_size": 2e-3}},
+    "solid": {"mesh": {"kind": "extruded", "section": PLATES, "thickness": 4e-3, "layers": 2}},
 }  # fmt: skip
 # Steps that follow their error; fast ones after the first; steps that grow until their error counts.
 OF_STEPPERS = {
@@ -73,9 +76,10 @@ OF_STEPPERS = {
     "hybrid": {"fast_above": 1e-5, "slow_below": 1e-6}, "quasi_dynamic": {"first_step": 1e-7, "largest_step": 1e-3},
 }
 STRINGS = {
-    "edge": ["upper.left", "upper.top", "matrix.top", "matrix.right", "matrix.left"], "body": ["upper", "lower"],
+    "edge": ["upper.left", "upper.top", "matrix.top", "matrix.right", "matrix.left", "plus.left", "plus.top"],
+    "body": ["upper", "lower", "plus", "minus"],
     "direction": ["x", "y"], "operator": ["ufl_form"], "name": ["another"],
-    "first": ["lower.left"], "second": ["lower.right"], "bodies": ["upper", "lower", "matrix"],
+    "first": ["lower.left"], "second": ["lower.right"], "bodies": ["upper", "lower", "matrix", "plus"],
 }  # fmt: skip
 """Other values of text, by the name of the key."""
 EXAMPLES = {"cracks": {"default": {"friction": {"kind": "coulomb", "mu_d": 0.6}}}}
@@ -90,13 +94,16 @@ def base(plane: str, stepper: str) -> dict[str, Any]:
     if plane == "axisymmetric":
         upper, lower = "matrix", "fibre"
     along = "z" if plane == "antiplane" else "x"
+    traction = {"antiplane": [1e5], "solid": [1e5, 2e5, 3e4]}.get(plane, [1e5, 2e5])
     boundaries = [
         {"kind": "driven", "edge": f"{upper}.top", "component": along, "velocity": 0.5, "ramp": 1e-6},
         {"kind": "driven", "edge": f"{lower}.left", "component": along, "velocity": 0.01},
-        {"kind": "traction", "edge": f"{upper}.right", "traction": [1e5] if along == "z" else [1e5, 2e5], "ramp": 1e-6},
+        {"kind": "traction", "edge": f"{upper}.right", "traction": traction, "ramp": 1e-6},
     ]  # fmt: skip
     if along == "x" and plane != "axisymmetric":
         boundaries.append({**boundaries[1], "edge": f"{lower}.bottom", "component": "y"})
+    if plane == "solid":
+        boundaries.append({**boundaries[1], "edge": f"{lower}.back", "component": "z"})
     if steps.inertia:
         boundaries.append({"kind": "absorbing", "edge": f"{lower}.right"})
     given = {
@@ -112,6 +119,31 @@ def base(plane: str, stepper: str) -> dict[str, Any]:
     return merged(given, PLANES[plane])
 
 
+def around_a_surface(stepper: str) -> dict[str, Any]:
+    """A box around a fault, with every profile over a surface."""
+    terms = [
+        3.4e6, {"kind": "rectangle", "inside": 1e5, "outside": 0.0, "strike": [-1e-3, 2e-3], "dip": [0.0, 2e-3]},
+        {"kind": "ellipse", "inside": 6e4, "outside": 2e4, "strike": [-1e-3, 2e-3], "dip": [1e-3, 4e-3]},
+        {"kind": "surface_table", "strike": [-2e-3, 2e-3], "dip": [0.0, 4e-3], "values": [[0.0, 1e4], [2e4, 4e4]]},
+    ]  # fmt: skip
+    table = {"kind": "table", "positions": [0.0, 1e-3, 3e-3], "values": [5.8e6, 6e6, 6.2e6], "extend": True}
+    given = base("solid", stepper)
+    for boundary, edge in zip(given["boundaries"], ("plus.far", "minus.left", "plus.right", "minus.far", "minus.bottom",
+                                                    "minus.right"), strict=True):
+        boundary["edge"] = edge
+    return merged(given, {
+        "positions": "x",
+        "mesh": {"kind": "box_with_fault", "fault_length": 4e-3, "fault_width": 6e-3, "element_size": 2e-3,
+                 "beyond": 2e-3, "distance": 6e-3, "growth": 1.1},
+        "faults.main.initial_stress": {
+            "normal": {"kind": "along_dip", "profile": table}, "shear": {"kind": "sum", "terms": terms}, "rake": 20.0,
+        },
+        "faults.main.nucleation": [
+            {"kind": "smooth_patch", "extra": 1e5, "center": 0.5e-3, "radius": 3e-3, "rise": 1e-6},
+        ],
+    })  # fmt: skip
+
+
 def others(cls: type[Part], name: str, value: Any) -> list[Any]:
     """Other values of a key, the likeliest to change something first."""
     schema = properties(cls).get(name, {})
@@ -124,11 +156,13 @@ def others(cls: type[Part], name: str, value: Any) -> list[Any]:
     if isinstance(value, int) and not any(item.get("type") == "number" for item in options):
         return [value + 1, 2 * value + 1, max(value - 1, 1)]
     if isinstance(value, int | float):
-        return [2.0 * value, 0.5 * value, 1e3 * value, 1e-3 * value] if value else _numbers(cls, name, options)
+        return [scale * value for scale in (2.0, 0.5, 1e3, 1e-3, 1.05)] if value else _numbers(cls, name, options)
     if isinstance(value, list) and value and all(isinstance(item, int | float) for item in value):
         return [[2.0 * item for item in value], [item + 1e-3 for item in value]]
     if isinstance(value, list) and value and isinstance(value[0], str):
         return [value[:1]]
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return [[[2.0 * item for item in row] for row in value]]
     return _given(cls, name, schema, options)
 
 
@@ -292,6 +326,10 @@ def test_every_key_changes_the_motion_or_is_refused(plane: str, stepper: str) ->
     assert silent(base(plane, stepper), lambda key: not of_records(key), state_after) == []
 
 
+def test_every_key_around_a_surface_changes_the_motion_or_is_refused() -> None:
+    assert silent(around_a_surface("leapfrog"), lambda key: not of_records(key), state_after) == []
+
+
 @pytest.mark.parametrize("number", range(len(OTHERS)))
 def test_every_key_in_one_of_the_other_pairs(number: int) -> None:
     """Every key is tried in one more plane with one more stepper: keys are dealt to the pairs in turn."""
@@ -307,6 +345,16 @@ def test_every_key_of_records_changes_a_file_or_is_refused(tmp_path: Path) -> No
     """Names, sizes and numbers of files, and how the numbers are kept."""
     given = merged(base("stress", "leapfrog"), {"output.interface_interval": 1e-6, "instruments": [
         {"kind": "receiver", "name": "one", "interval": 1e-6, "point": [1e-3, 1e-3], "bandwidth": 1e6},
+    ]})  # fmt: skip
+    runs = count()
+    assert silent(given, of_records, lambda case: files_of(case, tmp_path / str(next(runs)))) == []
+
+
+def test_every_key_of_records_in_three_dimensions(tmp_path: Path) -> None:
+    """Receivers have three coordinates; fields have components along strike and down dip."""
+    given = merged(around_a_surface("leapfrog"), {"output.interface_interval": 1e-6, "instruments": [
+        {"kind": "receiver", "name": "one", "interval": 1e-6, "point": [1e-3, 1e-3, -1e-3], "bandwidth": 1e6},
+        {"kind": "fault_receiver", "name": "two", "interval": 1e-6, "point": [0.0, 0.0, -2e-3]},
     ]})  # fmt: skip
     runs = count()
     assert silent(given, of_records, lambda case: files_of(case, tmp_path / str(next(runs)))) == []

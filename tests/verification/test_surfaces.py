@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_cases import march, slip_weakening, strike_slip
+from small_cases import COMPLIANT, HOMALITE, march, slip_weakening, strike_slip
 
 pytest.importorskip("dolfinx")
 
@@ -90,13 +90,39 @@ def test_the_center_of_a_patch_is_a_point_of_the_surface() -> None:
     patch = {"kind": "smooth_patch", "extra": 1e6, "radius": 2e-3, "rise": 1e-6}
     table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 0.0, "z": -4e-3}}]
     fault = Model(parse_case(table)).faults[0]
-    points, load = fault.interface.points, fault.load(2e-6)
+    points, load = fault.interface.points, fault.load(2e-6)[:, 0]
     distance = np.hypot(points[:, 0] - 1e-3, points[:, 2] + 4e-3)
     assert load[distance < 1e-9] == pytest.approx(1e6) and np.all(load[distance > 2e-3] < 1e-3)
     assert np.all(load[distance < 1.5e-3] > 0.2e6)
     table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 2e-3, "z": -4e-3}}]
     with pytest.raises(CaseError, match=r"center = .*is not on the interface, whose nearest node is"):
         Model(parse_case(table))
+
+
+@pytest.mark.parametrize("kind", ["leapfrog", "generalized_alpha"])
+@pytest.mark.parametrize("rake", [30.0, -150.0])
+def test_nucleations_push_along_the_rake(kind: str, rake: float) -> None:
+    """Slip of a cube follows the rake, as the initial stress does, and the work of the push is counted."""
+    cube = {"kind": "two_plates", "length": 4e-3, "height": 4e-3, "element_size": 2e-3}
+    weakening = {"kind": "linear_slip_weakening", "mu_s": 0.6, "mu_d": 0.5, "D_c": 1e-6}
+    model = Model(parse_case({
+        "plane": "solid", "order": 1, "duration": 1e-5, "stepper": {"kind": kind}, "materials": {"default": HOMALITE},
+        "mesh": {"kind": "extruded", "section": cube, "thickness": 4e-3, "layers": 2},
+        "faults": {"main": {
+            "contact": COMPLIANT, "friction": weakening, "nucleation": [{"kind": "overstress", "extra": 4e5}],
+            "initial_stress": {"normal": 6e6, "shear": 3.5e6, "rake": rake},
+        }},
+    }))  # fmt: skip
+    motion, state = model.case.stepper.bind(model), model.initial_state()
+    for _ in range(12):
+        motion.step(state)
+    slip = model.faults[0].components(state.faults["main"], "slip")
+    angle = np.deg2rad(rake)
+    assert (slip @ [np.cos(angle), np.sin(angle)]).min() > 1e-7
+    np.testing.assert_allclose(slip @ [-np.sin(angle), np.cos(angle)], 0.0, atol=5e-3 * np.abs(slip).max())
+    energy = motion.energies(state)
+    work = energy.pop("boundary_work")
+    assert work > 0 and abs(sum(energy.values()) - work) < (1e-10 if kind == "leapfrog" else 1e-3) * work
 
 
 def test_a_rake_in_two_dimensions_is_refused() -> None:
