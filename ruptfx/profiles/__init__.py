@@ -41,6 +41,8 @@ class Profile(Alternative):
     """True if `__call__` takes the two positions of a surface, shape (n, 2), and lines have no such values."""
     over_body: ClassVar[bool] = False
     """True if `__call__` takes points of the bodies, shape (n, dimensions), and interfaces have no such values."""
+    radial: ClassVar[bool] = False
+    """True if values depend on the distance from `center` only, which may then be a point of a surface."""
 
     @classmethod
     def with_files(cls, values: object, info: ValidationInfo, unit: str) -> object:
@@ -71,11 +73,12 @@ class Profile(Alternative):
         """Return the values at points of a line, shape (n,), or of a surface, shape (n, 2) [m].
 
         Over a surface, kinds of one position vary along the first one; `along_dip` makes them vary along the second.
+        Radial kinds whose center is a point vary with the distance from it.
 
         Raises
         ------
         CaseError
-            A kind for surfaces on a line, or one for bodies.
+            A kind for surfaces on a line, or one for bodies; a point as the center of a kind that is not radial.
         """
         if self.over_body:
             raise CaseError(f"{self.kind()} varies in the bodies, and this is a position along an interface")
@@ -85,6 +88,11 @@ class Profile(Alternative):
                     f"{self.kind()} varies over a surface, and this interface is a line; use boxcar or table"
                 )
             return self(places)
+        center: Any = getattr(self, "center", 0.0)
+        if np.ndim(center):
+            if not self.radial or places.ndim == 1:
+                raise CaseError(f"{self.kind()}.center: this kind varies along one direction; give one position")
+            return self.substituted({"center": 0.0})(np.linalg.norm(places - center, axis=1))
         return self(places if places.ndim == 1 else places[:, 0])
 
     def in_body(self, points: np.ndarray) -> np.ndarray:

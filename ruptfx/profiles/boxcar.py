@@ -13,6 +13,7 @@ from ruptfx.profiles._places import Center, HalfWidth
 class Boxcar(Profile):
     """`inside` for |position - center| <= half_width, `outside` elsewhere."""
 
+    radial: ClassVar[bool] = True
     example: ClassVar[str] = '{ kind = "boxcar", inside = 2.0, outside = 1.0, center = 0.1, half_width = 0.2 }'
     inside: Value
     """Value in the box."""

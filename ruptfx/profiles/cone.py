@@ -13,6 +13,7 @@ from ruptfx.profiles._places import Center
 class Cone(Profile):
     """`tip + slope |position - center|`, at most `limit`; with slope = 1 / v the arrival time of a rupture."""
 
+    radial: ClassVar[bool] = True
     example: ClassVar[str] = '{ kind = "cone", slope = 0.5, center = 0.0, tip = 0.1, limit = 0.4 }'
     slope: float
     """Change per distance."""

@@ -13,6 +13,7 @@ from ruptfx.profiles._places import Center, HalfWidth
 class Gaussian(Profile):
     """`background + amplitude exp(-((position - center) / width)**2 / 2)`."""
 
+    radial: ClassVar[bool] = True
     example: ClassVar[str] = '{ kind = "gaussian", background = 1.0, amplitude = 2.0, center = 0.1, width = 0.2 }'
     background: Value
     """Value far away."""

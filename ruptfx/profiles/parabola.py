@@ -13,6 +13,7 @@ from ruptfx.profiles._places import Center
 class Parabola(Profile):
     """`tip + (position - center)^2 / (2 radius)`: as a gap, a cylinder of that radius on a plane."""
 
+    radial: ClassVar[bool] = True
     example: ClassVar[str] = '{ kind = "parabola", radius = 2.0, center = 0.1, tip = 0.01 }'
     radius: PositiveMetre
     """Radius of curvature at the tip."""

@@ -17,6 +17,7 @@ class Taper(Profile):
     (Source: SCEC/USGS benchmark TPV101 description).
     """
 
+    radial: ClassVar[bool] = True
     example: ClassVar[str] = (
         '{ kind = "taper", inside = 2.0, outside = 1.0, center = 0.0, half_width = 0.3, width = 0.2 }'
     )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ruptfx.check_law.examples import table
 from ruptfx.nucleation.forced_rupture import ForcedRupture
+from ruptfx.profiles import Profile, evaluate
 from ruptfx.profiles._places import Place, located, patches, positions, shifted
 from ruptfx.schema import CaseError, Part, alternatives
 from ruptfx.stopping import StopWhen
@@ -61,3 +63,30 @@ def test_what_is_no_center(center: Any, said: str) -> None:
     with pytest.raises(CaseError) as caught:
         ForcedRupture(center=center, radius=1.0, speed=1.0, mu_d=0.1)
     assert said in str(caught.value)
+
+
+# Of each kind with a center, by distance from it [m].
+RADIAL = {
+    "boxcar": ({"inside": 2.0, "outside": 1.0, "half_width": 2.0}, {0.0: 2.0, 1.9: 2.0, 2.1: 1.0}),
+    "cone": ({"slope": 0.5, "tip": 0.1}, {0.0: 0.1, 5.0: 2.6}),
+    "gaussian": ({"background": 1.0, "amplitude": 2.0, "width": 2.0}, {0.0: 3.0, 2.0: 1.0 + 2.0 * np.exp(-0.5)}),
+    "parabola": ({"radius": 2.0, "tip": 0.1}, {0.0: 0.1, 2.0: 1.1}),
+    "taper": ({"inside": 2.0, "outside": 1.0, "half_width": 2.0, "width": 1.0}, {1.0: 2.0, 2.5: 1.5, 3.0: 1.0}),
+}
+
+
+@pytest.mark.parametrize("kind", [cls.kind() for cls in CENTERED if issubclass(cls, Profile)])
+def test_a_profile_around_a_point_of_a_surface_depends_on_the_distance(kind: str) -> None:
+    given, expected = RADIAL[kind]
+    part = alternatives("ruptfx.profiles")[kind].model_validate({**given, "center": {"x": 3.0, "y": 0.0, "z": 4.0}})
+    placed = located(part, lambda key, place: np.array([3.0, 4.0]), "key")
+    for angle in (0.0, 1.0, 4.0):
+        places = np.array([[3 + r * np.cos(angle), 4 + r * np.sin(angle)] for r in expected])
+        np.testing.assert_allclose(evaluate(placed, places), list(expected.values()), rtol=1e-12)
+
+
+def test_a_profile_of_one_direction_has_no_point_as_its_center() -> None:
+    cone = alternatives("ruptfx.profiles")["cone"].model_validate({"slope": 0.5, "center": 1.0})
+    placed = cone.substituted({"center": np.array([3.0, 4.0])})
+    with pytest.raises(CaseError, match=r"cone.center: this kind varies along one direction; give one position"):
+        evaluate(placed, np.array([1.0, 2.0]))
