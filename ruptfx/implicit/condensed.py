@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from ruptfx.model import Model
 
 Value = TypeVar("Value")
-Kept = TypeVar("Kept")
+Stored = TypeVar("Stored")
 
-MOST_UNKNOWNS = 4000  # largest number of jump components, or of surface nodes with finite sliding: matrices are dense
-KEPT = 4  # number of stored factorisations
+MAX_UNKNOWNS = 4000  # largest number of jump components, or of surface nodes with finite sliding: matrices are dense
+MAX_STORED = 4  # number of stored factorisations
 MAX_CORRECTIONS = 4
 MAX_HALVINGS = 12
 FAST = 0.1  # ratio of successive residuals for which iterations continue below the tolerance
@@ -65,7 +65,7 @@ def fits(model: Model) -> bool:
     if responding(model.mechanisms):
         return False
     jumps = sum(fault.interface.total * fault.interface.frame.shape[1] for fault in model.faults)
-    return 0 < jumps <= MOST_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
+    return 0 < jumps <= MAX_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
 
 
 def require_fit(model: Model) -> None:
@@ -86,9 +86,9 @@ def require_fit(model: Model) -> None:
             f"{label}: implicit steps need materials whose stiffness is constant, and one of {kinds} has another; use "
             f"'isotropic_elastic' or 'orthotropic_elastic', {instead}"
         )
-    if unknowns > MOST_UNKNOWNS:
+    if unknowns > MAX_UNKNOWNS:
         raise CaseError(
-            f"{label}: the surfaces have {unknowns} degrees of freedom, implicit steps take {MOST_UNKNOWNS} (their "
+            f"{label}: the surfaces have {unknowns} degrees of freedom, implicit steps take {MAX_UNKNOWNS} (their "
             f"stiffness is a dense matrix); use larger elements along the interface, {instead}"
         )
     if not is_factorised(model):
@@ -113,7 +113,7 @@ class Guess:
     e: np.ndarray
     tangent: np.ndarray
     q: np.ndarray
-    missing: np.ndarray
+    residual: np.ndarray
 
 
 class Condensed:
@@ -143,7 +143,7 @@ class Condensed:
 
     def solve(self, step: Step, u: np.ndarray) -> bool:
         """Solve `step` from `u` and evaluate it there; return whether it has an equilibrium; collective."""
-        self.forget()
+        self.clear_history()
         u, before = u.copy(), np.inf
         for _ in range(MAX_CORRECTIONS):
             step.evaluate(u)
@@ -170,7 +170,7 @@ class Condensed:
         self.reason = "DIVERGED: the residual falls too slowly"
         return False
 
-    def forget(self) -> None:
+    def clear_history(self) -> None:
         """Reset the counters."""
         self.history, self.iterations, self.outer, self.reason = [], 0, 1, ""
 
@@ -195,11 +195,11 @@ class Condensed:
             step.key, lambda: Compliance(self._model, self.jumps, self._tangent, step.key[:2], step.stuck())
         )
 
-    def _of_length(self, key: tuple[float, ...], make: Callable[[], Kept]) -> Kept:
+    def _of_length(self, key: tuple[float, ...], make: Callable[[], Stored]) -> Stored:
         """Return a stored object for the length of steps, or create it; the last few are stored; collective."""
         found = self._kept.pop(key, None)
         if found is None:
-            while len(self._kept) >= KEPT:
+            while len(self._kept) >= MAX_STORED:
                 self._kept.popitem(last=False)[1].destroy()
             found = make()
         self._kept[key] = found
@@ -231,7 +231,7 @@ class Condensed:
         def guess(e: np.ndarray, t: Tractions | None) -> Guess | None:
             if t is None:
                 return None
-            q = released(t.value, begin.value, times(stuck, e))
+            q = traction_change(t.value, begin.value, blockwise_product(stuck, e))
             return Guess(e, t.tangent, q, e - driven + compliance.jumps_under(q))
 
         now = guess(np.zeros_like(driven), begin)
@@ -244,7 +244,7 @@ class Condensed:
         while now is not None and self.outer <= MAX_OUTER:
             stalled, before = 0, np.inf
             for _ in range(MAX_NEWTON):
-                forces, size = self.left(compliance, now), self._agreed(float(np.linalg.norm(now.missing)))
+                forces, size = self.residual_bound(compliance, now), self._agreed(float(np.linalg.norm(now.residual)))
                 self.history.append(forces)
                 # Or the jumps are exact up to rounding.
                 small = size <= 1e-15 * (np.linalg.norm(now.e) + np.linalg.norm(start))
@@ -252,14 +252,14 @@ class Condensed:
                 ends = forces <= enough and size > FAST * before
                 if self._agreed(bool(forces <= 0.01 * enough or small or ends)):
                     break
-                change = self._agreed(changes.solve(now.tangent - stuck, now.missing))
+                change = self._agreed(changes.solve(now.tangent - stuck, now.residual))
                 self.iterations += 1
                 longest = length = min(1.0, compliance.farthest / max(float(np.abs(change).max()), 1e-300))
                 taken, before = None, size
                 for _ in range(MAX_HALVINGS):
                     e = now.e + length * change
                     there = guess(e, self.tractions(step, start + e))
-                    ahead = np.inf if there is None else float(np.linalg.norm(there.missing))
+                    ahead = np.inf if there is None else float(np.linalg.norm(there.residual))
                     size = self._agreed(ahead)
                     if size <= (1 - 1e-4 * length) * before:
                         taken = there
@@ -284,12 +284,13 @@ class Condensed:
         self.reason = f"DIVERGED: {failed}"
         return None
 
-    def left(self, compliance: Influence, found: Guess) -> float:
+    def residual_bound(self, compliance: Influence, found: Guess) -> float:
         """Return an upper bound of the unbalanced forces for a residual of the jumps [N]; collective.
 
         No interface is stiffer than a stuck one.
         """
-        return self._agreed(float(np.linalg.norm(compliance.weight[:, None] * times(compliance.stuck, found.missing))))
+        pulls = compliance.weight[:, None] * blockwise_product(compliance.stuck, found.residual)
+        return self._agreed(float(np.linalg.norm(pulls)))
 
     def _agreed(self, value: Value) -> Value:
         """Return the value of the first rank, as all compute the same up to rounding; collective."""
@@ -342,7 +343,7 @@ class _Changes:
         active = np.any(slope != 0, axis=2)
         if not np.array_equal(active, self._active):
             self._active, self._factors = active, None
-        right = -times(slope, f)[active]
+        right = -blockwise_product(slope, f)[active]
         if not right.any():
             return -f
         if len(right) > SMALL:
@@ -373,7 +374,7 @@ class _Changes:
         for k in range(MAX_KRYLOV):
             y = directions[k] / diagonal if last is None else lu_solve(last, directions[k], check_finite=False)
             answers.append(compliance.jumps_under(self._spread(y), roughly=True))
-            v = y + times(slope, answers[k])[self._active]
+            v = y + blockwise_product(slope, answers[k])[self._active]
             for i, direction in enumerate(directions):
                 hessenberg[i, k] = direction @ v
                 v -= hessenberg[i, k] * direction
@@ -396,7 +397,7 @@ class _Changes:
         return whole
 
 
-def released(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.ndarray:
+def traction_change(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Return tractions less those before and those of sticking points; zero up to rounding is exactly zero [Pa].
 
     Products skip zeros.
@@ -406,6 +407,6 @@ def released(traction: np.ndarray, before: np.ndarray, held: np.ndarray) -> np.n
     return q
 
 
-def times(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def blockwise_product(blocks: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Return the products at every point, of shapes (points, local, local) and (points, local)."""
     return np.asarray(np.einsum("pij,pj->pi", blocks, vectors))

@@ -39,7 +39,7 @@ import numpy as np
 
 from ruptfx import RuptfxError
 from ruptfx.faults.interface import Interface
-from ruptfx.implicit import ConvergenceError, deferred
+from ruptfx.implicit import ConvergenceError, interface_steps
 from ruptfx.implicit.compliance import norm
 from ruptfx.implicit.condensed import Condensed, fits, require_fit
 from ruptfx.implicit.forces import Forces
@@ -80,7 +80,7 @@ class Equilibrium:
 
     Attributes
     ----------
-    deferred : Deferred, optional
+    interface_steps : InterfaceSteps, optional
         Solves quasi-static steps without the bodies, which are updated when output needs them.
 
     Raises
@@ -115,9 +115,9 @@ class Equilibrium:
         self._solver: Condensed | NewtonSolver = (
             NewtonSolver(model, self.tangent, petsc_options or {}) if whole else Condensed(model, self.tangent)
         )
-        self.deferred: deferred.Deferred | None = None
-        if isinstance(self._solver, Condensed) and deferred.fits(model):
-            self.deferred = deferred.Deferred(self, self._solver)
+        self.interface_steps: interface_steps.InterfaceSteps | None = None
+        if isinstance(self._solver, Condensed) and interface_steps.fits(model):
+            self.interface_steps = interface_steps.InterfaceSteps(self, self._solver)
 
     def begin(self, state: State) -> None:
         """Set the pairing of sliding interfaces to that of a state, before its forces are computed."""

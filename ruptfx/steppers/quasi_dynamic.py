@@ -14,7 +14,7 @@ from ruptfx.faults.points import frictional_power
 from ruptfx.fields import MONITORS, Moment
 from ruptfx.implicit import ConvergenceError
 from ruptfx.implicit.compliance import Compliance, Jumps, norm
-from ruptfx.implicit.condensed import MOST_UNKNOWNS, fits
+from ruptfx.implicit.condensed import MAX_UNKNOWNS, fits
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
 from ruptfx.platform import parallel
@@ -83,7 +83,7 @@ class QuasiDynamicMotion(SlowMotion):
         super().__init__(model, True)
         if not fits(model):
             raise CaseError(
-                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MOST_UNKNOWNS} "
+                f"stepper.kind = 'quasi_dynamic': for linear bodies that can be factorised, and up to {MAX_UNKNOWNS} "
                 "unknowns of all faults; use 'quasi_static', or fewer nodes"
             )
         self._stepper, self._jumps = stepper, Jumps(model)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ruptfx.contact import Way
 from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.deferred import Ahead
+from ruptfx.implicit.interface_steps import InterfaceSolution
 from ruptfx.implicit.options import PetscOptions
 from ruptfx.platform import parallel
 from ruptfx.schema import Part, unit_of
@@ -128,13 +128,13 @@ class QuasiStaticMotion(SlowMotion):
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies at the end of the step [J]."""
-        deferred = self.equilibrium.deferred
-        return self.model.energies(state) if deferred is None else deferred.energies(state)
+        alone = self.equilibrium.interface_steps
+        return self.model.energies(state) if alone is None else alone.energies(state)
 
     def leave(self, state: State) -> None:
         """End the deferred updates of these steps."""
-        if self.equilibrium.deferred is not None:
-            self.equilibrium.deferred.end(state)
+        if self.equilibrium.interface_steps is not None:
+            self.equilibrium.interface_steps.drop_base(state)
 
     def enter(self, state: State) -> None:
         """Limit the next step to the first step of a run, as other loads may be faster."""
@@ -142,17 +142,17 @@ class QuasiStaticMotion(SlowMotion):
 
     def _solve(self, state: State, dt: float, halvings: int) -> Solution | None:
         """Return the equilibrium, or None where none is found and a smaller step may help."""
-        deferred = self.equilibrium.deferred
-        if deferred is not None and deferred.is_on(state):
+        alone = self.equilibrium.interface_steps
+        if alone is not None and alone.has_base(state):
             try:
-                ahead = deferred.solve(state, dt) if state.lazy_bodies else None
+                ahead = alone.solve(state, dt) if state.lazy_bodies else None
             except ConvergenceError:
                 if halvings < MOST_HALVINGS and not self.equilibrium.reaches_open_points(state):
                     return None
                 ahead = None
             if ahead is not None:
                 return ahead
-            deferred.end(state)  # the full system decides whether there is an equilibrium
+            alone.drop_base(state)  # the full system decides whether there is an equilibrium
         try:
             return self.equilibrium.solve(state, dt, guess=state.displacement + dt * state.velocity)
         except ConvergenceError as error:
@@ -164,13 +164,13 @@ class QuasiStaticMotion(SlowMotion):
     def _commit(self, state: State, solution: Solution) -> None:
         """Copy a step to the state, and count energies."""
         self.count_radiation(state, solution)
-        deferred = self.equilibrium.deferred
-        if deferred is not None and isinstance(solution, Ahead):
-            deferred.commit(state, solution)
+        alone = self.equilibrium.interface_steps
+        if alone is not None and isinstance(solution, InterfaceSolution):
+            alone.commit(state, solution)
             return
         self.take(state, solution)
-        if deferred is not None and state.lazy_bodies:
-            deferred.begin(state)
+        if alone is not None and state.lazy_bodies:
+            alone.set_base(state)
 
     def _require_resolved(self, state: State, solution: Solution) -> None:
         """Refuse a step in which mechanisms jump; collective.

@@ -207,7 +207,7 @@ def test_what_is_not_condensed(monkeypatch: pytest.MonkeyPatch) -> None:
     model = pulled(COMPLIANT)
     assert condensed.fits(model)
     assert not isinstance(Equilibrium(model, {"snes_max_it": 20})._solver, condensed.Condensed)
-    monkeypatch.setattr(condensed, "MOST_UNKNOWNS", 10)
+    monkeypatch.setattr(condensed, "MAX_UNKNOWNS", 10)
     assert not condensed.fits(model)
     monkeypatch.undo()
     model.bulk.materials[0] = Hardening.model_validate(

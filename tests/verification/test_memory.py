@@ -57,7 +57,7 @@ REMADE = (
     r"^model\.collisions\._then\b",  # positions when pairs were last sought: sought again at once after a restart
     r"^model\.cracks\._(found|cell_number)$",  # the result of a search; numbers that are made at the first failure
     r"^model\.cracks\.unconverged$",  # counts the steps at which this process writes to the log
-    r"deferred\._courses",  # by the object that solves, as a dictionary names it
+    r"interface_steps\._load_paths",  # by the object that solves, as a dictionary names it
 )
 """Attributes that may differ: a process makes them when it needs them, and results do not depend on when that was."""
 

@@ -609,7 +609,7 @@ def test_goes_on_with_the_same_bits(case_file: Path, alone: Path) -> None:
          r"stepper.petsc_options: faults.main slides, and steps are then solved at the interfaces, not by PETSc"),
         ({"is_linear": lambda bulk: False}, {},
          r"faults.main.sliding: implicit steps need .* one of 'isotropic_elastic' has another; use 'isotropic"),
-        ({"MOST_UNKNOWNS": 100}, {},
+        ({"MAX_UNKNOWNS": 100}, {},
          r"faults.main.sliding: the surfaces have \d+ degrees of freedom, implicit steps take 100 .*; use larger elem"),
         ({"is_factorised": lambda model: False}, {},
          r"faults.main.sliding: implicit steps factorise the bodies, and \d+ degrees of freedom are too many"),

@@ -15,7 +15,7 @@ pytest.importorskip("dolfinx")
 from ruptfx import simulation
 from ruptfx.case import Case
 from ruptfx.fem import MPI
-from ruptfx.implicit import deferred
+from ruptfx.implicit import interface_steps
 from ruptfx.implicit.compliance import Factors
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
@@ -58,7 +58,7 @@ def march(given: Case, looks: list[int], defer: bool = True) -> list[dict[str, A
     seen = []
     for step in range(1, looks[-1] + 1):
         motion.step(state)
-        assert deferred.Deferred.is_on(state) is defer
+        assert interface_steps.InterfaceSteps.has_base(state) is defer
         if step in looks:
             assert (state.pending_update is not None) is (defer and step > 1)
             energies = motion.energies(state)
@@ -108,7 +108,7 @@ def test_energies_stay_when_another_stepper_takes_over() -> None:
     before = motion.energies(state)
     assert before["strain"] > 0.01 * before["boundary_work"] > 0
     motion.leave(state)
-    assert not (deferred.Deferred.is_on(state) or state.fields or state.points)
+    assert not (interface_steps.InterfaceSteps.has_base(state) or state.fields or state.points)
     assert model.energies(state) == pytest.approx(before, rel=1e-12, abs=1e-12 * before["boundary_work"])
 
 
@@ -159,8 +159,8 @@ def test_bodies_are_left_alone_between_looks(monkeypatch: pytest.MonkeyPatch) ->
 def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     """Edges whose shape of motion is an array; steps that find no jumps; bodies out of balance when they are seen."""
     profile = {**LOADS[2], "profile": {"kind": "table", "positions": [0.0, 4e-3], "values": [1.0, 0.5]}}
-    assert Equilibrium(Model(pulled({"boundaries": [*LOADS[:2], profile]}))).deferred is None
-    assert Equilibrium(Model(pulled()), {"snes_max_it": 20}).deferred is None
+    assert Equilibrium(Model(pulled({"boundaries": [*LOADS[:2], profile]}))).interface_steps is None
+    assert Equilibrium(Model(pulled()), {"snes_max_it": 20}).interface_steps is None
     given = pulled({"faults.main.contact": COMPLIANT})
     model = Model(given)
     motion, state = given.stepper.bind(model), model.initial_state()
@@ -170,12 +170,12 @@ def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog
     since = state.numbers["deferred_since"]
     state.lazy_bodies = False
     motion.step(state)
-    assert not deferred.Deferred.is_on(state)
+    assert not interface_steps.InterfaceSteps.has_base(state)
     state.lazy_bodies = True
     motion.step(state)
     assert state.numbers["deferred_since"] == state.time > since  # solved as a whole, and a new base
     with monkeypatch.context() as patch:
-        patch.setattr(deferred.Deferred, "solve", lambda *_: None)
+        patch.setattr(interface_steps.InterfaceSteps, "solve", lambda *_: None)
         motion.step(state)
     assert state.numbers["deferred_since"] == state.time  # the same
     motion.step(state)
@@ -183,7 +183,8 @@ def test_what_is_not_deferred_or_no_more(monkeypatch: pytest.MonkeyPatch, caplog
     compliance.blocks *= 1.001
     motion.step(state)
     energies = motion.energies(state)
-    assert "out of balance" in caplog.text and not deferred.Deferred.is_on(state)
+    assert "out of balance" in caplog.text and not interface_steps.InterfaceSteps.has_base(state)
     compliance.blocks /= 1.001
     motion.step(state)
-    assert deferred.Deferred.is_on(state) and motion.energies(state)["boundary_work"] > energies["boundary_work"]
+    assert interface_steps.InterfaceSteps.has_base(state)
+    assert motion.energies(state)["boundary_work"] > energies["boundary_work"]

@@ -1,4 +1,6 @@
-"""Deferred quasi-static steps of linear bodies: only the interfaces advance while no output needs the bodies.
+"""Quasi-static steps of linear bodies on the interfaces alone, while no output needs the bodies.
+
+Newton's iteration is that of `condensed`; here are its right-hand side and the update of the bodies.
 
 The boundaries change by amounts a_m only: displacements of edges and factors of loads. From a state in equilibrium,
 the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of `condensed`,
@@ -12,9 +14,9 @@ velocity, together, when output needs them (`State.sync_bodies`). Results do not
 bit of later steps, and a restarted run has bitwise the same results.
 
 The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
-take the mean traction times the change of the jump. Only the latter is counted step by step: from `begin` to `end` the
-strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium loses, of
-`State.energy["damping"]`; `energies` adds them.
+take the mean traction times the change of the jump. Only the latter is counted step by step: from `set_base` to
+`drop_base` the strain energy is left out of `State.energy["boundary_work"]`, and kinetic energy, which equilibrium
+loses, of `State.energy["damping"]`; `energies` adds them.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx.implicit import ConvergenceError
-from ruptfx.implicit.condensed import Condensed, released, times
+from ruptfx.implicit.condensed import Condensed, blockwise_product, traction_change
 from ruptfx.implicit.solution import Solution
 from ruptfx.implicit.solvers import TOLERANCE
 from ruptfx.implicit.step import FAR, Step
@@ -54,7 +56,7 @@ def fits(model: Model) -> bool:
 
 
 @dataclass
-class Ahead(Solution):
+class InterfaceSolution(Solution):
     """An equilibrium with its displacement known at driven edges only; elsewhere it is that of an earlier state.
 
     Attributes
@@ -67,7 +69,7 @@ class Ahead(Solution):
     tractions: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-class Course:
+class LoadPath:
     """A load or edge motion with an amount that changes in time.
 
     Parameters
@@ -97,7 +99,7 @@ class Course:
         return self._answers[compliance]
 
 
-class Deferred:
+class InterfaceSteps:
     """Steps on the interfaces of one model, from a base state until output needs the bodies.
 
     Parameters
@@ -108,26 +110,26 @@ class Deferred:
 
     def __init__(self, equilibrium: Equilibrium, solver: Condensed) -> None:
         self._equilibrium, self._solver, self._model = equilibrium, solver, equilibrium.model
-        self._courses = list(self._all_courses())
+        self._load_paths = list(self._all_load_paths())
         self._log = logging.getLogger("ruptfx.run")
 
-    def _all_courses(self) -> Iterator[Course]:
+    def _all_load_paths(self) -> Iterator[LoadPath]:
         loads, size, jumps = self._model.loads, len(self._model.mass), self._solver.jumps
         for number, motion in enumerate(loads.motions):
             unit = np.zeros(size)
             unit[motion.dofs] = 1.0
             for later in loads.motions[number + 1 :]:  # the last one counts, as in `Loads.moved`
                 unit[later.dofs] = 0.0
-            yield Course(motion.displacement, partial(self._moved, unit), jumps)
+            yield LoadPath(motion.displacement, partial(self._moved, unit), jumps)
         for force in loads.forces:
             nodal = np.zeros(size)
             nodal[force.dofs] = force.values
-            yield Course(force.factor, partial(self._loaded, nodal), jumps)
+            yield LoadPath(force.factor, partial(self._loaded, nodal), jumps)
 
     def _moved(self, unit: np.ndarray, compliance: Compliance) -> np.ndarray:
         """Return the displacement under moved edges with sticking interfaces; collective."""
         jumps = self._solver.jumps
-        held = times(compliance.stuck, jumps.of(unit))
+        held = blockwise_product(compliance.stuck, jumps.of(unit))
         return unit + compliance.solve(self._model.internal_force(unit) - jumps.force(held, len(unit)))
 
     @staticmethod
@@ -136,11 +138,11 @@ class Deferred:
         return compliance.solve(nodal)
 
     @staticmethod
-    def is_on(state: State) -> bool:
+    def has_base(state: State) -> bool:
         """Return whether a state has a base."""
         return SINCE in state.numbers
 
-    def begin(self, state: State) -> None:
+    def set_base(self, state: State) -> None:
         """Make a state in equilibrium the base; collective."""
         kinetic, strain = self._model.bulk_energies(state)
         state.energy["boundary_work"] -= strain
@@ -155,12 +157,12 @@ class Deferred:
                 traction[fault.name],
             )  # fmt: skip
 
-    def end(self, state: State) -> None:
+    def drop_base(self, state: State) -> None:
         """Remove the base, if there is one, and complete the state as if there had been none; collective."""
-        if not self.is_on(state):
+        if not self.has_base(state):
             return
         state.sync_bodies()
-        if not self.is_on(state):  # the bodies were out of balance
+        if not self.has_base(state):  # the bodies were out of balance
             return
         kinetic, strain = self._model.bulk_energies(state)
         state.energy["boundary_work"] += strain
@@ -174,17 +176,17 @@ class Deferred:
         """Return the energies over all ranks [J]; collective."""
         state.sync_bodies()
         found = self._model.energies(state)
-        if self.is_on(state):
+        if self.has_base(state):
             found["boundary_work"] += found["strain"]
             found["damping"] -= found["kinetic"]
         return found
 
-    def solve(self, state: State, dt: float) -> Ahead | None:
+    def solve(self, state: State, dt: float) -> InterfaceSolution | None:
         """Return the equilibrium at state.time + dt, with `state` unchanged; collective.
 
         Returns
         -------
-        Ahead or None
+        InterfaceSolution or None
             None where rounding makes it uncertain: the full system then decides.
 
         Raises
@@ -199,14 +201,14 @@ class Deferred:
         for easing in self._equilibrium.easings:
             step = self._step(state, dt, easing)
             compliance = solver.compliance(step)
-            solver.forget()
+            solver.clear_history()
             begin = solver.tractions(step, start)
             if begin is None:
                 return None
             driven = base_jump - start
-            for course, part in self._grown(state.numbers[SINCE], step.time):
-                driven += part * course.answer(compliance)[1]
-            p = released(begin.value, base_traction, times(compliance.stuck, start - base_jump))
+            for path, part in self._grown(state.numbers[SINCE], step.time):
+                driven += part * path.answer(compliance)[1]
+            p = traction_change(begin.value, base_traction, blockwise_product(compliance.stuck, start - base_jump))
             driven -= compliance.jumps_under(p)
             carried, least = self._sizes(step, start)
             enough = max(TOLERANCE * carried, least)
@@ -218,8 +220,9 @@ class Deferred:
             carried, rounding = self._sizes(step, ends)
             # Unsupported bodies fly far: rounding counts in proportion to the forces.
             allowed = max(FAR * carried, 2 * least)
-            if rounding <= allowed and solver.left(compliance, found) <= max(enough, min(5 * rounding, allowed)):
-                return Ahead(
+            accepted = max(enough, min(5 * rounding, allowed))
+            if rounding <= allowed and solver.residual_bound(compliance, found) <= accepted:
+                return InterfaceSolution(
                     step.driven, np.zeros(0), {name: response.state for name, response in step.responses.items()}, dt,
                     iterations, outer, list(solver.history), 0.0, self._equilibrium.answers,
                     jumps={name: jumps.pick(ends, name) for name in step.responses},
@@ -241,7 +244,7 @@ class Deferred:
             gained[fault.name] = jump
         return self._solver.jumps.gather(gained)
 
-    def commit(self, state: State, solution: Ahead) -> None:
+    def commit(self, state: State, solution: InterfaceSolution) -> None:
         """Set the state at the end of the step, except for the bodies, and count the work of the boundaries."""
         before = self._equilibrium.forces.tractions(state)
         for fault in self._model.faults:
@@ -263,15 +266,15 @@ class Deferred:
         base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]
         jump, jump_rate, traction_rate, base_traction = self._carried(state)
         traction = jumps.gather(self._equilibrium.forces.tractions(state))
-        held, held_rate = (times(compliance.stuck, each) for each in (jump - jumps.of(base), jump_rate))
-        pulls = released(traction, base_traction, held), traction_rate - held_rate
+        held, held_rate = (blockwise_product(compliance.stuck, each) for each in (jump - jumps.of(base), jump_rate))
+        pulls = traction_change(traction, base_traction, held), traction_rate - held_rate
         forces = (jumps.force(-pull, len(base)) for pull in pulls)
         displacement, velocity = compliance.solve_each(forces, 2)
         displacement += base
-        for course, part in self._grown(since, state.time):
-            displacement += part * course.answer(compliance)[0]
-        for course, part in self._grown(before, state.time):
-            velocity += part / (state.time - before) * course.answer(compliance)[0]
+        for path, part in self._grown(since, state.time):
+            displacement += part * path.answer(compliance)[0]
+        for path, part in self._grown(before, state.time):
+            velocity += part / (state.time - before) * path.answer(compliance)[0]
         free = ~model.loads.prescribed
         state.displacement[free] = displacement[free]  # driven edges have their prescribed position bitwise
         state.velocity[:] = velocity
@@ -281,12 +284,12 @@ class Deferred:
         """Return a step for its interfaces only."""
         return Step(self._equilibrium, state, dt, None, np.zeros(0), easing)
 
-    def _grown(self, start: float, end: float) -> Iterator[tuple[Course, float]]:
+    def _grown(self, start: float, end: float) -> Iterator[tuple[LoadPath, float]]:
         """Yield the loads and motions that have changed between two times [s], and the changes of their amounts."""
-        for course in self._courses:
-            part = course.grown(start, end)
+        for path in self._load_paths:
+            part = path.grown(start, end)
             if part:
-                yield course, part
+                yield path, part
 
     def _carried(self, state: State) -> list[np.ndarray]:
         """Return `CARRIED` at all points, shape (points, local); collective."""
@@ -317,7 +320,7 @@ class Deferred:
                 "bodies are out of balance by %.3g N of %.3g N at %.9g s: the next step is solved as a whole",
                 left, max(sizes), state.time,
             )  # fmt: skip
-            self.end(state)
+            self.drop_base(state)
 
 
 def _packed(*given: np.ndarray) -> FaultState:
