@@ -14,6 +14,8 @@ from whole_runs import whole_and_resumed
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import fem
 from ruptfx.case import Case, parse_case
 from ruptfx.mechanisms import Mechanism
@@ -219,12 +221,12 @@ def test_resumed_bitwise_in_implicit_steps(kind: str, stepper: str, shared_tmp_p
 
 @every_attachment
 def test_steps_without_mechanisms_refuse_it(kind: str) -> None:
-    with pytest.raises(CaseError, match=r"attachments\.0\.kind = .*use stepper\.kind = .*'leapfrog'"):
+    with pytest.raises(CaseError, match=facts(r"attachments\.0\.kind = .*use stepper\.kind = .*'leapfrog'")):
         attached(kind, {"stepper": {"kind": "quasi_dynamic"}})
 
 
 def test_resonators_need_inertia() -> None:
-    with pytest.raises(CaseError, match=r"attachments\.0\.kind = 'resonators'.*no effect without inertia"):
+    with pytest.raises(CaseError, match=facts(r"attachments\.0\.kind = 'resonators'.*no effect without inertia")):
         attached("resonators", {"stepper": {"kind": "quasi_static"}})
 
 
@@ -235,7 +237,7 @@ def test_sliding_contact_in_implicit_steps_refuses_attachments() -> None:
 
 
 def test_each_has_its_own_name() -> None:
-    with pytest.raises(CaseError, match=r"attachments\.1\.name = 'row': another attachment has that name"):
+    with pytest.raises(CaseError, match=facts(r"attachments\.1\.name = 'row': another attachment has that name")):
         case({"attachments": [{**example("resonators")}, {**example("resonators")}]})
 
 

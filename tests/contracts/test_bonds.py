@@ -11,6 +11,8 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, case, march
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.check_law.examples import table
 from ruptfx.checks.preflight import preflight
@@ -241,7 +243,7 @@ def test_surfaces_that_do_not_touch_are_not_held() -> None:
     ({"faults.main.cohesion": {**BOND, "f_t": -1.0}}, r"cohesion.f_t = -1.0"),
 ])  # fmt: skip
 def test_what_cannot_be_bonded_is_refused(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=facts(said)):
         given = bonded(SPLIT, **changes)
         given.stepper.bind(Model(given))
 

@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
+from messages import facts
 from pydantic import TypeAdapter
 
 from ruptfx.check_law import check_law
@@ -128,6 +129,6 @@ def test_a_law_survives_toml(kind: str) -> None:
 
 def test_a_strength_must_not_be_negative() -> None:
     """Zero is a crack from the start, along an interface; facets all over a body refuse it."""
-    with pytest.raises(CaseError, match=r"f_t = -1.0: input should be greater than or equal to 0"):
+    with pytest.raises(CaseError, match=facts(r"f_t = -1.0: input should be greater than or equal to 0")):
         LAWS["linear"](f_t=-1.0, c=1e6, G_Ic=1.0, G_IIc=1.0)
     LAWS["linear"](f_t=0.0, c=0.0, G_Ic=1.0, G_IIc=1.0)

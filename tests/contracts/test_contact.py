@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts
 from pydantic import TypeAdapter
 from reference_step import advance_reference, advance_settled
 from small_cases import COMPLIANT, HOMALITE, case, friction_laws, march, tilted
@@ -254,7 +255,9 @@ def test_failure_names_the_point(method: str) -> None:
             np.ones(4 * POINTS), Clock.of_step(1e-7), 2e-6, 1e-3,
         ),
     ):
-        with pytest.raises(ProjectionError, match=r"coulomb: the trial traction is not a number.*point 13 .*'main'"):
+        with pytest.raises(
+            ProjectionError, match=facts(r"coulomb: the trial traction is not a number.*point 13 .*'main'")
+        ):
             step()
 
 
@@ -292,7 +295,7 @@ def test_a_strength_that_jumps_over_the_traction_is_an_error() -> None:
             Clock.of_step(dt, 2), 2e-6, 1e-3,
         ),
     ):
-        with pytest.raises(ProjectionError, match=r"jumps: no slip rate balances the trial traction.*point 0 "):
+        with pytest.raises(ProjectionError, match=facts(r"jumps: no slip rate balances the trial traction.*point 0 ")):
             step()
 
 

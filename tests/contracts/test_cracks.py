@@ -14,6 +14,8 @@ from scipy.optimize import brentq
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import RuptfxError, fem
 from ruptfx.check_law.examples import table
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
@@ -210,7 +212,7 @@ def test_a_damage_that_agrees_with_nothing_is_an_error(monkeypatch: pytest.Monke
     # An opening w beyond the spring leaves D = w / 20 um; with left = 0.1 just below D = 0.5 and 0.5 just above it,
     # w + f_t left / k = 10.2 um is too much for the one and too little for the other.
     pair.jump(10e-6 + 0.3 * BOND["f_t"] / pair.stiffness, 0.0)
-    with pytest.raises(RuptfxError, match=r"no damage of the facet at \(.*\) m agrees .* at time 3e-06 s"):
+    with pytest.raises(RuptfxError, match=facts(r"no damage of the facet at \(.*\) m agrees .* at time 3e-06 s")):
         pair.cracks.require_balance(3e-6)
 
 
@@ -247,7 +249,7 @@ def test_slip_weakening_friction_goes_on_after_failure() -> None:
      r"c = .*: varies, and facets of fracture.kind = 'extrinsic'"),
 ])  # fmt: skip
 def test_strengths_of_facets_are_positive_numbers(key: str, value: Any, said: str) -> None:
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=facts(said)):
         Model(case({
             **PAIR, "fracture.kind": "extrinsic", f"fracture.default.cohesion.{key}": value,
         }))  # fmt: skip
@@ -540,5 +542,7 @@ def test_tractions_that_did_not_converge_are_logged_or_an_error(caplog: pytest.L
         cracks.require_balance(1e-6)
     assert cracks.unconverged == 20 and len(caplog.records) == 2  # the first and the tenth
     for cracks.residual in (1.2, np.inf, np.nan):
-        with pytest.raises(RuptfxError, match=r"no tractions of the inserted facets at \(.*\) m satisfy cohesion"):
+        with pytest.raises(
+            RuptfxError, match=facts(r"no tractions of the inserted facets at \(.*\) m satisfy cohesion")
+        ):
             cracks.require_balance(1e-6)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from labels import label_faults
+from messages import facts
 from pydantic import TypeAdapter
 from scipy.integrate import simpson
 from small_cases import case, friction_laws, two_boxes
@@ -40,7 +41,9 @@ def test_labels_of_its_figure_keep_apart(kind: str, held: str | None) -> None:
 @pytest.mark.parametrize("name", sorted(RESERVED))
 def test_a_law_that_would_overwrite_a_field_of_the_fault_is_refused(name: str) -> None:
     fields = {"state_fields": {name: "1"}, "__annotations__": {}, "__module__": "ruptfx.friction.some_law"}
-    with pytest.raises(RuptfxError, match=f"some_law: the state variable '{name}' .* another name in state_fields"):
+    with pytest.raises(
+        RuptfxError, match=facts(f"some_law: the state variable '{name}' .* another name in state_fields")
+    ):
         type(Coulomb)("SomeLaw", (Coulomb,), fields)
 
 

@@ -13,6 +13,8 @@ from test_steppers import ANY_STEPPER, required
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import fem, simulate
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
@@ -113,13 +115,15 @@ def _readings(model: Model) -> np.ndarray:
 def test_an_interval_below_the_step_is_refused(kind: str) -> None:
     given = with_instruments([{**example(kind), "interval": 1e-9}])
     model = Model(given)
-    with pytest.raises(CaseError, match=r"instruments\.0\.interval = 1e-09 s: below the time step of .* make it long"):
+    with pytest.raises(
+        CaseError, match=facts(r"instruments\.0\.interval = 1e-09 s: below the time step of .* make it long")
+    ):
         Samples(model, given.stepper.bind(model).dt, unstressed)
 
 
 @every_instrument
 def test_names_are_their_own(kind: str) -> None:
-    with pytest.raises(CaseError, match=r"instruments\.1\.name = '\w+': another instrument has that name"):
+    with pytest.raises(CaseError, match=facts(r"instruments\.1\.name = '\w+': another instrument has that name")):
         with_instruments([example(kind), example(kind)])
 
 
@@ -204,7 +208,7 @@ def test_a_fault_receiver_at_a_point_of_a_plane(shared_tmp_path: Path) -> None:
     ({"point": [1e-3, 1e-3]}, r"point"),
 ])  # fmt: skip
 def test_points_that_are_not_on_the_plane(table: dict[str, Any], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         Samples(Model(boxes([{"kind": "fault_receiver", "name": "one", "interval": 1e-6, **table}])), 1e-8, unstressed)
-    with pytest.raises(CaseError, match="in 2D give the position along the interface, alone"):
+    with pytest.raises(CaseError, match=facts("in 2D give the position along the interface, alone")):
         with_instruments([{"kind": "fault_receiver", "name": "one", "interval": 1e-6, "point": [0.0, 0.0, 0.0]}])

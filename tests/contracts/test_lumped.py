@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from labels import label_faults
 from matplotlib import pyplot
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
@@ -60,5 +61,5 @@ def test_an_error_of_numbers_is_no_traceback(
 
     model = example(kind)
     monkeypatch.setattr(type(model), "run", fail)
-    with pytest.raises(RuptfxError, match=f"^{kind}: "):
+    with pytest.raises(RuptfxError, match=facts(f"^{kind}: ")):
         simulate(model, tmp_path / "run")

@@ -10,6 +10,7 @@ import pytest
 import synthetic
 from labels import label_faults
 from matplotlib.contour import QuadContourSet
+from messages import facts
 from PIL import Image
 from scipy.spatial import cKDTree
 
@@ -139,7 +140,7 @@ def test_mp4(record, tmp_path):
     ("velocty", "film.gif", "did you mean 'velocity'"), ("velocity", "film.avi", "a movie is a .gif or an .mp4"),
 ])  # fmt: skip
 def test_what_is_refused(what, name, message, record, tmp_path):
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         movies.save(record, what, tmp_path / name)
 
 
@@ -152,5 +153,5 @@ def test_runs_with_nothing_to_show(tmp_path):
             ("velocity", "1 snapshots .* reduce output.bulk_interval"), ("fringes", "of stresses in a plate"),
             ("slip_rate", "nothing slid"),
         ):
-            with pytest.raises(RuptfxError, match=message):
+            with pytest.raises(RuptfxError, match=facts(message)):
                 movies.save(record, what, tmp_path / "film.gif")

@@ -6,6 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from messages import facts
 from pydantic import TypeAdapter, ValidationError
 
 from ruptfx.phases import AnyPhases, Phases
@@ -50,7 +51,7 @@ def test_a_seed_gives_the_same_phases_again(kind: str) -> None:
 @every_kind
 def test_fractions_that_are_no_whole_are_refused(kind: str) -> None:
     table = example(kind).model_dump() | {"fractions": {"quartz": 0.4, "mica": 0.3}}
-    with pytest.raises(ValidationError, match=r"add up to 0\.7"):
+    with pytest.raises(ValidationError, match=facts(r"add up to 0\.7")):
         KINDS[kind].model_validate({key: value for key, value in table.items() if key != "kind"})
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from messages import facts
 
 from ruptfx.faults.initial_stress import InitialStress
 from ruptfx.profiles import evaluate, in_body
@@ -84,7 +85,7 @@ ANYWHERE = ("constant", "random", "sum", "product")  # along interfaces and in b
 def test_kinds_of_interfaces_in_bodies(kind: str) -> None:
     """They say what to write in a body; wrapped in `along_axis`, those of one position vary there."""
     shape = InitialStress.model_validate(example(kind)).shear
-    with pytest.raises(CaseError, match=r"in bodies use \{ kind = 'along_axis'"):
+    with pytest.raises(CaseError, match=facts(r"in bodies use \{ kind = 'along_axis'")):
         in_body(shape, SURFACE)
     if not KINDS[kind].over_surface:
         np.testing.assert_array_equal(in_body(along(shape), SURFACE[:, ::-1]), evaluate(shape, X))
@@ -110,5 +111,5 @@ def along(shape: Any) -> Any:
 @every_kind
 def test_an_unknown_key_is_refused(kind: str) -> None:
     table = example(kind)
-    with pytest.raises(ValueError, match="unknown key 'beyond_this'"):
+    with pytest.raises(ValueError, match=facts("unknown key 'beyond_this'")):
         InitialStress.model_validate({**table, "shear": {**table["shear"], "beyond_this": 1.0}})

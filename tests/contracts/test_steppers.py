@@ -9,6 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from messages import facts
 from small_cases import COMPLIANT, SPLIT, advance, case, march, memory_friction
 
 from ruptfx.check_law.examples import table
@@ -226,7 +227,7 @@ def test_unstable_step_is_refused(C_n: float, limit: str) -> None:
     contact = {"kind": "compliant", "C_n": C_n, "C_s": 100e9}
     stiff = case({"faults.main.contact": contact, "stepper": {"kind": "leapfrog", "time_step": 1e-6}})
     message = rf"stepper\.time_step = 1e-06 s: unstable, the limit is .* s, {limit}; reduce it"
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         stiff.stepper.bind(Model(stiff))
 
 
@@ -257,7 +258,7 @@ def test_damping_and_step_ask_for_the_highest_frequency_once() -> None:
 def test_a_highest_frequency_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten iterations are one estimate, with nothing to compare it with; it was taken as the highest frequency."""
     monkeypatch.setattr(spectrum, "MOST_ITERATIONS", 10)
-    with pytest.raises(RuptfxError, match="not found in 10 iterations"):
+    with pytest.raises(RuptfxError, match=facts("not found in 10 iterations")):
         highest_frequency(Model(case({"faults.main.contact": COMPLIANT})))
 
 

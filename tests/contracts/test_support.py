@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import pytest
 from crack_cases import HERE, block
+from messages import facts
 from small_cases import COMPLIANT, HOMALITE, SPLIT, merged, plates
 from typer.testing import CliRunner
 
@@ -273,7 +274,7 @@ BARE = {"faults": {}, "mesh": {"kind": "pieces", "element_size": 1e-3, "bodies":
 def test_steps_without_waves_refuse_what_acts_on_waves(stepper: str, key: str, changes: dict[str, Any]) -> None:
     """The same case is accepted by steps with waves, and by those that change between both."""
     given = {**SMALL, **changes, "faults.main.contact": COMPLIANT}
-    with pytest.raises(UnsupportedError, match=rf"{re.escape(key)}.*stepper\.kind = '{stepper}'"):
+    with pytest.raises(UnsupportedError, match=facts(rf"{re.escape(key)}.*stepper\.kind = '{stepper}'")):
         parse_case(plates({**given, "stepper": {"kind": stepper}}))
     for other in ("leapfrog", "generalized_alpha", "hybrid"):
         Model(parse_case(plates({**given, "stepper": {"kind": other}})))
@@ -297,7 +298,7 @@ def test_steps_without_waves_refuse_what_acts_on_waves(stepper: str, key: str, c
         {"kind": "free", "edge": "upper.top"}, PUSH]}]}),
 ])  # fmt: skip
 def test_keys_without_effect_are_refused(key: str, changes: dict[str, Any]) -> None:
-    with pytest.raises(CaseError, match=f"^{re.escape(key)}"):
+    with pytest.raises(CaseError, match=facts(f"^{re.escape(key)}")):
         parse_case(plates({**SMALL, "faults.main.contact": COMPLIANT, **changes}))
 
 
@@ -305,7 +306,7 @@ def test_keys_without_effect_are_refused(key: str, changes: dict[str, Any]) -> N
     ("stop_when", {"sliding_dead_for": 1e-6}), ("output.rupture_after", 1e-6), ("output.rupture_threshold", 0.5),
 ])  # fmt: skip
 def test_bodies_that_break_have_no_interface_that_could_die_or_rupture(key: str, value: Any) -> None:
-    with pytest.raises(CaseError, match=rf"^{key}.*there is no interface"):
+    with pytest.raises(CaseError, match=facts(rf"^{key}.*there is no interface")):
         parse_case(block({key: value}), HERE)
 
 
@@ -333,10 +334,10 @@ def test_a_resolved_case_gives_defaults_of_keys_that_would_be_refused() -> None:
 def test_edges_that_are_driven_take_nothing_else_in_that_direction(key: str, added: dict[str, Any]) -> None:
     given = plates({**SMALL, "faults.main.contact": COMPLIANT})
     given["boundaries"] = [*given["boundaries"], added]
-    with pytest.raises(CaseError, match=f"^{re.escape(key)}"):
+    with pytest.raises(CaseError, match=facts(f"^{re.escape(key)}")):
         Model(parse_case(given))
     staged = merged(given, {"boundaries": [], "stages": [{"duration": 2e-6, "boundaries": given["boundaries"]}]})
-    with pytest.raises(CaseError, match=f"^stages.0.{re.escape(key)}"):
+    with pytest.raises(CaseError, match=facts(f"^stages.0.{re.escape(key)}")):
         stages.bind(Model(parse_case(staged)))
 
 

@@ -12,6 +12,8 @@ from small_cases import COMPLIANT, CREEPING, HOMALITE, SPLIT, blocks, merged, pl
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
+from messages import facts
+
 from ruptfx import RuptfxError, fem
 from ruptfx.case import parse_case
 from ruptfx.faults.interface import build_interface
@@ -205,5 +207,5 @@ CROSSING = {"main": "11, 21", "across": "41"}
 )  # fmt: skip
 def test_what_is_refused(bodies: Any, lines: Any, sides: Any, message: str, shared_tmp_path: Path) -> None:
     mesh = on_root(lambda: blocks(shared_tmp_path, bodies, lines, sides))
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         distribute(COMM, GmshFile(file=mesh["file"], interfaces=mesh["interfaces"]))

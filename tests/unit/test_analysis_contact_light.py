@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import synthetic
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.contact_light import contact_light, real_contact_area
@@ -32,5 +33,5 @@ def test_a_run_gets_darker_where_it_slides(tmp_path):
 
 @pytest.mark.parametrize("wrong", [{"hardness": 0.0}, {"growth": -0.1}, {"cutoff": 0.0}])
 def test_what_is_refused(wrong):
-    with pytest.raises(RuptfxError, match=f"{next(iter(wrong))} = "):
+    with pytest.raises(RuptfxError, match=facts(f"{next(iter(wrong))} = ")):
         real_contact_area(np.ones(1), **{"hardness": 1e9, **wrong})

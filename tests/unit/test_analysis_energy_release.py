@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import energy_release
@@ -46,7 +47,7 @@ def test_breakdown() -> None:
     assert energy_release.process_zone(found, 1000.0) == pytest.approx(4e-3, rel=0.02)
     with pytest.raises(RuptfxError, match="did not fall"):
         energy_release.breakdown(time, traction, np.zeros_like(time))
-    with pytest.raises(RuptfxError, match="not to 3e"):
+    with pytest.raises(RuptfxError, match=facts("not to 3e")):
         energy_release.breakdown(time, traction, slip, residual=3e6)
 
 

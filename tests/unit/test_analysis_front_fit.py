@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts
 from xarray import DataArray
 
 from ruptfx import RuptfxError
@@ -142,7 +143,7 @@ def before_the_front() -> list[Trace]:
     (lambda: changed(time=DataArray(np.arange(400.0), attrs={"units": "us"})), "time has units = 'us': must be 's'"),
 ])  # fmt: skip
 def test_refuses(make: Callable[[], list[Trace]], text: str) -> None:
-    with pytest.raises(RuptfxError, match=text):
+    with pytest.raises(RuptfxError, match=facts(text)):
         fit_front(make(), MEDIUM)
 
 
@@ -154,5 +155,5 @@ def test_a_fit_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatc
         return whole(*given, **options, max_nfev=2)
 
     monkeypatch.setattr(front_fit, "least_squares", stopped)
-    with pytest.raises(RuptfxError, match="front_fit: the least-squares fit has not converged in 2 evaluations"):
+    with pytest.raises(RuptfxError, match=facts("front_fit: the least-squares fit has not converged in 2 evaluations")):
         fit_front(traces(0.7), MEDIUM)

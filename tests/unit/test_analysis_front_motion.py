@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import fracture
@@ -70,5 +71,5 @@ def test_arrest() -> None:
     ((np.array([1.0, 2.0]), uniform(DROP), uniform(GAMMA), MEDIUM, "round"), "shape = 'round'"),
 ])  # fmt: skip
 def test_refuses(arguments: tuple, text: str) -> None:
-    with pytest.raises(RuptfxError, match=text):
+    with pytest.raises(RuptfxError, match=facts(text)):
         front_motion(*arguments)

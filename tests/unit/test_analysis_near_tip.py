@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import near_tip
@@ -184,5 +185,5 @@ def test_energy() -> None:
     (lambda: near_tip.mach_angle(1200.0, MEDIUM), "supershear is c_s < speed < c_p"),
 ])  # fmt: skip
 def test_refuses(call: object, text: str) -> None:
-    with pytest.raises(RuptfxError, match=text):
+    with pytest.raises(RuptfxError, match=facts(text)):
         call()

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis.polariscope import Camera, fringe_orders, max_shear
@@ -84,7 +85,7 @@ def test_fringe_orders_and_the_largest_shear_stress(record):
     ({"exposure": 0.0}, "exposure = 0.0: must be above zero"), ({"exposure": 2e-5}, "longer than the 1e-05 s from"),
 ])  # fmt: skip
 def test_impossible_cameras(wrong, message):
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         Camera(**{"frame_rate": 1e5, "exposure": 1e-6, "pixel": 1e-3, **wrong})
 
 
@@ -98,7 +99,7 @@ def test_runs_it_cannot_show(record, tmp_path):
         if name == "few":
             with h5py.File(run / "bulk.h5", "a") as file:
                 file["stress"][:, :, 0] += 1e7 * np.arange(3)[:, None]
-        with Record(run) as other, pytest.raises(RuptfxError, match=message):
+        with Record(run) as other, pytest.raises(RuptfxError, match=facts(message)):
             Camera(1e5, 1e-6, 1e-3).film(other)
-    with pytest.raises(RuptfxError, match=r"less than an exposure of 0\.001 s"):
+    with pytest.raises(RuptfxError, match=facts(r"less than an exposure of 0\.001 s")):
         Camera(100.0, 1e-3, 1e-3).film(record)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 
@@ -26,7 +27,7 @@ def test_processes_that_a_script_starts_are_counted(tmp_path: Path) -> None:
 
 def test_a_script_that_fails_says_why(tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text("raise SystemExit('no such mesh')")
-    with pytest.raises(RuptfxError, match=r"demo_times, broken\.py: no such mesh"):
+    with pytest.raises(RuptfxError, match=facts(r"demo_times, broken\.py: no such mesh")):
         processor_time(tmp_path / "broken.py")
 
 

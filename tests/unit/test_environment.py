@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from messages import says
 
 import ruptfx
 from ruptfx.platform.launch import find_mpiexec
@@ -102,7 +103,7 @@ def test_setup_names_a_python_without_venv(tmp_path: Path):
 def test_setup_refuses_a_python_that_was_asked_for_and_does_not_fit(tmp_path: Path):
     path = checkout(tmp_path)
     said = sentence(setup(path, tmp_path / "bin", PYTHON="/nonexistent/python"))
-    assert "PYTHON=/nonexistent/python is not a Python 3.12 or newer" in said
+    assert says("PYTHON=/nonexistent/python is not a Python 3.12 or newer", said)
 
 
 @pytest.mark.skipif(find_spec("ensurepip") is None, reason="this Python cannot make environments")

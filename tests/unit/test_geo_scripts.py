@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.meshes import _geo, gmsh_file
@@ -48,7 +49,7 @@ def test_commands_are_refused_and_did_not_run(line: str, tmp_path: Path) -> None
     pytest.importorskip("meshio")
     path = tmp_path / "plates.geo"
     path.write_text(line.replace("{hit}", str(tmp_path / "hit")) + "\n" + PLATES)
-    with pytest.raises(RuptfxError, match=rf"plates.geo, line .*{REFUSED[line]}.*add trust = true to \[mesh\]"):
+    with pytest.raises(RuptfxError, match=facts(rf"plates.geo, line .*{REFUSED[line]}.*add trust = true to \[mesh\]")):
         build(path)
     assert [item.name for item in tmp_path.iterdir()] == ["plates.geo"]
 
@@ -129,7 +130,7 @@ def test_a_script_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.Mon
     path = tmp_path / "plates.geo"
     path.write_text(f"For i In {{1:1000000000}}\nx = i;\nEndFor\n{PLATES}")
     monkeypatch.setattr(gmsh_file, "SECONDS", 4.0)
-    with pytest.raises(RuptfxError, match=r"plates.geo: Gmsh took longer than 4 s; .*\.msh"):
+    with pytest.raises(RuptfxError, match=facts(r"plates.geo: Gmsh took longer than 4 s; .*\.msh")):
         build(path)
 
 
@@ -138,5 +139,5 @@ def test_what_gmsh_says_of_a_script(tmp_path: Path) -> None:
     pytest.importorskip("dolfinx")
     path = tmp_path / "plates.geo"
     path.write_text(PLATES.replace("Plane Surface", "Plain Surface"))
-    with pytest.raises(RuptfxError, match=r"plates.geo: Gmsh could not mesh it: (?!Traceback)"):
+    with pytest.raises(RuptfxError, match=facts(r"plates.geo: Gmsh could not mesh it: (?!Traceback)")):
         build(path)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case
@@ -127,7 +128,7 @@ def test_profiles_are_read_with_headers_units_and_semicolons(tmp_path: Path) -> 
 )
 def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "p.txt").write_text(text)
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         read_profile(tmp_path / "p.txt")
 
 
@@ -143,7 +144,7 @@ def test_bad_profiles_say_what_is_wrong(tmp_path: Path, text: str, message: str)
     ],
 )
 def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         parse_case({"kind": "maxwell_slip", **change})
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx.case import parse_case
 from ruptfx.lumped.spring_block import SpringBlock
@@ -144,5 +145,5 @@ def test_fronts_that_start_at_several_places_are_chained() -> None:
     ],
 )
 def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         parse_case({"kind": "spring_block", **change})

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts, facts_of, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
@@ -129,7 +129,7 @@ def test_fit_finds_the_parameters_of_a_noisy_trace(trace: Path) -> None:
 )
 def test_bad_traces_say_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         read_trace(tmp_path / "t.csv")
 
 
@@ -144,7 +144,7 @@ def test_bad_traces_say_what_is_wrong(tmp_path: Path, text: str, message: str) -
     ],
 )
 def test_bad_cases_name_the_key(change: dict[str, object], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         parse_case({"kind": "spring_slider", **change})
 
 
@@ -170,7 +170,7 @@ def test_resume_keeps_what_is_finished_and_begins_the_rest_again(tmp_path: Path)
     (out / "summary.json").unlink()  # stopped before its end
     (out / "result.nc").write_text("half")
     assert simulate(model, out, resume=True).equals(data) and read_result(out).equals(data)
-    with pytest.raises(RuptfxError, match=f"holds a run of case {model.hash}, this is case"):
+    with pytest.raises(RuptfxError, match=facts(f"holds a run of case {model.hash}, this is case")):
         simulate(model.model_copy(update={"stiffness": 2 * model.stiffness}), out, resume=True)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("mine")
@@ -193,7 +193,7 @@ def test_numbers_that_cannot_be_computed_are_named(changes: dict[str, Any], key:
     """Integrators and eigenvalues refuse what overflows with a ValueError; the run names the number that is far off."""
     model = parse_case({"kind": "spring_slider", "interface_length": 4e-7, **changes})
     assert isinstance(model, SpringSlider)
-    with pytest.raises(RuptfxError, match=re.escape(key)) as caught:
+    with pytest.raises(RuptfxError, match=facts_of(key)) as caught:
         simulate(model, tmp_path / "run")
     assert not (tmp_path / "run" / "summary.json").exists() and "far from the usual" in str(caught.value)
     with pytest.raises(RuptfxError) as checked:
@@ -209,7 +209,7 @@ def test_check_computes_a_model_for_a_limited_time(tmp_path: Path) -> None:
     model = SpringSlider(normal_force=2e6, stiffness=2e11, experiment=VelocitySteps(distance=5e-6, samples=100))
     (tmp_path / "case.toml").write_text(model.to_toml())
     shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["check", str(tmp_path / "case.toml")])
-    assert shown.exit_code == 0 and "warning: far from the usual: stiffness = 2e+11 (usual 1e+06)" in shown.output
+    assert shown.exit_code == 0 and says("warning: far from the usual: stiffness = 2e+11 (usual 1e+06)", shown.output)
     assert rehearse(model)
     start = time.perf_counter()
     assert not rehearse(SpringSlider(experiment=StabilityDiagram()), limit=0.05)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from messages import facts
 from small_cases import case, plates
 
 from ruptfx.case import case_schema, parse_case
@@ -55,7 +56,7 @@ def test_the_resolved_case_has_numbers_and_equals_one_with_them() -> None:
      ({"name": "pmma", "densty": 1.0}, "did you mean 'density'")],
 )  # fmt: skip
 def test_errors(given: Any, words: str) -> None:
-    with pytest.raises(CaseError, match=words) as error:
+    with pytest.raises(CaseError, match=facts(words)) as error:
         material(given)
     assert str(error.value).startswith("materials.default")
 

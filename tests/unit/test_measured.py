@@ -12,6 +12,7 @@ import tomli_w
 import xarray
 from labels import label_faults
 from matplotlib.image import imread
+from messages import facts
 from small_cases import merged, plates
 from typer.testing import CliRunner, Result
 
@@ -112,10 +113,10 @@ def test_errors_name_the_remedy(tmp_path: Path) -> None:
         (None, None, "choose one with --instrument"), ("X", None, "run has G1, V"), ("G1", "xx", "has extension_1"),
         ("G1", None, "0 deg, 45 deg; rename one in its header, such as 'time .us., 0 deg .1.'"),
     ):  # fmt: skip
-        with pytest.raises(RuptfxError, match=words):
+        with pytest.raises(RuptfxError, match=facts(words)):
             compare_with_file(recorded(), file, instrument, channel)
     wrong = saved(tmp_path / "w.csv", "time (us),velocity (MPa)", 1e6 * TIME, pulse(TIME))
-    with pytest.raises(RuptfxError, match=r"line 1 of .*w.csv, column 2.*of another kind"):
+    with pytest.raises(RuptfxError, match=facts(r"line 1 of .*w.csv, column 2.*of another kind")):
         compare_with_file(recorded(), wrong, "V")
 
 

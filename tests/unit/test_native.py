@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.codegen import native
@@ -86,7 +87,9 @@ def test_nothing_is_loaded_from_a_directory_that_others_may_write_to(planted: Pa
 def test_nothing_is_loaded_from_the_directory_of_another_user(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     owner = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
-    with pytest.warns(UserWarning, match=f"belongs to user {owner}, not to {owner + 1}: compiled code in it is not"):
+    with pytest.warns(
+        UserWarning, match=facts(f"belongs to user {owner}, not to {owner + 1}: compiled code in it is not")
+    ):
         assert native.cache_directory() != planted.parent
 
 
@@ -101,7 +104,7 @@ def test_a_file_that_another_user_may_have_written_is_compiled_again(
     planted: Path, change: Callable[[Path], None], said: str
 ) -> None:
     change(planted)
-    with pytest.warns(UserWarning, match=f"{planted.name} {said}: it is not loaded"):
+    with pytest.warns(UserWarning, match=facts(f"{planted.name} {said}: it is not loaded")):
         assert native.load("seven", SEVEN).number() == 7
     assert ctypes.CDLL(str(planted)).number() == 7 and planted.stat().st_uid == os.geteuid()
 

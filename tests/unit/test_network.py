@@ -10,6 +10,8 @@ from crack_cases import GRANITE, NEVER, RUBS, WEAK, block, case
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model
@@ -66,7 +68,7 @@ def test_facets_of_a_square_cut_in_four() -> None:
     ({"damping": {"kelvin_voigt": {"thickness": 1e-3}}}, "damping.kelvin_voigt.thickness: bodies that break"),
 ])  # fmt: skip
 def test_what_cannot_be_used_is_refused_by_name(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=facts(said)):
         Model(case(changes))
 
 
@@ -195,7 +197,7 @@ def test_a_notch_is_a_crack_from_the_start() -> None:
         assert np.all((state.cracks["normal_traction"][notch] < 0) == carries)
         state.force[:] = 0
     assert not np.isfinite(state.cracks["time_of_failure"]).any()
-    with pytest.raises(CaseError, match=r"mesh: it has notches or joints, .* add the table \[fracture\]"):
+    with pytest.raises(CaseError, match=facts(r"mesh: it has notches or joints, .* add the table \[fracture\]")):
         Model(case({"mesh": mesh, "boundaries": [], "fracture": None}))
 
 

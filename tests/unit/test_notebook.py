@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic
+from messages import facts_of
 from PIL import Image
 from small_cases import case, plates
 
@@ -80,7 +81,7 @@ def test_changed_is_a_new_checked_case() -> None:
     )
     for key, value, said in (("duration", -1.0, "duration = -1.0"), ("durations", 1.0, "did you mean 'duration'"),
                              ("mesh.length.x", 1.0, "does not lead to a value")):  # fmt: skip
-        with pytest.raises(CaseError, match=re.escape(said)):
+        with pytest.raises(CaseError, match=facts_of(said)):
             before.changed(key, value)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import facts
 from small_cases import merged, plates
 
 from ruptfx import RuptfxError
@@ -71,7 +72,7 @@ def test_units_of_two_columns(tmp_path: Path, header: str, time: float, velocity
 )
 def test_other_units_are_refused(tmp_path: Path, header: str, column: int, unit: str) -> None:
     path = written(tmp_path / "v.csv", f"title\n{header}\n60,3\n70,4\n")
-    with pytest.raises(ValueError, match=rf"line 2 of .*v\.csv, column {column}, .*\b{unit}\b.*in brackets"):
+    with pytest.raises(ValueError, match=facts(rf"line 2 of .*v\.csv, column {column}, .*\b{unit}\b.*in brackets")):
         two_columns(path, "time", ("s", "m/s"))
 
 
@@ -90,7 +91,7 @@ def test_a_moved_edge(tmp_path: Path) -> None:
         ).boundaries[0]
         assert edge.times == [0.0, 20e-6] and edge.values == [0.0, last]
     wrong = {**given, "quantity": "displacement", "file": "v.csv"}
-    with pytest.raises(CaseError, match=r"boundaries\.0.*column 2.*mm/s"):
+    with pytest.raises(CaseError, match=facts(r"boundaries\.0.*column 2.*mm/s")):
         parse_case(plates({"boundaries": [wrong]}), tmp_path)
 
 
@@ -101,7 +102,7 @@ def test_a_profile_has_the_unit_of_its_key(tmp_path: Path) -> None:
     profile = case.faults["main"].initial_stress.normal
     assert profile.positions == [-0.1, 0.2] and profile.values == [7e6, 3e6] and profile.file is None
     law = {"faults.main.friction": {"kind": "coulomb", "mu_d": {"kind": "table", "file": "p.csv"}}}
-    with pytest.raises(CaseError, match=r"friction\.mu_d.*column 2.*MPa"):
+    with pytest.raises(CaseError, match=facts(r"friction\.mu_d.*column 2.*MPa")):
         parse_case(merged(plates(), law), tmp_path)
     assert Table(file=str(tmp_path / "p.csv")).values == [7e6, 3e6]  # in Python, without a key
 
@@ -115,7 +116,7 @@ def test_a_height_profile(tmp_path: Path) -> None:
     column = "".join(f"{(-1) ** i}\n" for i in range(9))
     assert read_profile(written(tmp_path / "z.txt", f"heights (um)\n{column}"))[1][0] == 1e-6
     assert read_profile(written(tmp_path / "z.txt", f"heights\n{column}"), 1e-6)[1][0] == 1e-6
-    with pytest.raises(RuptfxError, match=r"1e-06 m.*profile_unit = 0\.001 m"):
+    with pytest.raises(RuptfxError, match=facts(r"1e-06 m.*profile_unit = 0\.001 m")):
         read_profile(written(tmp_path / "z.txt", f"heights (um)\n{column}"), 1e-3)
 
 
@@ -123,7 +124,7 @@ def test_a_friction_trace(tmp_path: Path) -> None:
     rows = "".join(f"{i},10,0.5\n" for i in range(20))
     time, speed, friction = read_trace(written(tmp_path / "f.csv", f"time (ms),drive_speed [um/s],friction\n{rows}"))
     assert time[3] == 3e-3 and speed[0] == 10e-6 and friction[0] == 0.5
-    with pytest.raises(RuptfxError, match=r"column 2.*mm"):
+    with pytest.raises(RuptfxError, match=facts(r"column 2.*mm")):
         read_trace(written(tmp_path / "f.csv", f"time (ms),drive_speed (mm),friction\n{rows}"))
 
 
@@ -137,7 +138,7 @@ def test_devices_and_pipes_are_refused_at_once(name: str, tmp_path: Path) -> Non
     path = Path(name) if name.startswith("/") else tmp_path / name
     if name == "pipe":
         os.mkfifo(path)
-    with pytest.raises(ValueError, match=rf"{path}: cannot be read: it is no regular file"):
+    with pytest.raises(ValueError, match=facts(rf"{path}: cannot be read: it is no regular file")):
         two_columns(path, "position", ("m", None))
 
 
@@ -145,5 +146,5 @@ def test_files_beyond_the_limit_are_refused_before_they_are_read(tmp_path: Path)
     path = tmp_path / "large.csv"
     with path.open("wb") as file:
         file.truncate(101_000_000)  # a hole: no byte is written
-    with pytest.raises(ValueError, match=r"large.csv: has 101 MB, and files with numbers at most 100"):
+    with pytest.raises(ValueError, match=facts(r"large.csv: has 101 MB, and files with numbers at most 100")):
         two_columns(path, "position", ("m", None))

@@ -13,6 +13,7 @@ import synthetic
 import tomli_w
 import xarray
 from matplotlib.figure import Figure
+from messages import facts
 from PIL import Image
 
 from ruptfx import RuptfxError, plots
@@ -403,7 +404,7 @@ def test_save_all(train, tmp_path):
 @pytest.mark.parametrize(("directory", "kind"), [("file", "png"), ("fine", "xyz")])
 def test_save_all_refuses(train, tmp_path, directory, kind):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RuptfxError, match=f"{directory}: figures cannot be saved"):
+    with pytest.raises(RuptfxError, match=facts(f"{directory}: figures cannot be saved")):
         plots.save_all(train, tmp_path / directory, formats=(kind,))
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from messages import facts, says
 from small_cases import plates, slip_weakening
 from typer.testing import CliRunner
 
@@ -77,9 +78,9 @@ def test_a_file_beside_the_case(tmp_path: Path) -> None:
     assert case.table()["plugins"] == [str(tmp_path / "my_law.py")]
     assert "my_law" not in kinds("ruptfx.friction")  # known to its case alone
     assert parse_case(case.table()) == case
-    with pytest.raises(CaseError, match="unknown kind 'my_law'"):
+    with pytest.raises(CaseError, match=facts("unknown kind 'my_law'")):
         parse_case({**case.table(), "plugins": []})
-    with pytest.raises(CaseError, match=r"unknown kind 'my_lav', did you mean 'my_law'\?"):
+    with pytest.raises(CaseError, match=facts(r"unknown kind 'my_lav', did you mean 'my_law'\?")):
         read_case(tmp_path / "case.toml", ["faults.main.friction.kind=my_lav"])
 
 
@@ -125,18 +126,20 @@ def test_files_that_are_refused(text: str, tmp_path: Path, monkeypatch: pytest.M
 def test_a_file_that_is_not_there_or_no_python(tmp_path: Path) -> None:
     path = written(tmp_path)
     (tmp_path / "my_law.py").rename(tmp_path / "my_law.txt")
-    with pytest.raises(CaseError, match=r"my_law\.py: cannot be read: No such file"):
+    with pytest.raises(CaseError, match=facts(r"my_law\.py: cannot be read: No such file")):
         read_case(path)
-    with pytest.raises(CaseError, match=r"its name must end with \.py"):
+    with pytest.raises(CaseError, match=facts(r"its name must end with \.py")):
         read_case(path, ['plugins=["my_law.txt"]'])
-    with pytest.raises(CaseError, match=r"plugins = 'my_law\.txt': input should be a valid list"):
+    with pytest.raises(CaseError, match=facts(r"plugins = 'my_law\.txt': input should be a valid list")):
         read_case(path, ['plugins="my_law.txt"', "faults.main.friction={kind='coulomb', mu_d=0.5}"])
 
 
 def test_two_of_one_name(tmp_path: Path) -> None:
     path = written(tmp_path)
     shutil.copy(tmp_path / "my_law.py", tmp_path / "other.py")
-    with pytest.raises(CaseError, match=r"my_law\.py and .*other\.py: both define the friction 'my_law'; rename one"):
+    with pytest.raises(
+        CaseError, match=facts(r"my_law\.py and .*other\.py: both define the friction 'my_law'; rename one")
+    ):
         read_case(path, ['plugins=["my_law.py", "other.py"]'])
     written(tmp_path / "sub")
     with pytest.raises(CaseError, match="two files of the same name; rename one"):
@@ -149,7 +152,7 @@ def test_modules_beside_a_plugin_are_refused(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "beside_my_law.py").write_text("def half(x):\n    return x / 2\n")
     monkeypatch.syspath_prepend(tmp_path)
     path = written(tmp_path, "from beside_my_law import half\n" + LAW.replace("from __future__ import annotations", ""))
-    with pytest.raises(CaseError, match=r"imports beside_my_law\.py beside it, .* put both into one file"):
+    with pytest.raises(CaseError, match=facts(r"imports beside_my_law\.py beside it, .* put both into one file")):
         read_case(path)
 
 
@@ -201,7 +204,7 @@ def test_a_run_directory_needs_nothing_else(tmp_path: Path) -> None:
     # Another law is another case.
     (moved / "summary.json").unlink()
     (moved / "plugins" / "my_law.py").write_text(LAW.replace("/ (1 +", "/ (2 +"))
-    assert "my_law.py was changed after the run" in ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume")
+    assert says("my_law.py was changed", ruptfx_says("run", moved / "case.toml", "--out", moved, "--resume"))
 
 
 @pytest.mark.fem
@@ -281,9 +284,9 @@ def test_objects_of_a_script_make_a_case_that_can_be_read_again(tmp_path: Path) 
 
 def test_what_cannot_be_read_again_is_refused(tmp_path: Path) -> None:
     said = run_script(tmp_path, SCRIPT % "if True:", "my_script.py").stderr.splitlines()[-1]
-    assert "makes a case when my_script.py is loaded as a plug-in; put what is not to run then under: if" in said
+    assert says("my_script.py is loaded as a plug-in; put what is not to run then under: if", said)
     said = run_script(tmp_path, SCRIPT % "if True:", "-").stderr.splitlines()[-1]
-    assert "MyLaw is not defined in a file" in said and "save it in a file of its own, for example my_law.py" in said
+    assert says("MyLaw is not defined in a file; save it, for example in my_law.py", said)
     text = SCRIPT % 'if __name__ == "__main__":'
     text = text.replace("    case =", """
     class Hidden(MyLaw):
@@ -292,7 +295,7 @@ def test_what_cannot_be_read_again_is_refused(tmp_path: Path) -> None:
     table["faults"]["main"]["friction"] = Hidden(mu_s=0.6)
     case =""")
     said = run_script(tmp_path, text, "my_script.py").stderr.splitlines()[-1]
-    assert "Hidden is not defined at the top level of " in said and "for example hidden.py" in said
+    assert "Hidden is not defined at the top level of " in said and says("for example hidden.py", said)
 
 
 # -- packages --------------------------------------------------------------------------------------------------------
@@ -323,7 +326,7 @@ def test_entry_points(package: Any, tmp_path: Path) -> None:
     law = case.faults["main"].friction
     assert type(law).__module__ == "laws_of_others" and "my_law" in alternatives("ruptfx.friction")
     assert "plugins" not in case.table() and parse_case(case.table()) == case  # also for objects given in Python
-    with pytest.raises(CaseError, match="MyLaw would hide the friction 'my_law' that is there already"):
+    with pytest.raises(CaseError, match=facts("MyLaw would hide the friction 'my_law' that is there already")):
         read_case(written(tmp_path / "sub"))
 
 
@@ -338,7 +341,7 @@ def test_entry_points(package: Any, tmp_path: Path) -> None:
 def test_entry_points_that_are_refused(entries: str, message: str, package: Any) -> None:
     package(entries)
     kind = entries.split()[0]
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         find("ruptfx.friction", kind)
     assert message in broken("ruptfx.friction")[kind]
     assert "cohesion" in alternatives("ruptfx.friction")
@@ -356,10 +359,10 @@ def test_a_broken_file_in_a_folder_harms_nothing_else(tmp_path: Path, monkeypatc
     titles = [panel.title.plain for panel in describe_topic("friction")]
     assert titles[-1] == "half_done (broken)" and "coulomb" in titles
     said = ruptfx_says("describe", "friction")
-    assert "half_done (broken)" in said and "NameError: name 'FrictionLaw' is not defined" in said
+    assert "half_done (broken)" in said and says("NameError: name 'FrictionLaw' is not defined", said)
     assert '"coulomb"' in ruptfx_says("describe", "--schema")
     parse_case(plates())
-    with pytest.raises(RuptfxError, match=r"half_done\.py, line 3: NameError"):
+    with pytest.raises(RuptfxError, match=facts(r"half_done\.py, line 3: NameError")):
         parse_case(plates({"faults.main.friction": {"kind": "half_done"}}))
 
 

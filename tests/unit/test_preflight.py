@@ -15,6 +15,8 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, case, memory_friction, plate
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case, read_case
 from ruptfx.checks.preflight import preflight
 from ruptfx.mechanisms._check_table import Row
@@ -200,7 +202,7 @@ def test_profile_that_varies_nowhere_on_the_fault_is_named() -> None:
 
 
 def test_what_a_run_refuses_is_refused() -> None:
-    with pytest.raises(CaseError, match=r"stop_when\.tip_beyond = 1: no interface reaches"):
+    with pytest.raises(CaseError, match=facts(r"stop_when\.tip_beyond = 1: no interface reaches")):
         rows(slip_weakening({"stop_when": {"tip_beyond": 1.0}}))
 
 
@@ -503,9 +505,11 @@ def test_what_does_not_fit_is_refused_before_it_is_made(tmp_path: Path, monkeypa
     for module in (preflight, simulation):
         monkeypatch.setattr(module, "Model", lambda *_: made.append("model"))
     monkeypatch.setattr(cost, "available", lambda: 160e6)
-    with pytest.raises(RuptfxError, match=r"450 nodes take 0.16 GB of memory at least, and 0.16 GB are free here"):
+    with pytest.raises(
+        RuptfxError, match=facts(r"450 nodes take 0.16 GB of memory at least, and 0.16 GB are free here")
+    ):
         list(preflight.preflight(case()))
-    with pytest.raises(RuptfxError, match=r"twice the mesh\.element_size takes a quarter"):
+    with pytest.raises(RuptfxError, match=facts(r"twice the mesh\.element_size takes a quarter")):
         simulation.simulate(case(), tmp_path / "run", progress=False)
     assert not made
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts
 from pydantic import ValidationError
 
 from ruptfx.faults.initial_stress import InitialStress
@@ -79,14 +80,16 @@ def test_heights_of_a_self_affine_profile(hurst: float) -> None:
     ],
 )  # fmt: skip
 def test_wavelengths_that_do_not_fit(changes: dict[str, float], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         profile("self_affine", **changes)
 
 
 def test_a_table_must_cover_the_interface_or_say_how_it_goes_on() -> None:
     beyond = np.array([-2.0, -0.5, 1.0, 5.0])
     law = Coulomb(mu_d=example("table"))
-    with pytest.raises(CaseError, match=r"Coulomb.mu_d: the table from -1 to 2 m .* from -2 to 5 m; .* extend = true"):
+    with pytest.raises(
+        CaseError, match=facts(r"Coulomb.mu_d: the table from -1 to 2 m .* from -2 to 5 m; .* extend = true")
+    ):
         law.at(beyond)
     extended = law.model_copy(update={"mu_d": {**example("table"), "extend": True}})
     np.testing.assert_allclose(extended.at(beyond).mu_d, [0, 0.5, 2, 3])
@@ -107,7 +110,7 @@ def test_a_table_must_cover_the_interface_or_say_how_it_goes_on() -> None:
 )
 def test_files_of_tables_are_refused_by_line(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         Coulomb(mu_d={"kind": "table", "file": str(tmp_path / "t.csv")})
 
 
@@ -154,7 +157,7 @@ def test_laws_take_them() -> None:
     ],
 )
 def test_refusals(table: Any, message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         Coulomb(mu_d=table)
 
 
@@ -165,7 +168,7 @@ def test_units() -> None:
 def test_a_profile_must_keep_the_bound_of_its_number():
     law = Coulomb(mu_d={"kind": "gaussian", "background": 0.5, "amplitude": -1.0, "center": 0.5, "width": 0.1})
     # 0.5 - exp(0) = -0.5 in the middle.
-    with pytest.raises(CaseError, match=r"Coulomb.mu_d = -0.5 at position 0.5 m: input should be greater"):
+    with pytest.raises(CaseError, match=facts(r"Coulomb.mu_d = -0.5 at position 0.5 m: input should be greater")):
         law.at(np.linspace(0, 1, 11))
     stress = InitialStress(normal={"kind": "constant", "value": -1e6})
     with pytest.raises(CaseError, match=r"InitialStress.normal = -1e\+06"):
@@ -173,5 +176,5 @@ def test_a_profile_must_keep_the_bound_of_its_number():
 
 
 def test_a_kind_that_is_no_text_is_a_message() -> None:
-    with pytest.raises(ValidationError, match="'kind' is required, one of: along_axis, along_dip, boxcar, cone"):
+    with pytest.raises(ValidationError, match=facts("'kind' is required, one of: along_axis, along_dip")):
         Coulomb.model_validate({"mu_d": {"kind": {"kind": "table"}}})

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts
 from small_cases import friction_laws
 
 from ruptfx.check_law.examples import friction
@@ -153,7 +154,7 @@ def test_rate_strengthening_limit_of_small_impedance() -> None:
 @pytest.mark.parametrize("trial_normal, trial_shear", [(np.nan, 1e6), (1e6, np.nan), (1e6, np.inf)])
 def test_a_trial_that_is_no_number(trial_normal: float, trial_shear: float) -> None:
     message = r"coulomb: the trial traction is not a number .*interface point 0 at 3 us"
-    with np.errstate(invalid="ignore"), pytest.raises(ProjectionError, match=message):
+    with np.errstate(invalid="ignore"), pytest.raises(ProjectionError, match=facts(message)):
         one(Coulomb(mu_d=0.5), trial_normal, trial_shear, where="at 3 us")
 
 
@@ -161,7 +162,7 @@ def test_failure_names_law_point_and_state() -> None:
     law = friction("rate_and_state_ageing")
     state = {"theta": np.array([1.0, np.nan])}
     message = r"rate_and_state_ageing: no slip rate balances .*interface point 1 .*traction = 1e\+06.*theta = nan"
-    with pytest.raises(ProjectionError, match=message):
+    with pytest.raises(ProjectionError, match=facts(message)):
         project(TracedLaw(law, at_end=True), state, np.full(2, 1e6), np.full((2, 1), 1e6), np.full(2, 1e6), 1e-8)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from messages import facts
 from small_cases import merged, plates
 
 from ruptfx.case import parse_case
@@ -49,7 +50,7 @@ def test_numbers_with_units(text: str, unit: str, number: float) -> None:
     ],
 )
 def test_what_is_no_time(text: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=facts(message)):
         parse(text, "s")
 
 
@@ -72,7 +73,7 @@ def test_wherever_a_number_with_a_unit_stands() -> None:
 
 def test_bounds_hold_for_text() -> None:
     for value, message in (("-6 us", "greater than 0"), ("6 MPa", "another kind")):
-        with pytest.raises(CaseError, match=f"duration = '?{value[:2]}.*{message}"):
+        with pytest.raises(CaseError, match=facts(f"duration = '?{value[:2]}.*{message}")):
             parse_case(plates({"duration": value}))
 
 

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.input.former_names import FormerName
@@ -180,7 +181,7 @@ def test_no_run(tmp_path, make, message):
     path = tmp_path / "nothing"
     if make:
         path.mkdir()
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         Record(path)
 
 
@@ -195,11 +196,11 @@ def test_no_run(tmp_path, make, message):
 def test_missing_and_damaged_files_are_named(run, name, ask):
     content = (run / name).read_bytes()
     (run / name).unlink()
-    with pytest.raises(RecordError, match=rf"{name}: missing; if the run .* run the case again"):
+    with pytest.raises(RecordError, match=facts(rf"{name}: missing; if the run .* run the case again")):
         ask(Record(run))
     assert "missing" in repr(Record(run))
     (run / name).write_bytes(b"time,kinetic\n1,what\n" if name == "energy.csv" else content[: len(content) // 3])
-    with pytest.raises(RecordError, match=rf"{name}: damaged"):
+    with pytest.raises(RecordError, match=facts(rf"{name}: damaged")):
         ask(Record(run))
     assert "damaged" in repr(Record(run))
 
@@ -209,5 +210,5 @@ def test_missing_and_damaged_files_are_named(run, name, ask):
 )
 def test_damaged_text_is_named(run, name, ask):
     (run / name).write_text("= {")
-    with pytest.raises(RecordError, match=rf"{name}: damaged"):
+    with pytest.raises(RecordError, match=facts(rf"{name}: damaged")):
         ask(Record(run))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.codegen.tracing import record, symbol, to_c, to_numpy
@@ -156,7 +157,9 @@ def test_refused_with_place_and_remedy(body: str, tmp_path: Path) -> None:
 
 def test_a_method_that_cannot_be_called_is_named(tmp_path: Path) -> None:
     law = my_law(tmp_path, "f = sigma")
-    with pytest.raises(RuptfxError, match=r"my_law\.py, line \d+, strength: TypeError: .* 2 required positional"):
+    with pytest.raises(
+        RuptfxError, match=facts(r"my_law\.py, line \d+, strength: TypeError: .* 2 required positional")
+    ):
         record(law.strength, symbol("V"))
 
 
@@ -180,7 +183,7 @@ def test_states_that_are_refused(body: str, at_end: bool, tmp_path: Path) -> Non
 
 
 def test_a_strength_that_is_nothing(tmp_path: Path) -> None:
-    with pytest.raises(RuptfxError, match=r"^my_law\.py, line \d+, strength: None is no number"):
+    with pytest.raises(RuptfxError, match=facts(r"^my_law\.py, line \d+, strength: None is no number")):
         TracedLaw(my_law(tmp_path, "f = None"))
 
 

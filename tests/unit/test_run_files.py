@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import synthetic
 from click.testing import Result
+from messages import facts, says
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
@@ -59,11 +60,11 @@ def test_no_bit_of_a_complete_run_can_change_unnoticed(name: str, kind: type[Fil
         damaged = bytearray(whole)
         damaged[chance.randrange(len(whole))] ^= 1 << chance.randrange(8)
         path.write_bytes(damaged)
-        with kind(run) as record, pytest.raises(RecordError, match=name):
+        with kind(run) as record, pytest.raises(RecordError, match=facts(name)):
             READ[name](record)
     for part in (0.99, 0.5, 0.1):
         path.write_bytes(whole[: int(part * len(whole))])
-        with kind(run) as record, pytest.raises(RecordError, match=name):
+        with kind(run) as record, pytest.raises(RecordError, match=facts(name)):
             READ[name](record)
     path.write_bytes(whole)
     with kind(run) as record:
@@ -82,14 +83,14 @@ def test_parts_of_several_ranks_are_compared_with_the_whole(run: Path) -> None:
 def test_a_case_that_was_edited_is_called_so(run: Path) -> None:
     with (run / "case.toml").open("a") as file:
         file.write("\n[more]\n")
-    with pytest.raises(RecordError, match=r"case\.toml was changed after the run"):
+    with pytest.raises(RecordError, match=facts(r"case\.toml was changed after the run")):
         _ = Record(run).case
     # Also of a run that was stopped, and where it is resumed.
     (run / "summary.json").unlink()
-    with pytest.raises(RecordError, match=r"case\.toml was changed after the run"):
+    with pytest.raises(RecordError, match=facts(r"case\.toml was changed after the run")):
         _ = Record(run).case
     said = " ".join(ruptfx("resume", run).output.split())
-    assert "case.toml was changed after the run" in said
+    assert says("case.toml was changed after the run", said)
 
 
 def test_what_the_user_adds_or_draws_again_is_no_damage(run: Path) -> None:
@@ -159,7 +160,7 @@ def test_list_compares_all_files_unless_in_a_hurry(run: Path) -> None:
     assert "damaged" in ruptfx("list", run.parent).output and "bulk.h5" in ruptfx("list", run.parent).output
     assert "damaged" not in ruptfx("list", run.parent, "--quick").output
     (run / "bulk.h5").unlink()
-    assert "complete, bulk.h5 missing" in ruptfx("list", run.parent).output
+    assert says("complete, bulk.h5 missing", ruptfx("list", run.parent).output)
 
 
 # -- replacement -----------------------------------------------------------------------------------------------------

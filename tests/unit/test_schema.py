@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from crack_cases import block
+from messages import facts
 from pydantic import ValidationError
 from small_cases import SPLIT, plates
 
@@ -120,7 +121,7 @@ def test_former_keys_are_read_with_a_note() -> None:
 
 @pytest.mark.parametrize(("former", "kind"), [("everywhere", "intrinsic"), ("on_strength", "extrinsic")])
 def test_former_kinds_are_read_with_a_note(former: str, kind: str) -> None:
-    with pytest.warns(FormerName, match=f"'{former}'.*'{kind}'"):
+    with pytest.warns(FormerName, match=facts(f"'{former}'.*'{kind}'")):
         case = parse_case(block({"fracture.kind": former}))
     assert case.fracture.kind() == kind and f'kind = "{kind}"' in case.to_toml()
     with warnings.catch_warnings(action="error"):
@@ -196,5 +197,5 @@ def test_check_size(monkeypatch: pytest.MonkeyPatch) -> None:
     launch.check_size(3)
     monkeypatch.setenv(launch.RANKS, "2")
     launch.check_size(2)
-    with pytest.raises(RuptfxError, match="2 ranks were asked for, but mpi4py sees 1"):
+    with pytest.raises(RuptfxError, match=facts("2 ranks were asked for, but mpi4py sees 1")):
         launch.check_size(1)

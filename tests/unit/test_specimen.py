@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("gmsh")
 
+from messages import facts
+
 from ruptfx import RuptfxError
 from ruptfx.meshes import RawMesh
 from ruptfx.meshes.specimen import Specimen
@@ -81,7 +83,7 @@ def test_joints_are_lines_of_facets_with_a_name() -> None:
     ({"phases": {"kind": "voronoi_grains", "fractions": {"quartz": 1.0}, "grain_size": 0.6e-3}}, "less than two cells"),
 ])
 def test_what_is_refused(keys: dict[str, Any], message: str) -> None:
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         build(**keys)
 
 

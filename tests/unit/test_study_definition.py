@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import facts, facts_of
 
 from ruptfx.schema import CaseError
 from ruptfx.study import Axis, read_study
@@ -136,7 +137,7 @@ VELOCITY = '[[axes]]\nkey = "boundaries.0.velocity"\nvalues = [1.0, 2.0]\n'
     ],
 )  # fmt: skip
 def test_two_writers_of_one_value_are_refused(tmp_path, text, key):
-    with pytest.raises(CaseError, match=re.escape(key)):
+    with pytest.raises(CaseError, match=facts_of(key)):
         study(tmp_path, text)
 
 
@@ -163,7 +164,7 @@ def test_an_axis_completes_a_table_of_set(tmp_path):
     ],
 )
 def test_a_misspelt_quantity_is_refused_before_a_run(tmp_path, text, key, meant):
-    with pytest.raises(CaseError, match=rf"{re.escape(key)} = .*did you mean '{meant}'"):
+    with pytest.raises(CaseError, match=facts(rf"{re.escape(key)} = .*did you mean '{meant}'")):
         study(tmp_path, text).points()
 
 
@@ -176,12 +177,12 @@ def test_quantities_of_the_summary_and_of_the_budget_are_known(tmp_path):
 @pytest.mark.parametrize("name", ["seconds", "status", "point", "max_slip"])
 def test_an_axis_has_no_name_of_another_column(tmp_path, name):
     text = f'quantities = ["max_slip"]\n[[axes]]\nname = "{name}"\nkey = "boundaries.0.velocity"\nvalues = [1.0]'
-    with pytest.raises(CaseError, match=f"column '{name}'"):
+    with pytest.raises(CaseError, match=facts(f"column '{name}'")):
         study(tmp_path, text)
 
 
 def test_two_values_with_one_label_are_refused(tmp_path):
-    with pytest.raises(CaseError, match=r"axes\.0.*'a' is there twice"):
+    with pytest.raises(CaseError, match=facts(r"axes\.0.*'a' is there twice")):
         study(tmp_path, f'{VELOCITY}labels = ["a", "a"]')
 
 
@@ -190,7 +191,7 @@ def test_missing_files(tmp_path):
         read_study(tmp_path / "none.toml")
     path = tmp_path / "study.toml"
     path.write_text(f'case = "nowhere.toml"\n[[axes]]\n{SIGMA}\nvalues = [1e6]')
-    with pytest.raises(CaseError, match=r"nowhere\.toml.*cannot be read"):
+    with pytest.raises(CaseError, match=facts(r"nowhere\.toml.*cannot be read")):
         read_study(path).points()
 
 

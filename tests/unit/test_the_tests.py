@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from conftest import Skips
+from messages import facts, says
 
 TESTS = Path(__file__).parents[1]
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
@@ -26,6 +27,35 @@ def own_nodes(parent: ast.AST) -> Iterator[ast.AST]:
         if not isinstance(node, (*FUNCTIONS, ast.Lambda, ast.ClassDef)):
             yield node
             yield from own_nodes(node)
+
+
+@pytest.mark.parametrize(("pattern", "expected"), [
+    (r"boundaries\.0\.normal = 1e\+09: plane = 'antiplane' moves in z only",
+     r"boundaries\.0\.normal = 1e\+09: plane = 'antiplane'"),
+    (r"dt = .*below the time step of 0\.5 s; use 'leapfrog'", r"dt =(?s:.*)0\.5 s(?s:.*)'leapfrog'"),
+    ("materials: one of both is needed", "materials"),
+    ("times must increase", "times must increase"),
+    (r"no (root|sign) of it at 5 s|other 5", r"no (root|sign) of it at 5 s|other 5"),
+])  # fmt: skip
+def test_facts_of_a_message_are_its_keys_and_values(pattern: str, expected: str) -> None:
+    assert facts(pattern) == expected
+
+
+def test_other_facts_are_no_match() -> None:
+    said = "run.toml: stepper.safety = 1.5: it should be less than or equal to 1"
+    assert says("stepper.safety = 1.5: must be at most 1", said)
+    assert not says("stepper.safety = 1.5: must be at most 2", said)
+    assert not says("stepper.safty = 1.5: must be at most 1", said)
+    assert not says("at most 1, stepper.safety = 1.5", said)
+
+
+@pytest.mark.parametrize("path", sorted(TESTS.rglob("test_*.py")), ids=lambda path: path.name)
+def test_messages_are_matched_by_their_facts(path: Path) -> None:
+    """A sentence that is reworded breaks the test of its message at most: see `messages`."""
+    sentences = [node.value for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                 if isinstance(node, ast.keyword) and node.arg == "match"]  # fmt: skip
+    texts = [node.value for node in sentences if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    assert [text for text in texts if " " in text and facts(text) != text] == []
 
 
 @pytest.mark.parametrize("path", sorted(TESTS.rglob("test_*.py")), ids=lambda path: path.name)

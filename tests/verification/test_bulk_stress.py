@@ -11,6 +11,8 @@ from small_cases import Given, case, tilted, two_boxes
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.instruments._readings import ModelReadings
 from ruptfx.model import Model
 from ruptfx.operators.matrix_free import MatrixFree
@@ -87,7 +89,7 @@ def test_strain_adds_to_the_initial_stress_with_its_sign(side: float) -> None:
 
 def test_interfaces_share_the_stress_of_the_bodies() -> None:
     fault = case().faults["main"].model_dump()
-    with pytest.raises(CaseError, match=r"faults\.b\.initial_stress\.tensor .* faults\.a has"):
+    with pytest.raises(CaseError, match=facts(r"faults\.b\.initial_stress\.tensor .* faults\.a has")):
         case({"faults": {
             "a": fault | {"initial_stress": {"tensor": [0.0, -6e6, 1e6]}},
             "b": fault | {"initial_stress": {"tensor": [0.0, -6e6, 2e6]}},

@@ -11,6 +11,8 @@ from small_cases import march
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model
@@ -147,5 +149,5 @@ def test_laws_that_facets_cannot_have_are_refused(changes: dict[str, Any], said:
     friction = changes.get("fracture.default.friction")
     if friction:
         changes = {**changes, "fracture.default.friction": {k: v for k, v in friction.items() if v is not None}}
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=facts(said)):
         Model(case(changes))

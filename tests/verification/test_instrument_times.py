@@ -12,6 +12,8 @@ from small_cases import COMPLIANT, HOMALITE, case, slip_weakening, unstressed
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import RuptfxError, read_case, simulate
 from ruptfx.case import parse_case
 from ruptfx.model import Model
@@ -185,7 +187,7 @@ def test_the_bandwidth_of_an_instrument_is_that_of_its_filter(bandwidth: float) 
     ({"kind": "strain_gauge", "point": [5e-3, 1e-3], "angles": ["0 deg", "90 deg", "180 deg"]}, "all three must"),
 ])  # fmt: skip
 def test_what_is_refused(table: dict[str, Any], message: str) -> None:
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         Samples(Model(case({"instruments": [{"name": "one", "interval": 1e-6, **table}]})), 1e-8, unstressed)
 
 

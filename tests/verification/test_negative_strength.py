@@ -10,6 +10,8 @@ from small_cases import COMPLIANT, SPLIT, march, plates
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight
 from ruptfx.faults.projection import ProjectionError
@@ -61,7 +63,7 @@ def with_law(folder: Path, formula: str, changes: dict[str, Any] | None = None) 
 def test_refused_before_the_first_step(tmp_path: Path, formula: str, found: str) -> None:
     case = with_law(tmp_path, formula)
     for refused in (lambda: Model(case), lambda: list(preflight(case))):
-        with pytest.raises(CaseError, match=rf"faults\.main\.friction: own has a strength of ({found})"):
+        with pytest.raises(CaseError, match=facts(rf"faults\.main\.friction: own has a strength of ({found})")):
             refused()
 
 
@@ -91,5 +93,5 @@ def test_a_run_ends_where_the_strength_becomes_negative(tmp_path: Path, formula:
     changes = {"boundaries": press, "faults.main.contact": contact, "faults.main.initial_stress.shear": 0.5e6}
     case = with_law(tmp_path, formula, changes)
     told = r"own: its strength is negative \(-[\de.+]+ Pa\).*interface point \d+ .*time"
-    with pytest.raises(ProjectionError, match=told):
+    with pytest.raises(ProjectionError, match=facts(told)):
         march(case)

@@ -11,6 +11,8 @@ from small_cases import march
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
@@ -105,5 +107,5 @@ def test_facets_begin_with_the_stress_of_the_bodies() -> None:
      "fracture.kind = 'extrinsic' has no interfaces of their own .*use fracture.kind = 'intrinsic'"),
 ])  # fmt: skip
 def test_what_facets_cannot_carry_is_refused(changes: dict[str, Any], said: str) -> None:
-    with pytest.raises(CaseError, match=said):
+    with pytest.raises(CaseError, match=facts(said)):
         Model(parse_case(faulted(changes), HERE))

@@ -11,6 +11,8 @@ from small_cases import case, impact, march
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
@@ -86,7 +88,7 @@ def test_options_choose_the_scheme_and_unknown_ones_are_refused() -> None:
         return motion
 
     assert first_step({"ts_rk_type": "5dp"})._ts.getRKType() == "5dp"
-    with pytest.raises(CaseError, match=r"petsc_options\.ts_rk_typo = '5dp': TS of type rk has no such option"):
+    with pytest.raises(CaseError, match=facts(r"petsc_options\.ts_rk_typo = '5dp': TS of type rk has no such option")):
         first_step({"ts_rk_typo": "5dp"})
 
 
@@ -96,11 +98,11 @@ def test_options_choose_the_scheme_and_unknown_ones_are_refused() -> None:
 ])  # fmt: skip
 def test_what_ts_cannot_do_is_refused(changes: dict[str, Any], message: str) -> None:
     refused = case({"order": 2, "stepper": {"kind": "petsc_ts"}, **changes})
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=facts(message)):
         refused.stepper.bind(Model(refused))
 
 
 @pytest.mark.parametrize("contact", ["split_node", "augmented_lagrangian"])
 def test_contact_that_ts_has_no_use_for_is_refused(contact: str) -> None:
-    with pytest.raises(CaseError, match=f"faults.main.contact.kind = '{contact}': .*; use .*'compliant'"):
+    with pytest.raises(CaseError, match=facts(f"faults.main.contact.kind = '{contact}': .*; use .*'compliant'")):
         case({"stepper": {"kind": "petsc_ts"}, "faults.main.contact": {"kind": contact}})

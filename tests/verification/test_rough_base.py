@@ -17,6 +17,8 @@ from small_cases import march, merged
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import RuptfxError
 from ruptfx.case import parse_case, read_case
 from ruptfx.checks.preflight import preflight
@@ -139,7 +141,7 @@ def test_what_check_says_of_a_wave() -> None:
     ],
 )  # fmt: skip
 def test_bases_that_are_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         Model(parse_case(block(changes)))
 
 

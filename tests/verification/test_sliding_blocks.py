@@ -13,6 +13,8 @@ from small_cases import advance
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
+from messages import facts
+
 from ruptfx import RuptfxError
 from ruptfx.case import Case, parse_case
 from ruptfx.model import Model
@@ -215,12 +217,14 @@ def test_two_interfaces_that_slide(tmp_path: Path) -> None:
     ],
 )
 def test_blocks_that_cannot_slide(mesh: dict[str, object], message: str, tmp_path: Path) -> None:
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         Model(blocks(tmp_path, **mesh))
 
 
 def test_without_the_table_the_remedy_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RuptfxError, match=r"'main' have meshes of their own; add the table \[faults.main.sliding\]"):
+    with pytest.raises(
+        RuptfxError, match=facts(r"'main' have meshes of their own; add the table \[faults.main.sliding\]")
+    ):
         Model(blocks(tmp_path, {"faults": {"main": {
             "contact": {"kind": "split_node"}, "friction": {"kind": "coulomb", "mu_d": 0.1},
             "initial_stress": {"normal": 0.0},

@@ -13,6 +13,8 @@ from small_cases import SPLIT, advance, case, plates
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx import RuptfxError, stages
 from ruptfx.boundaries import Motion
 from ruptfx.case import parse_case
@@ -141,7 +143,7 @@ def test_a_stage_shorter_than_a_step_is_refused(stepper: str) -> None:
         if not refused:
             stages.bind(Model(case_))
             continue
-        with pytest.raises(RuptfxError, match=r"stages\.1\.duration = 4e-08 s.* 5e-08 s.*to 4e-08 s or less"):
+        with pytest.raises(RuptfxError, match=facts(r"stages\.1\.duration = 4e-08 s.* 5e-08 s.*to 4e-08 s or less")):
             stages.bind(Model(case_))
 
 
@@ -194,5 +196,5 @@ def test_goes_on_within_a_stage_with_the_same_bits(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_stages_that_cannot_be(changes: dict[str, Any], message: str) -> None:
     table = {"duration": 5e-6, "stages": [{"duration": 5e-6}], **changes}
-    with pytest.raises(RuptfxError, match=message):
+    with pytest.raises(RuptfxError, match=facts(message)):
         stages.bind(Model(parse_case(plates(table))))

@@ -11,6 +11,8 @@ from small_cases import COMPLIANT, HOMALITE, march, slip_weakening, strike_slip
 
 pytest.importorskip("dolfinx")
 
+from messages import facts
+
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 from ruptfx.schema import CaseError
@@ -95,7 +97,7 @@ def test_the_center_of_a_patch_is_a_point_of_the_surface() -> None:
     assert load[distance < 1e-9] == pytest.approx(1e6) and np.all(load[distance > 2e-3] < 1e-3)
     assert np.all(load[distance < 1.5e-3] > 0.2e6)
     table["faults"]["main"]["nucleation"] = [{**patch, "center": {"x": 1e-3, "y": 2e-3, "z": -4e-3}}]
-    with pytest.raises(CaseError, match=r"center = .*is not on the interface, whose nearest node is"):
+    with pytest.raises(CaseError, match=facts(r"center = .*is not on the interface, whose nearest node is")):
         Model(parse_case(table))
 
 
@@ -126,7 +128,7 @@ def test_nucleations_push_along_the_rake(kind: str, rake: float) -> None:
 
 
 def test_a_rake_in_two_dimensions_is_refused() -> None:
-    with pytest.raises(CaseError, match="rake = 30: in 2D shear has one direction; leave it out"):
+    with pytest.raises(CaseError, match=facts("rake = 30: in 2D shear has one direction; leave it out")):
         Model(parse_case(slip_weakening({"faults.main.initial_stress.rake": 30.0})))
 
 
