@@ -17,7 +17,6 @@ from ruptfx.analysis.near_tip import Medium
 
 Array = np.ndarray
 
-PULSE = 0.4  # median duration over the time to the end of sliding below which a rupture is a pulse
 
 
 def j_integral(contour: Array, stress: Array, velocity: Array, speed: float, medium: Medium) -> float:
@@ -184,24 +183,3 @@ def breakdown(time: Array, traction: Array, slip: Array, residual: float | None 
 def process_zone(fall: Breakdown, speed: float) -> float:
     """Return the length over which the traction falls behind a front [m]."""
     return speed * (fall.stop - fall.start)
-
-
-def slides_like(duration: Array, left: Array) -> str:
-    """Return "pulse", "crack" or "none", from the duration of sliding of the points.
-
-    Parameters
-    ----------
-    duration : ndarray, shape (points,)
-        From the front to the first stop [s]; NaN where nothing slid.
-    left : ndarray, shape (points,)
-        From the front to the end of all sliding [s], which a crack takes to heal.
-
-    Returns
-    -------
-    str
-        "pulse" if the median of duration / left is below 0.4, "crack" otherwise, "none" where nothing slid.
-    """
-    slid = np.isfinite(duration) & (left > 0)
-    if not slid.any():
-        return "none"
-    return "pulse" if float(np.median(duration[slid] / left[slid])) < PULSE else "crack"

@@ -141,18 +141,3 @@ def front_motion(
         slowness = 1 / speed
     time = np.append(0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * np.diff(lengths)))
     return FrontMotion(lengths, speed, time, ratio, arrest)
-
-
-def by_contact_area(fracture_energy: float, normal_stress: Along, reference: float) -> Along:
-    """Return a fracture energy proportional to the real contact area, hence to the normal stress.
-
-    Parameters
-    ----------
-    fracture_energy : float
-        Fracture energy at the reference [J/m2].
-    normal_stress : callable
-        sigma(x) [Pa].
-    reference : float
-        Normal stress of that measurement [Pa].
-    """
-    return lambda position: fracture_energy * normal_stress(position) / reference

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ruptfx import RuptfxError
-from ruptfx.analysis.fracture import A_II, effective_modulus, rayleigh_function, slowness_factors
+from ruptfx.analysis.fracture import effective_modulus, rayleigh_function, slowness_factors
 
 if TYPE_CHECKING:
     from ruptfx.materials import Plane
@@ -310,11 +310,6 @@ def _mean_power(x: Array, y: Array, power: float, zone: float) -> Array:
         return _power(x, y, power)
     values: Array = (_power(x + zone, y, power + 1) - _power(x, y, power + 1)) / ((power + 1) * zone)
     return values
-
-
-def fracture_energy_II(K_II: float, speed: float, medium: Medium) -> float:
-    """Energy release G = A_II K_II^2 / E' of a front [J/m2]."""
-    return A_II(speed, medium.c_p, medium.c_s) * K_II**2 / medium.modulus
 
 
 def strain_extremes(distance: float, K_II: float, speed: float, medium: Medium) -> dict[str, float]:

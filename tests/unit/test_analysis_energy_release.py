@@ -51,16 +51,6 @@ def test_breakdown() -> None:
         energy_release.breakdown(time, traction, slip, residual=3e6)
 
 
-def test_slides_like() -> None:
-    left = np.array([9.0, 8.0, 7.0, 6.0])
-    assert energy_release.slides_like(left.copy(), left) == "crack"
-    assert energy_release.slides_like(np.full(4, 1.0), left) == "pulse"
-    assert energy_release.slides_like(np.full(4, np.nan), left) == "none"
-    # The limit is 0.4 of the time that is left.
-    assert energy_release.slides_like(0.41 * left, left) == "crack"
-    assert energy_release.slides_like(0.39 * left, left) == "pulse"
-
-
 def growing_front(count: int, half: float, fraction: float) -> energy_release.Moment:
     """K_II, that of 2.5 J/m2, doubles over 20 mm; count x count / 2 points in a box."""
     medium = Medium.of(PMMA, "strain")

@@ -10,7 +10,7 @@ from messages import facts
 
 from ruptfx import RuptfxError
 from ruptfx.analysis import fracture
-from ruptfx.analysis.front_motion import by_contact_area, front_motion, static_stress_intensity
+from ruptfx.analysis.front_motion import front_motion, static_stress_intensity
 from ruptfx.analysis.near_tip import Medium
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
@@ -60,7 +60,10 @@ def test_arrest() -> None:
     assert found.arrest / CRITICAL == pytest.approx(7.271, abs=0.01)
     assert np.all(found.speed[found.length > found.arrest] == 0) and np.isinf(found.time[-1])
     # Twice the contact area in the barrier stops it there at once: Gamma doubles at 2, where G_s is 2 Gamma.
-    area = by_contact_area(GAMMA, lambda x: np.where(x < 1.9 * CRITICAL, 5e6, 10e6), 5e6)
+
+    def area(x: np.ndarray) -> np.ndarray:
+        return np.where(x < 1.9 * CRITICAL, GAMMA, 2 * GAMMA)
+
     stopped = front_motion(np.linspace(1.1, 4, 800) * CRITICAL, uniform(DROP), area, MEDIUM)
     assert stopped.arrest / CRITICAL == pytest.approx(1.9, abs=0.01)
 
