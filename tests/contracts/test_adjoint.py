@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from messages import facts
 from small_cases import COMPLIANT, SPLIT, friction_laws, merged, slip_weakening
 
 from ruptfx.case import Case, parse_case
@@ -227,7 +228,7 @@ def test_data_are_read_from_files_with_units(tmp_path: Path) -> None:
     assert found.value == pytest.approx(0.5 * np.sum((reading - [0.5e-6, 1.5e-6]) ** 2) / 1e-12)
     assert parse_case(made.table()).objective == made.objective  # the data are in the case
     (tmp_path / "data.csv").write_text("time,slip\n1,0.5\n2,1.5\n")
-    with pytest.raises(CaseError, match=r"objective\.0.*needs a unit in the header"):
+    with pytest.raises(CaseError, match=facts(r"objective\.0.*needs a unit in the header")):
         parse_case(table, tmp_path)
 
 
@@ -271,7 +272,9 @@ def test_an_unknown_that_the_objective_does_not_feel_is_named() -> None:
     """Cohesion that is lost has no effect; the others have one."""
     law = {"kind": "cohesion", "c": 1e5, "D_cohesion": 1e-6, "law": {"kind": "coulomb", "mu_d": 1e3}}
     case = parse_case(slip_weakening({**RUPTURE, "faults.main.friction": law}))
-    with pytest.raises(RuptfxError, match=r"does not depend on 'faults\.main\.friction\.c', its gradient is zero"):
+    with pytest.raises(
+        RuptfxError, match=facts(r"does not depend on 'faults\.main\.friction\.c', its gradient is zero")
+    ):
         gradient(case, unknowns=["faults.main.friction.c"], progress=False)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import synthetic
 import xarray
+from messages import facts
 from PIL import Image
 from small_cases import plates
 from typer.testing import CliRunner
@@ -144,7 +145,7 @@ def test_cameras_that_cannot_be(kind: str, changes: dict[str, Any], others: dict
 
 
 def test_each_has_its_own_name() -> None:
-    with pytest.raises(CaseError, match=r"cameras\.1\.name = 'fringes': another camera has that name"):
+    with pytest.raises(CaseError, match=facts(r"cameras\.1\.name = 'fringes': another camera has that name")):
         parse_case(plates({"cameras": [example("polariscope")] * 2}))
 
 
