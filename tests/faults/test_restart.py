@@ -396,12 +396,14 @@ def assert_mine(out: Path) -> None:
 
 @pytest.mark.faults
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(("table", "unit"), [(LEAPFROG, 1e-6), (ADAPTIVE, 0.1)], ids=["leapfrog", "adaptive"])
-def test_a_finished_run_is_extended_from_its_end(table, unit, ranks, tmp_path):
+@pytest.mark.parametrize(
+    ("table", "unit", "on_two_ranks"),
+    [(LEAPFROG, 1e-6, 0.0), (ADAPTIVE, 0.1, 1e-10), (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0)],
+    ids=["leapfrog", "adaptive", "adaptive with the same sums"],
+)
+def test_a_finished_run_is_extended_from_its_end(table, unit, on_two_ranks, ranks, tmp_path):
     """From 40 to 60 units of time: the same bits as a run of 60; it has written no checkpoint but that of its end."""
     out, whole = tmp_path / "run", tmp_path / "whole"
-    if table is ADAPTIVE and ranks > 1:
-        table = merged(table, SAME_SUMS)
     done = run(written(tmp_path / "short.toml", table, 40 * unit), out, ranks)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in (out / "checkpoints").iterdir()] == ["final"]
@@ -411,7 +413,7 @@ def test_a_finished_run_is_extended_from_its_end(table, unit, ranks, tmp_path):
     done = extend(out, 60 * unit, ranks)
     assert done.returncode == 0, done.stderr
     assert run(written(tmp_path / "long.toml", table, 60 * unit), whole, ranks).returncode == 0
-    assert max(largest_difference(whole, out).values()) == 0
+    assert max(largest_difference(whole, out).values()) <= (0.0 if ranks == 1 else on_two_ranks)
     assert_mine(out)
     assert not (out / directories.NEW).exists()
     with Record(out) as one, Record(whole) as other:
