@@ -320,7 +320,7 @@ def _bodies(choices: Choices) -> Iterator[Refusal]:
         kind = cast(type[Fracture], way).kind()
         faults = tuple(f"faults.{name}.contact" for name in _faults(choices, "contact"))
         if faults:
-            reason = f"fracture.kind = '{kind}' has no interfaces of their own beside its facets"
+            reason = f"fracture.kind = '{kind}' allows no prescribed interface beside its facets"
             yield Refusal(faults, reason, (("fracture",),))
         for key, why in ((large, "is for small ones"), ("collisions", "has no springs to go by")):
             if key in choices:

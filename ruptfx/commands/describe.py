@@ -6,7 +6,8 @@ import json
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.box import SIMPLE_HEAD
+from rich.table import Column, Table
 from rich.text import Text
 
 from ruptfx import __version__
@@ -72,7 +73,10 @@ def _show_support() -> None:
 
     for each in tables():
         rows, notes = each.numbered()
-        shown = Table(f"feature x {each.topic}", *each.columns, show_lines=False, title_justify="left")
+        # Names are folded in a narrow terminal: a name cut short cannot be looked up.
+        first = Column(f"feature x {each.topic}", overflow="fold", min_width=20)
+        columns = (Column(name, overflow="fold", max_width=9) for name in each.columns)
+        shown = Table(first, *columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
         for name, *cells in rows:
             shown.add_row(name, *(Text(cell, style="" if cell.startswith("yes") else "red") for cell in cells))
         screen.print(shown)
