@@ -4,9 +4,13 @@
   1.0142 at 0.5 c_s and 0.9117 at 0.9 c_s, an integral over the wavenumber, which a convolution in time agrees with to
   3e-7. As in two dimensions (`self_similar`) the strength drops within the time in which the front passes one node
   spacing, so that the error is of first order in the spacing: checked are its decrease, and C extrapolated from two
-  meshes; with `--fine` also C on the finer mesh alone. Source: Kostrov (1964).
+  meshes. On the coarse meshes alone C is 2 and 3 % too small and would miss the bar of 2 %; with `--fine` C on the
+  finer mesh is checked, too. Source: Kostrov (1964).
 - At rest, radius a: slip = 24 / (7 pi) d / mu sqrt(a^2 - r^2), moment 16/7 d a^3, in one quasi-static step, on elements
-  that grow away from the crack. The rim runs in stairs between the nodes. Source: Eshelby (1957).
+  that grow away from the crack. The rim runs in stairs between the nodes, and the radius of the crack on the mesh
+  depends on how they lie: the mean slip is 1.0 % too large with elements of 0.3125 a, 0.04 % with those of 0.25 a, and
+  0.9 % too small with those of 0.156 a. The result is known to 1 %; that it is closer on the mesh used here is chance.
+  Source: Eshelby (1957).
 
 Both are an eighth of the problem: the crack is a plane of antisymmetry, and so is the plane x = 0 normal to the drop.
 """
@@ -177,7 +181,9 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
         checks += rows
     mean, moment, closure, *_ = at_rest = resting(0.25, 6.0 if fine else 5.0)
     drawn["crack at rest"] = at_rest[3:]
-    checks.append(Check("crack at rest: mean slip", 1.0, mean, 1e-2, "of the exact one", "Eshelby (1957)"))
+    checks.append(
+        Check("crack at rest: mean slip (1 % between meshes)", 1.0, mean, 1e-2, "of the exact one", "Eshelby (1957)")
+    )
     checks.append(Check("crack at rest: moment", MOMENT, moment, 1e-2, "d a^3", "Eshelby (1957)", relative=True))
     checks.append(Check("energy closure", 0.0, closure, 1e-9, "1", "exact"))
     return Outcome(checks, lambda: _draw(drawn))

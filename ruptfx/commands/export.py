@@ -24,22 +24,24 @@ class Format(StrEnum):  # older Typers know no Literal
     netcdf = "netcdf"
     vtk = "vtk"
     vtkhdf = "vtkhdf"
+    scec = "scec"
 
 
 def export(
     run: Annotated[Path, typer.Argument(help="Run directory.", autocompletion=runs, show_default=False)],
-    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk or vtkhdf.")] = Format.csv,
+    format_: Annotated[Format, typer.Option("--format", help="csv, netcdf, vtk, vtkhdf or scec.")] = Format.csv,
     out: Annotated[Path | None, typer.Option(help="Folder; default RUN/export.")] = None,
 ) -> None:
     """Write a run for other programs.
 
     csv: interfaces as tables. netcdf: interfaces and bodies. vtk: a VTU file for each snapshot of the bodies. vtkhdf:
-    bodies and interfaces with all their times, for ParaView.
+    bodies and interfaces with all their times, for ParaView. scec: receivers and rupture times of plane faults in 3D,
+    as the SCEC/USGS code comparison reads them.
 
     Example: ruptfx export runs/impact --format vtkhdf
     """
     with reported():
-        from ruptfx.convert import vtk_files
+        from ruptfx.convert import scec_files, vtk_files
         from ruptfx.record import Record
 
         folder = out or run / "export"
@@ -47,7 +49,7 @@ def export(
             folder.mkdir(parents=True, exist_ok=True)
             write = {
                 Format.csv: tables, Format.netcdf: datasets, Format.vtk: vtk_files.series,
-                Format.vtkhdf: vtk_files.whole,
+                Format.vtkhdf: vtk_files.whole, Format.scec: scec_files.files,
             }  # fmt: skip
             for path in write[format_](record, folder):
                 screen.print(str(path), soft_wrap=True)

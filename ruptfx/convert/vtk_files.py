@@ -1,4 +1,4 @@
-"""A run as VTK data: vectors and tensors, body of every cell, initial state, interfaces as lines.
+"""A run as VTK data: vectors and tensors, body of every cell, initial state, interfaces as lines or surfaces.
 
 Two formats: a VTU file for each snapshot, which meshio reads as well, and VTKHDF, one file with all times for ParaView
 5.12 or newer, VTK and PyVista.
@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.analysis.surface import grid, is_surface
 
 if TYPE_CHECKING:
     import xarray
@@ -67,17 +68,30 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
     for name, data in record.interfaces.items():
         path = folder / f"{name}.vtkhdf"
         along = np.stack([data[axis].values for axis in ("x", "y", "z") if axis in data], axis=1)
-        count = len(along)
-        if along.shape[1] == 2:  # in 2D points are in order along the interface
-            cells, kind_of_cell = np.column_stack([np.arange(count - 1), np.arange(1, count)]), LINE
-        else:
-            cells, kind_of_cell = np.arange(count)[:, None], VERTEX
-        still = {str(key): field.values for key, field in data.data_vars.items() if field.dims == ("position",)}
+        cells, kind_of_cell = _interface_cells(data)
+        of_points = data["position"].dims  # of a surface its points
+        still = {str(key): field.values for key, field in data.data_vars.items() if field.dims == of_points}
         moments = (
             (float(time), {**_moving(data, number), **still}) for number, time in enumerate(data["time"].values)
         )
         _write(path, _three(along), cells, kind_of_cell, {}, moments)
         yield path
+
+
+def _interface_cells(data: xarray.Dataset) -> tuple[np.ndarray, int]:
+    """Return the cells of an interface and their VTK number.
+
+    They are lines in 2D, quadrilaterals of a surface whose points form a grid, and else single points.
+    """
+    count = data["position"].size
+    if not is_surface(data):  # points are in order along the interface
+        return np.column_stack([np.arange(count - 1), np.arange(1, count)]), LINE
+    positions = grid(data)
+    if positions is None:
+        return np.arange(count)[:, None], VERTEX
+    number = np.arange(count).reshape([len(each) for each in positions])
+    corners = (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    return np.stack([each.ravel() for each in corners], axis=1), QUADRILATERAL
 
 
 def _mesh(bulk: xarray.Dataset) -> tuple[np.ndarray, np.ndarray, tuple[int, int], np.ndarray]:

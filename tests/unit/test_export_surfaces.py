@@ -1,0 +1,182 @@
+"""Export of surfaces: what other programs read is what the record has, seen from the side that they want."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import synthetic
+import tomli_w
+import xarray
+from messages import facts
+from small_cases import strike_slip
+from typer.testing import CliRunner
+
+from ruptfx import RuptfxError
+from ruptfx.cli import app
+from ruptfx.convert import scec_files, vtk_files
+from ruptfx.faults.interface import local_frame
+from ruptfx.record import Record
+
+RECEIVERS = [
+    {"kind": "receiver", "name": "far", "interval": 3e-7, "point": [1e-3, 1.3e-3, -2e-3]},
+    {"kind": "receiver", "name": "near", "interval": 3e-7, "point": [1e-3, -1.3e-3, -2e-3]},
+    {"kind": "fault_receiver", "name": "fault", "interval": 3e-7, "point": [2.2e-3, 0.0, -3.1e-3]},
+]
+
+
+@pytest.mark.parametrize("structured", [True, False])
+def test_vtkhdf_has_the_surface_and_fields_without_time(tmp_path: Path, structured: bool) -> None:
+    with Record(synthetic.write_surface_run(tmp_path / "run", structured=structured)) as record:
+        (path,) = vtk_files.whole(record, tmp_path)
+        data = record.interface
+        with h5py.File(path) as file:
+            root = file["VTKHDF"]
+            points, count = root["Points"][:], data.sizes["point"]
+            np.testing.assert_array_equal(points, np.stack([data.x, data.y, data.z], axis=1))
+            cells = root["Connectivity"][:].reshape(len(root["Types"]), -1)
+            assert set(root["Types"]) == ({9} if structured else {1})
+            if structured:  # quadrilaterals cover the surface, and run round their corners
+                a, b, c, d = (points[cells[:, corner]] for corner in range(4))
+                areas = 0.5 * np.linalg.norm(np.cross(c - a, d - b), axis=1)
+                np.testing.assert_allclose(areas, 500.0**2)
+                assert areas.sum() == pytest.approx(40e3 * 20e3)
+            for row in (0, 17):
+                begin = root["Steps/PointDataOffsets/rupture_time"][row]
+                for name in ("rupture_time", "area", "peak_slip_rate", "dip"):
+                    np.testing.assert_array_equal(root[f"PointData/{name}"][begin : begin + count], data[name])
+                np.testing.assert_array_equal(root["PointData/slip_1"][begin : begin + count], data.slip_1[row])
+            assert np.isfinite(data.rupture_time).any()
+
+
+def surface(normal: np.ndarray, origin: np.ndarray) -> xarray.Dataset:
+    """Points of a plane with a normal, with positions along both tangents."""
+    _, first, second = local_frame(normal[None])[0]
+    s, d = (each.ravel() for each in np.meshgrid(np.linspace(-3e3, 2e3, 6), np.linspace(0, 4e3, 5), indexing="ij"))
+    points = origin + s[:, None] * first + d[:, None] * second
+    return xarray.Dataset({key: ("point", values) for key, values in zip(
+        ("position", "dip", "x", "y", "z"), (s, d, *points.T), strict=True)})  # fmt: skip
+
+
+@pytest.mark.parametrize("dip", [90.0, 60.0, 30.0])
+@pytest.mark.parametrize("toward", [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (-0.6, 0.8)])
+@pytest.mark.parametrize("plus_is_above", [True, False])
+def test_signs_do_not_depend_on_the_normal(dip: float, toward: tuple[float, float], plus_is_above: bool) -> None:
+    """The block on the side towards which a fault dips moves 3 m down dip, and 2 m to the right of a viewer.
+
+    Right-lateral slip is to the right of everybody who looks across the fault.
+    """
+    angle = np.deg2rad(dip)
+    horizontal = np.array([*toward, 0.0])
+    hanging = np.sin(angle) * horizontal + np.array([0, 0, np.cos(angle)])
+    down = np.cos(angle) * horizontal - np.array([0, 0, np.sin(angle)])
+    right = np.array([toward[1], -toward[0], 0.0])
+    origin = 700.0 * horizontal  # of the trace at z = 0
+    normal = hanging if plus_is_above else -hanging
+    view = scec_files.View.of(surface(normal, origin), "main")
+    slip_of_plus = (2.0 * right + 3.0 * down) * (1 if plus_is_above else -1)
+    _, first, second = local_frame(normal[None])[0]
+    found = view.turn @ [slip_of_plus @ first, slip_of_plus @ second]
+    # Of a vertical fault the viewer may stand on the other side, from which the near block goes down.
+    other_side = dip == 90 and view.away @ horizontal < 0
+    np.testing.assert_allclose(found, [2.0, -3.0 if other_side else 3.0], atol=1e-9)
+    side = -1 if other_side else 1
+    np.testing.assert_allclose(view.away, side * horizontal, atol=1e-12)
+    np.testing.assert_allclose(view.strike, side * right, atol=1e-12)
+    off, along, depth = view.place(origin + 900.0 * right + 2e3 * down)
+    assert (along, depth) == pytest.approx((side * 900.0, 2e3))
+    assert off == pytest.approx(side * 2e3 * np.cos(angle), abs=1e-6)
+
+
+def test_surfaces_without_strike_are_refused(tmp_path: Path) -> None:
+    for data, message in (
+        (surface(np.array([0.0, 0.0, 1.0]), np.zeros(3)), "is horizontal and has no strike; turn the mesh"),
+        (surface(np.array([0.0, 1.0, 0.0]), np.zeros(3)).assign(y=("point", np.arange(30.0) ** 2)), "off a plane"),
+        (xarray.Dataset({"position": ("position", np.zeros(3))}), "is a line"),
+    ):
+        with pytest.raises(RuptfxError, match=facts(message)):
+            scec_files.View.of(data, "main")
+
+
+def read(path: Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    """Return the entries of the header and the columns of a file, as a reader of the community does."""
+    lines = path.read_text().splitlines()
+    head = dict(line[2:].split(" = ", 1) for line in lines if line.startswith("# ") and " = " in line)
+    body = [line for line in lines if not line.startswith("#")]
+    rows = np.array([line.split() for line in body[1:]], dtype=float)
+    return head, dict(zip(body[0].split(), rows.T, strict=True))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small rupture with receivers."""
+    pytest.importorskip("dolfinx")
+    folder = tmp_path_factory.mktemp("surface")
+    table = strike_slip({"duration": 3e-6, "instruments": RECEIVERS, "output.figures": False})
+    (folder / "case.toml").write_text(tomli_w.dumps(table))
+    result = CliRunner().invoke(app, ["run", str(folder / "case.toml"), "--out", str(folder / "run"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    return folder / "run"
+
+
+@pytest.mark.fem
+def test_scec_files_are_the_record(run: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["export", str(run), "--format", "scec", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    with Record(run) as record:
+        fault, far, near = (record.instruments[name] for name in ("fault", "far", "near"))
+        data = record.interface
+        head, columns = read(tmp_path / "fault.txt")
+        assert list(columns) == [
+            "t", "h-slip", "h-slip-rate", "h-shear-stress", "v-slip", "v-slip-rate", "v-shear-stress", "n-stress",
+        ]  # fmt: skip
+        assert {"problem", "author", "date", "code", "code_version", "element_size", "location"} < head.keys()
+        assert head["time_step"] == "3e-07 s" and int(head["num_time_steps"]) == len(fault.time) == len(columns["t"])
+        assert head["location"] == "on fault, 2.2e-06 km along strike, 3.1e-06 km down-dip"
+        for name, expected in {
+            "t": fault.time, "h-slip": fault.slip_1, "v-slip-rate": fault.slip_rate_2,
+            "h-shear-stress": fault.shear_traction_1 / 1e6, "n-stress": -fault.normal_stress / 1e6,
+        }.items():  # fmt: skip
+            np.testing.assert_allclose(columns[name], expected, rtol=1e-7, atol=1e-30, err_msg=name)
+        assert columns["h-slip"][-1] > 0 and columns["n-stress"][0] == pytest.approx(-6.0, rel=0.1)
+        head, columns = read(tmp_path / "far.txt")
+        assert head["location"] == "1.3e-06 km off fault, 1e-06 km along strike, 2e-06 km depth"
+        np.testing.assert_allclose(columns["v-vel"], -far.velocity_z, rtol=1e-7, atol=1e-30)
+        np.testing.assert_allclose(columns["n-disp"], far.displacement_y, rtol=1e-7, atol=1e-30)
+        _, other = read(tmp_path / "near.txt")
+        np.testing.assert_allclose(other["h-disp"], near.displacement_x, rtol=1e-7, atol=1e-30)
+        # The far side goes to the right, the near side to the left.
+        assert columns["h-disp"][-1] > 0 > other["h-disp"][-1]
+        head, columns = read(tmp_path / "main_rupture_time.txt")
+        assert list(columns) == ["j", "k", "t"] and head["rupture"] == "slip rate above 0.001 m/s"
+        np.testing.assert_allclose(columns["j"], data.x, atol=1e-12)
+        np.testing.assert_allclose(columns["k"], -data.z, atol=1e-12)
+        broken = np.isfinite(data.rupture_time.values)
+        assert 0 < broken.sum() < len(broken) and set(columns["t"][~broken]) == {1e9}
+        np.testing.assert_allclose(columns["t"][broken], data.rupture_time[broken], rtol=1e-7)
+
+
+def test_names_of_files_are_positions_in_100_m() -> None:
+    table = {"name": "station"}
+    assert scec_files._file_name(table, {"faultst": -12e3, "dp": 3e3}) == "faultst-120dp030.txt"
+    assert scec_files._file_name(table, {"body": 9e3, "st": 0.0, "dp": 0.0}) == "body090st000dp000.txt"
+    assert scec_files._file_name(table, {"faultst": 40.0, "dp": 3e3}) == "station.txt"
+
+
+def test_series_of_rate_and_state_have_the_state_and_count_pressure(tmp_path: Path) -> None:
+    path = synthetic.write_surface_run(tmp_path / "run")
+    names = [f"{field}_{number}" for field in ("slip", "slip_rate", "shear_traction") for number in (1, 2)]
+    values = {name: ("time", np.zeros(3)) for name in names}
+    station = xarray.Dataset(
+        {**values, "normal_stress": ("time", [120e6] * 3), "theta": ("time", [1e9, 1e3, 1.0])},
+        {"time": [0.0, 0.5, 1.0]},
+    )
+    with Record(path) as record:
+        view = scec_files.View.of(record.interface, "main")
+        table = {"name": "s", "point": [12e3, 0.0, -3e3]}
+        _, columns = read(scec_files._on_fault(record, table, station, view, tmp_path))
+    assert len(columns) == 9 and (tmp_path / "faultst120dp030.txt").is_file()
+    np.testing.assert_allclose(columns["log-theta"], [9.0, 3.0, 0.0])
+    np.testing.assert_allclose(columns["n-stress"], 120.0)
