@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from ruptfx import Table
 
 if TYPE_CHECKING:
     from ruptfx.record import Data
 
+TOUCH = 1e-9  # share of a triangle below which a position is on its edge
 REACH = 4  # nodes to either side over which rupture times are differentiated: about an element
 
 
@@ -27,6 +29,48 @@ def grid(data: Data) -> tuple[np.ndarray, np.ndarray] | None:
     extent = max(np.ptp(data["position"].values), np.ptp(data["dip"].values), 1e-300)
     strike, dip = (np.unique(np.round(data[name].values / extent, 7)) * extent for name in ("position", "dip"))
     return (strike, dip) if len(strike) * len(dip) == len(data["position"].values) else None
+
+
+class SurfaceInterpolation:
+    """Linear interpolation between the points of a surface, on the triangles between them.
+
+    Parameters
+    ----------
+    data : Data
+    strike, dip : ndarray, shape (n,)
+        Positions at which values are wanted [m].
+    """
+
+    def __init__(self, data: Data, strike: np.ndarray, dip: np.ndarray) -> None:
+        points = np.stack([data["position"].values, data["dip"].values], axis=1)
+        origin, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+        triangles = Delaunay((points - origin) / extent)
+        wanted = (np.stack([strike, dip], axis=1) - origin) / extent
+        found = triangles.find_simplex(wanted, tol=TOUCH)
+        inverse, last = triangles.transform[found, :2], triangles.transform[found, 2]
+        first = np.einsum("nij,nj->ni", inverse, wanted - last)
+        weights = np.column_stack([first, 1 - first.sum(axis=1)])
+        # The value at a point is its own, whatever its neighbours have, which may be NaN.
+        self._weights = np.where(np.abs(weights) < TOUCH, 0.0, weights)
+        self._points, self._outside = triangles.simplices[found], found < 0
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Return values of a field of the points at the wanted positions, shape (n,); NaN outside of the surface."""
+        shares = np.where(self._weights == 0, 0.0, self._weights * values[self._points])
+        return np.where(self._outside, np.nan, shares.sum(axis=1))
+
+
+def rupture_time_difference(one: Data, other: Data) -> tuple[float, float]:
+    """Return RMS and largest difference of the rupture times of two surfaces [s]; NaN where no point ruptured in both.
+
+    The mean is over the area of the first surface that ruptured in both runs; times of the second are interpolated.
+    """
+    times = SurfaceInterpolation(other, one["position"].values, one["dip"].values)(other["rupture_time"].values)
+    apart, area = times - one["rupture_time"].values, one["area"].values
+    both = np.isfinite(apart)
+    if not both.any():
+        return np.nan, np.nan
+    return float(np.sqrt(np.average(apart[both] ** 2, weights=area[both]))), float(np.abs(apart[both]).max())
 
 
 def magnitude_of(data: Data, name: str, row: int) -> np.ndarray:

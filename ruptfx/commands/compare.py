@@ -42,7 +42,8 @@ def compare(
 ) -> None:
     """Compare a run with another one, or with measured signals: differences, numbers, and one figure.
 
-    Of two runs, first what differs in the cases, then results that differ by more than 0.1 %. Of measured signals:
+    Of two runs, first what differs in the cases, then results that differ by more than 0.1 %, and in 3D the rupture
+    times. Of measured signals:
     misfit and best time shift, as in `ruptfx compare RUN gauge.csv --instrument G1`; units are read from the header.
 
     Example: ruptfx compare runs/impact runs/pressed --out both.png
@@ -69,8 +70,11 @@ def compare(
             if changed:
                 screen.print(table)
             _show_results(one, other, verbose)
+            surfaces = _are_surfaces(one, other)
+            if surfaces:
+                _show_rupture_times(one, other)
             out.parent.mkdir(parents=True, exist_ok=True)
-            overlay(one, other).savefig(out, dpi=150)
+            (overlay_surfaces if surfaces else overlay)(one, other).savefig(out, dpi=150)
             screen.print(f"Picture: {out}", soft_wrap=True)
 
 
@@ -94,6 +98,39 @@ def _show_results(one: Record, other: Record, verbose: bool) -> None:
         screen.print(table)
     if equal and not verbose:
         screen.print(f"{equal} results agree to {100 * NOISE:g} %; --verbose shows them.", soft_wrap=True)
+
+
+def _are_surfaces(one: Record, other: Record) -> bool:
+    """Return whether both runs have surfaces.
+
+    Raises
+    ------
+    RuptfxError
+        One of them has a surface and the other one a line.
+    """
+    from ruptfx.analysis.surface import is_surface
+
+    first, second = (is_surface(record.interface) for record in (one, other))
+    if first != second:
+        solid, plane = (one, other) if first else (other, one)
+        raise RuptfxError(
+            f"{solid.path} has a surface and {plane.path} a line: compare runs of the same dimension, or export both "
+            "with ruptfx export --format csv"
+        )
+    return first
+
+
+def _show_rupture_times(one: Record, other: Record) -> None:
+    """Print how far the rupture times of two surfaces are apart."""
+    import numpy as np
+
+    from ruptfx.analysis.surface import rupture_time_difference
+
+    rms, largest = rupture_time_difference(one.interface, other.interface)
+    if np.isfinite(rms):
+        screen.print(f"Rupture times differ by {rms:.3g} s (RMS), {largest:.3g} s at most.", soft_wrap=True)
+    else:
+        screen.print("No point ruptured in both runs.", soft_wrap=True)
 
 
 def is_noise(key: str, a: object, b: object) -> bool:
@@ -160,6 +197,65 @@ def overlay(one: Record, other: Record) -> Figure:
         slip.set(xlabel=f"Position ({x_unit})", ylabel=f"Slip at the end ({u_unit})")
         rate.set(xlabel=f"Time ({t_unit})", ylabel=f"Slip rate ({v_unit})", title=f"at {at / x:.4g} {x_unit}")
         figure.legend(loc="outside upper left", ncols=2)
+        return figure
+
+    return draw()
+
+
+def overlay_surfaces(one: Record, other: Record) -> Figure:
+    """Draw rupture times, slip at the end along strike, and slip rate at a position, of two surfaces.
+
+    Contours of the rupture time of the first run are labelled. The position is the middle of the points of the first
+    run that ruptured in both, or of its surface without such points; the slip is along strike through it.
+    """
+    import numpy as np
+    from matplotlib.ticker import MaxNLocator
+
+    from ruptfx.analysis.surface import SurfaceInterpolation, magnitude_of
+    from ruptfx.figure_style import blank_figure, scale, styled
+    from ruptfx.plots import _surface
+
+    names, both = [record.path.name for record in (one, other)], [record.interface for record in (one, other)]
+    strike, dip = (both[0][name].values for name in ("position", "dip"))
+    ruptured = np.isfinite(SurfaceInterpolation(both[1], strike, dip)(both[1]["rupture_time"].values))
+    ruptured &= np.isfinite(both[0]["rupture_time"].values)
+    chosen = ruptured if ruptured.any() else np.full(len(strike), True)
+    x_0, y_0 = (float(values[chosen].min() + values[chosen].max()) / 2 for values in (strike, dip))
+    ends = [(data.position.values.min(), data.position.values.max()) for data in both]
+    line = np.linspace(max(low for low, _ in ends), min(high for _, high in ends), 400)
+    slips, rates = [], []
+    for data in both:
+        along = SurfaceInterpolation(data, line, np.full(len(line), y_0))
+        slips.append(along(magnitude_of(data, "slip", -1)))
+        at = int(np.argmin(np.hypot(data.position.values - x_0, data.dip.values - y_0)))
+        rates.append(np.hypot(data.slip_rate_1.values[:, at], data.slip_rate_2.values[:, at]))
+    times = np.concatenate([data.rupture_time.values for data in both])
+    known = times[np.isfinite(times)]
+    size, x_unit = _surface.axis_scale(both[0])
+    t, t_unit = scale(np.concatenate([data.time.values for data in both]), "s")
+    (u, u_unit), (v, v_unit) = scale(np.concatenate(slips), "m"), scale(np.concatenate(rates), "m/s")
+    place = f"{x_0 / size:.4g}, {y_0 / size:.4g} {x_unit}"
+
+    @styled
+    def draw() -> Figure:
+        figure = blank_figure(7.0, 5.0)
+        axes = figure.subplot_mosaic("AA;BC", height_ratios=[1.2, 1])
+        levels = np.array(MaxNLocator(12).tick_values(known.min() / t, known.max() / t) if len(known) else [])
+        looks = (("-", "C0"), ("--", "C1"))
+        for data, slip, rate, (style, colour) in zip(both, slips, rates, looks, strict=True):
+            arrival, labels = data.rupture_time.values / t, data is both[0]
+            if np.isfinite(arrival).any():
+                _surface.contours(axes["A"], data, arrival, levels, colour, style, labels)
+            axes["B"].plot(line / size, slip / u, style, color=colour)
+            axes["C"].plot(data.time.values / t, rate / v, style, color=colour)
+        axes["A"].set(title=f"Rupture time ({t_unit})", aspect="equal")
+        axes["A"].set(xlim=(strike.min() / size, strike.max() / size), ylim=(dip.max() / size, dip.min() / size))
+        _surface.label(axes["A"], both[0])
+        axes["B"].set(xlabel=_surface.axis_names(both[0])[0], ylabel=f"Slip at the end ({u_unit})")
+        axes["B"].set_title(f"{y_0 / size:.4g} {x_unit} down dip")
+        axes["C"].set(xlabel=f"Time ({t_unit})", ylabel=f"Slip rate ({v_unit})", title=f"at {place}")
+        handles = [axes["C"].lines[number] for number in range(2)]
+        figure.legend(handles, names, loc="outside upper left", ncols=2)
         return figure
 
     return draw()

@@ -1,5 +1,7 @@
 """Movies of a run, from its record: a picture of the bodies, and below it the slip rate along the interface.
 
+In three dimensions they show the slip rate on a surface.
+
 Every kind of movie is one file of this folder, found by its name: its function of the same name makes a `Film` of a
 `Record`. GIF needs nothing more; MP4 needs the package imageio-ffmpeg or the program ffmpeg.
 """
@@ -80,11 +82,12 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
     RuptfxError
         There are no snapshots in two dimensions.
     """
+    in_two_dimensions(record)
     bulk = record.bulk
-    if bulk["points"].shape[1] != 2 or bulk.sizes["time"] < 2:
+    if bulk.sizes["time"] < 2:
         raise RuptfxError(
-            f"{record.path}: {bulk.sizes['time']} snapshots in {bulk['points'].shape[1]} dimensions; a movie needs "
-            "several, in two; reduce output.bulk_interval and run again"
+            f"{record.path}: {bulk.sizes['time']} snapshots; a movie needs several; reduce output.bulk_interval and "
+            "run again"
         )
     points, times = bulk["points"].values, bulk["time"].values
     if any(map(slides_far, record.interfaces.values())):
@@ -102,6 +105,21 @@ def bodies(record: Record, picture: Callable[[int, Raster], Array], label: str, 
         times, lambda row: picture(row, raster), (left, right, bottom, top), f"x ({unit})", f"y ({unit})", label, look,
         draw,
     )  # fmt: skip
+
+
+def in_two_dimensions(record: Record) -> None:
+    """Refuse a run in three dimensions.
+
+    Raises
+    ------
+    RuptfxError
+        Its bodies are solids.
+    """
+    if record.case.get("plane") == "solid":
+        raise RuptfxError(
+            f"{record.path}: solids cannot be drawn as a movie; take --what slip_rate for the surface, or "
+            "ruptfx export --format vtkhdf for ParaView"
+        )
 
 
 def _that_slide(
@@ -193,7 +211,7 @@ def _drawn(record: Record, scene: Film, most: int) -> Iterator[tuple[float, Arra
     extend = look.pop("extend", "neither")
     slips = has_slip_rates(record)
     wide, high = scene.extent[1] - scene.extent[0], scene.extent[3] - scene.extent[2]
-    tall = float(np.clip(6.1 * high / wide, 1.2, 5.5)) if scene.aspect == "equal" else 2.6
+    tall = float(np.clip(6.1 * abs(high) / wide, 1.2, 5.5)) if scene.aspect == "equal" else 2.6
     figure, axes = new_figure(1 + slips, 1, tall + 0.9 + 1.5 * slips, height_ratios=[tall, 1.3][: 1 + slips])
     picture = axes[0, 0]
     picture.set_facecolor("#dbe4ec")  # pixels without a value differ from every colour of the map

@@ -8,13 +8,14 @@ from ruptfx import RuptfxError
 from ruptfx.analysis.photoelasticity import intensity
 from ruptfx.analysis.raster import Raster
 from ruptfx.figure_style import Array
-from ruptfx.movies import Film, assumed, bodies
+from ruptfx.movies import Film, assumed, bodies, in_two_dimensions
 from ruptfx.plots.fringes import Plates
 from ruptfx.record import Record
 
 
 def fringes(record: Record) -> Film:
     """Return the film of isochromatic fringes."""
+    in_two_dimensions(record)
     plates = Plates(record)
     if plates.missing:
         raise RuptfxError(f"{record.path}: {' '.join(plates.missing.split())}")

@@ -32,20 +32,24 @@ def draw(ax: Axes, data: Data, values: Array, norm: Normalize, colours: Colormap
     return drawn
 
 
-def contours(ax: Axes, data: Data, times: Array, levels: Array) -> None:
-    """Draw labelled contours of times at the points of a surface; none where they are NaN."""
+def contours(
+    ax: Axes, data: Data, times: Array, levels: Array, colour: str = "#1a1a1a", style: str = "solid",
+    labels: bool = True,
+) -> None:  # fmt: skip
+    """Draw contours of times at the points of a surface, every other one with a label; none where they are NaN."""
     size, _ = axis_scale(data)
     positions = grid(data)
     lines: ContourSet
-    style: dict[str, Any] = {"colors": "#1a1a1a", "linewidths": 0.6}
+    look: dict[str, Any] = {"colors": colour, "linewidths": 0.6, "linestyles": style}
     if positions is None:
         triangles = Triangulation(data["position"].values / size, data["dip"].values / size)
         triangles.set_mask(~np.isfinite(times)[triangles.triangles].all(axis=1))
-        lines = ax.tricontour(triangles, np.nan_to_num(times), levels, **style)
+        lines = ax.tricontour(triangles, np.nan_to_num(times), levels, **look)
     else:
         s, d = (each / size for each in positions)
-        lines = ax.contour(s, d, np.ma.masked_invalid(times.reshape(len(s), len(d)).T), levels=levels, **style)
-    ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6)
+        lines = ax.contour(s, d, np.ma.masked_invalid(times.reshape(len(s), len(d)).T), levels=levels, **look)
+    if labels:
+        ax.clabel(lines, levels[1::2], fmt="%g", fontsize=6)
 
 
 def axis_scale(data: Data) -> tuple[float, str]:
@@ -53,8 +57,14 @@ def axis_scale(data: Data) -> tuple[float, str]:
     return scale(max(np.ptp(data["position"].values), np.ptp(data["dip"].values)), "m")
 
 
-def label(ax: Axes, data: Data, left: bool = True, below: bool = True) -> None:
-    """Label the axes of a map."""
+def axis_names(data: Data) -> tuple[str, str]:
+    """Return the labels of both axes of a map."""
     _, unit = axis_scale(data)
     name = "x" if data.attrs.get("position_measure") == "x" else "Along strike"
-    ax.set(xlabel=f"{name} ({unit})" if below else "", ylabel=f"Down dip ({unit})" if left else "")
+    return f"{name} ({unit})", f"Down dip ({unit})"
+
+
+def label(ax: Axes, data: Data, left: bool = True, below: bool = True) -> None:
+    """Label the axes of a map."""
+    along, down = axis_names(data)
+    ax.set(xlabel=along if below else "", ylabel=down if left else "")

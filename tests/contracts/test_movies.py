@@ -155,3 +155,46 @@ def test_runs_with_nothing_to_show(tmp_path):
         ):
             with pytest.raises(RuptfxError, match=facts(message)):
                 movies.save(record, what, tmp_path / "film.gif")
+
+
+def test_movie_of_a_surface_is_a_map_with_the_front_where_it_is(tmp_path):
+    """A circle whose radius grows by 2.5 km/s around a point 10 km down dip; the upper edge is on top."""
+    with Record(synthetic.write_surface_run(tmp_path / "run", 2500.0)) as record:
+        film = movies.film(record, "slip_rate")
+        assert film.extent == pytest.approx((-20, 20, 20, 0)) and film.y_label == "Down dip (km)"
+        for row in (8, 16):
+            image = film.image(row)
+            assert image.shape == (450, 900) and np.isfinite(image).all()
+            x, y = np.linspace(-20, 20, 900), np.linspace(20, 0, 450)
+            radius = np.hypot(x[None], y[:, None] - 10)
+            front = 2.5 * film.times[row]
+            np.testing.assert_allclose(image[radius < front - 1], 1.0, atol=1e-9)
+            np.testing.assert_allclose(image[radius > front + 1], 0.0, atol=1e-9)
+        assert movies.save(record, "slip_rate", tmp_path / "film.gif", most=4) == 4
+        for what in ("velocity", "max_shear", "fringes"):
+            with pytest.raises(RuptfxError, match=facts("take --what slip_rate")):
+                movies.save(record, what, tmp_path / "film.gif")
+
+
+def test_movie_of_a_surface_without_a_grid(tmp_path):
+    with Record(synthetic.write_surface_run(tmp_path / "run", structured=False)) as record:
+        film = movies.film(record, "slip_rate")
+        data = record.interface
+        row, image = 20, film.image(20)
+        x, y = np.linspace(-20e3, 20e3, 900), np.linspace(20e3, 0, 450)
+        pairs = (y, data.dip.values), (x, data.position.values)
+        at = tuple(np.abs(pixels[:, None] - values).argmin(axis=0) for pixels, values in pairs)
+        away = np.abs(np.hypot(data.position, data.dip - 10e3) - 2500.0 * film.times[row]).values > 1.5e3
+        inside = np.isfinite(image[at])
+        assert inside.mean() > 0.99  # a corner has no point
+        away &= inside
+        np.testing.assert_allclose(image[at][away], data.slip_rate_1.values[row][away], atol=1e-6)
+
+
+def test_labels_of_a_frame_of_a_surface_keep_apart(tmp_path, monkeypatch):
+    made, new = [], movies.new_figure
+    monkeypatch.setattr(movies, "new_figure", lambda *shape, **options: made.append(new(*shape, **options)) or made[0])
+    with Record(synthetic.write_surface_run(tmp_path / "run")) as record:
+        for _ in movies.frames(record, "slip_rate", most=3):
+            assert label_faults(made[0][0]) == []
+    assert len(made) == 1

@@ -1,7 +1,8 @@
-"""Export of surfaces: what other programs read is what the record has, seen from the side that they want."""
+"""Export and comparison of surfaces: other programs read what the record has, seen from the side that they want."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -10,12 +11,16 @@ import pytest
 import synthetic
 import tomli_w
 import xarray
-from messages import facts
+from labels import label_faults
+from matplotlib.image import imread
+from messages import facts, says
 from small_cases import strike_slip
 from typer.testing import CliRunner
 
 from ruptfx import RuptfxError
+from ruptfx.analysis.surface import rupture_time_difference
 from ruptfx.cli import app
+from ruptfx.commands.compare import overlay_surfaces
 from ruptfx.convert import scec_files, vtk_files
 from ruptfx.faults.interface import local_frame
 from ruptfx.record import Record
@@ -180,3 +185,37 @@ def test_series_of_rate_and_state_have_the_state_and_count_pressure(tmp_path: Pa
     assert len(columns) == 9 and (tmp_path / "faultst120dp030.txt").is_file()
     np.testing.assert_allclose(columns["log-theta"], [9.0, 3.0, 0.0])
     np.testing.assert_allclose(columns["n-stress"], 120.0)
+
+
+def test_rupture_times_of_two_surfaces(tmp_path: Path) -> None:
+    """Circles at 2.5 and 2 km/s: times differ by r / 10 km/s, at most at the far corners that both reach in 10 s."""
+    one = synthetic.write_surface_run(tmp_path / "one", 2500.0)
+    two = synthetic.write_surface_run(tmp_path / "two", 2000.0, structured=False)
+    out = tmp_path / "both.png"
+    result = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["compare", str(one), str(two), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    rms, largest = map(float, re.findall(r"([\d.e-]+) s \((?:RMS)\), ([\d.e-]+) s at most", result.output)[0])
+    radius = np.hypot(*np.meshgrid(np.linspace(-20, 20, 401), np.linspace(-10, 10, 201)))
+    inside = radius < 20.0
+    assert rms == pytest.approx(np.sqrt(np.mean((radius[inside] / 10) ** 2)), rel=0.02)
+    assert largest == pytest.approx(2.0, rel=0.03)
+    assert imread(out).std() > 0.02
+    with Record(one) as first, Record(two) as second:
+        np.testing.assert_allclose(rupture_time_difference(first.interface, first.interface), 0.0, atol=1e-12)
+        figure = overlay_surfaces(first, second)
+        assert label_faults(figure) == []
+        slip, rate = figure.axes[1:]
+        assert "down dip" in slip.get_title() and len(rate.lines) == 2
+        # 10 km down dip, through the middle: 10 s - |x| / speed.
+        for line, speed in zip(slip.lines, (2.5, 2.0), strict=True):
+            x, y = line.get_data()
+            np.testing.assert_allclose(y, np.maximum(10 - np.abs(x) / speed, 0), atol=0.15)
+
+
+def test_a_surface_and_a_line_are_not_compared(tmp_path: Path) -> None:
+    time, position = synthetic.times(11), synthetic.points(10)
+    flat = synthetic.write_run(tmp_path / "flat", synthetic.crack(time, position), time, position)
+    solid = synthetic.write_surface_run(tmp_path / "solid")
+    for pair in ((flat, solid), (solid, flat)):
+        result = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["compare", *map(str, pair)])
+        assert result.exit_code == 1 and says("compare runs of the same dimension", " ".join(result.output.split()))
