@@ -383,7 +383,7 @@ def test_the_tab_key_offers_names() -> None:
 
     assert completed_from(describe.topics)("fr") == ["friction"]
     assert "impact" in completed_from(new.cases)("") and "mode_map" not in new.cases()
-    assert completed_from(bench.names)("wav") == ["waves"]
+    assert completed_from(bench.names)("wav") == ["waves", "waves_3d"]
     shown = said(ruptfx("movie", "--help"))
     assert [film for film in completed_from(movie.films)("") if film not in shown] == []
 

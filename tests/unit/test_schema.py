@@ -166,7 +166,8 @@ def test_the_public_names_are_listed() -> None:
     """In a fresh process, where none of them has been used."""
     code = "import ruptfx; print(*dir(ruptfx))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["Case", "Record", "RuptfxError", "__version__", "plots", "read_case", "simulate"]
+    names = ["Case", "Record", "RuptfxError", "__version__", "gradient", "plots", "read_case", "simulate"]
+    assert done.stdout.split() == names
 
 
 def test_without_dolfinx_the_error_names_commands_that_install_it() -> None:

@@ -131,7 +131,7 @@ def test_a_fault_inside_of_the_box() -> None:
         ("absorbing", "lower.bottom"),
     }  # fmt: skip
     assert next(b.component for b in case.boundaries if b.kind() == "driven") == "y"
-    assert says("absorbing edges are Lysmer's dashpots, also where stacey = T", convert(text).notes)
+    assert says("absorbing edges are Lysmer's dashpots, also where stacey = T", "\n".join(convert(text).notes))
 
 
 def test_two_materials_at_the_fault_are_two_bodies() -> None:
@@ -174,7 +174,7 @@ def test_other_words() -> None:
     assert fault.initial_stress.shear.center == 2e3 and fault.initial_stress.normal == 120e6
     assert fault.friction.c == 1e6 and fault.friction.law.kind() == "exponential_slip_weakening"
     assert [boundary.kind() for boundary in case.boundaries] == ["periodic", "absorbing"]
-    assert says("the fault at z = 1000 m is y = 0 here", convert(text).notes)
+    assert says("the fault at z = 1000 m is y = 0 here", "\n".join(convert(text).notes))
     # Two receivers at 0.5 times the smallest node distance over c_s, times 20.
     assert [each.point for each in case.instruments] == [[-1e4, 0.0], [1e4, 0.0]]
     assert case.instruments[0].interval == pytest.approx(20e-3)
