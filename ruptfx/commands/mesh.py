@@ -18,6 +18,8 @@ def mesh(
 ) -> None:
     """Draw bodies, edges and interfaces of a case: names, elements, origin, normal, tangent and patches.
 
+    In 3D: bodies in perspective, and a map of the initial shear traction of every surface.
+
     Example: ruptfx mesh demos/gmsh.toml --out mesh.png
     """
     with reported():

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from ruptfx import RuptfxError, fem
+from ruptfx import fem
 from ruptfx.case import Case
 from ruptfx.faults.fault import Fault
 from ruptfx.figure_style import blank_figure, styled
@@ -24,14 +24,18 @@ NORMAL, TANGENT, PATCH = "#1769aa", "#2e7d32", "#c8501e"
 def draw(case: Case) -> Figure:
     """Draw elements and names of bodies, edges and interfaces, with origin, normal, tangent and patches; one rank.
 
+    In 3D the initial shear traction of the surfaces is drawn instead of patches.
+
     Raises
     ------
     RuptfxError
-        If the mesh is three-dimensional or invalid.
+        If the mesh is invalid.
     """
     raw = case.mesh.build()
     if raw.points.shape[1] != 2:
-        raise RuptfxError("ruptfx mesh draws two dimensions; run a few steps and open bulk.xdmf in ParaView instead")
+        from ruptfx.drawing import solid_drawing
+
+        return solid_drawing.draw(case, raw)
     extent = np.ptp(raw.points, axis=0)
     figure = blank_figure(7.0, float(np.clip(7.0 * extent[1] / extent[0] + 1.0, 2.0, 9.0)))
     axes = figure.add_subplot()

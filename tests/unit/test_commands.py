@@ -16,7 +16,7 @@ import xarray
 from labels import label_faults
 from matplotlib.image import imread
 from messages import says
-from small_cases import merged, plates
+from small_cases import merged, plates, strike_slip
 from typer.testing import CliRunner, Result
 
 from ruptfx.analysis.emission import read_catalogue
@@ -147,6 +147,34 @@ def test_mesh_draws_names_normals_and_patches(demo: str, tmp_path: Path) -> None
     direction = np.array(arrow.xy) - np.array(arrow.xyann)
     normal = np.array([-10.0, 80.0] if demo == "gmsh" else [0.0, 1.0])
     np.testing.assert_allclose(direction / np.linalg.norm(direction), normal / np.linalg.norm(normal), atol=1e-9)
+
+
+@fem
+@pytest.mark.parametrize("dip", [90.0, 60.0])
+def test_mesh_of_a_solid_has_a_map_of_its_surface(dip: float) -> None:
+    """Elements of 1 mm on a fault of 12 mm x 8 mm, with 3.7 MPa in a square and 2.8 MPa elsewhere."""
+    from ruptfx.case import parse_case
+    from ruptfx.drawing.mesh_drawing import draw
+
+    figure = draw(parse_case(strike_slip({"mesh.dip": dip})))
+    solid, surface = figure.axes[:2]
+    words = [text.get_text() for text in solid.texts]
+    assert {"plus.top", "plus.far", "minus.left", "n", "1", "2"} <= set(words)
+    assert surface.get_title() == "interface main: position = x"
+    triangles, elements = surface.collections
+    areas = [
+        0.5 * abs(np.cross([*(c - a), 0], [*(d - b), 0])[2])
+        for a, b, c, d in (path.vertices[:4] for path in elements.get_paths())
+    ]
+    np.testing.assert_allclose(areas, 1.0, rtol=1e-9)
+    assert len(areas) == 12 * 8 and surface.get_xlim() == pytest.approx((-6, 6)) and surface.yaxis_inverted()
+    assert surface.get_ylim() == pytest.approx((8, 0), abs=1e-9)
+    shear, mesh = triangles.get_array(), triangles._triangulation
+    x, y = mesh.x, mesh.y
+    inside, outside = (abs(x) < 2.9) & (abs(y - 3) < 1.9), (abs(x) > 3.1) | (abs(y - 3) > 2.1)
+    np.testing.assert_allclose(shear[inside], 3.7, rtol=1e-9)
+    np.testing.assert_allclose(shear[outside], 2.8, rtol=1e-9)
+    assert label_faults(figure) == []
 
 
 @fem
