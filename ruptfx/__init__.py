@@ -24,6 +24,7 @@ _PUBLIC = {
     "read_case": "ruptfx.case",
     "simulate": "ruptfx.simulation",
     "gradient": "ruptfx.adjoint.gradients",
+    "infer": "ruptfx.inference.inversion",
     "Record": "ruptfx.record",
     "plots": "ruptfx.plots",
 }

@@ -25,7 +25,7 @@ from ruptfx.friction import AnyFriction
 from ruptfx.instruments import AnyInstrument
 from ruptfx.materials import AnyMaterial, Plane
 from ruptfx.meshes import AnyMesh
-from ruptfx.misfits import AnyMisfit, Unknown
+from ruptfx.misfits import AnyMisfit, Inference, Unknown
 from ruptfx.nucleation import AnyNucleation
 from ruptfx.plugins import CaseFile, active, named
 from ruptfx.schema import (
@@ -233,6 +233,8 @@ class Case(CaseFile):
     """Function of the readings of a run that `ruptfx gradient` differentiates, the sum of its entries."""
     unknowns: list[Unknown] = []
     """Quantities by which it is differentiated, an entry each; all that the case has without any."""
+    inference: Inference | None = None
+    """Search of `ruptfx infer` for the unknowns from the data of the objective; default settings without it."""
     cameras: list[AnyCamera] = []
     """Cameras whose films `ruptfx film` makes from the snapshots of the run, an entry each."""
     stages: list[Stage] = []

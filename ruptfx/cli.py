@@ -15,7 +15,7 @@ from ruptfx import __version__, fem
 
 COMMANDS = {
     "Begin": ("new", "convert", "demos", "describe"),
-    "Compute": ("check", "mesh", "run", "resume", "study", "gradient"),
+    "Compute": ("check", "mesh", "run", "resume", "study", "gradient", "infer"),
     "Look at it": ("list", "plot", "movie", "film", "dic", "compare", "events", "export"),
     "Trust and extend": ("bench", "check_law", "cite"),
 }

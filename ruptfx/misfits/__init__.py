@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ruptfx.instruments import Channel
 from ruptfx.schema import Alternative, Part, alternative
+from ruptfx.units import Length, Positive
 
 if TYPE_CHECKING:
     from ruptfx.instruments._readings import ModelReadings
@@ -73,6 +74,25 @@ class Sample:
     weights: Floats
 
 
+@dataclass(frozen=True)
+class Measured:
+    """Data of a reading.
+
+    Attributes
+    ----------
+    name : str
+        Instrument and channel.
+    times : ndarray, shape (m,)
+        [s]
+    values : ndarray, shape (m,)
+        In the SI unit of the channel.
+    """
+
+    name: str
+    times: Floats
+    values: Floats
+
+
 Request = Trace | Final
 
 
@@ -99,14 +119,48 @@ class Misfit(Alternative):
         """Return the value and its derivative by the values of each reading."""
         raise NotImplementedError
 
+    def measured(self) -> list[Measured] | None:
+        """Return the data of each reading, whose noise is independent; None if the term has no such data."""
+        return None
+
 
 class Unknown(Part):
-    """A quantity of a case by which an objective is differentiated."""
+    """A quantity of a case by which an objective is differentiated, and which `ruptfx infer` recovers."""
 
     key: Annotated[str, Field(min_length=1)]
     """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`."""
     shape: Literal["field", "number"] = "field"
     """Values at all points of the interface, or one number that is added everywhere."""
+    scale: Literal["linear", "log"] = "linear"
+    """`ruptfx infer` changes the value, or its logarithm: a number is then a factor."""
+    bounds: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    """Smallest and largest value for `ruptfx infer`, in the SI unit of the key."""
+    sigma: Positive | None = None
+    """Prior standard deviation from the value of the case, in the SI unit of the key, with `log` of its logarithm; a
+    field needs one."""
+    correlation_length: Length | None = None
+    """Length over which the prior correlation of a field falls to 1/e."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Unknown:
+        if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
+            raise ValueError(f"bounds = {self.bounds}: the first must be below the second")
+        if self.bounds is not None and self.scale == "log" and self.bounds[0] <= 0:
+            raise ValueError(f"bounds = {self.bounds}: with scale = 'log' they are positive")
+        if self.shape == "number" and self.correlation_length is not None:
+            raise ValueError("correlation_length: a number has none; remove it, or set shape = 'field'")
+        return self
+
+
+class Inference(Part):
+    """Search of `ruptfx infer` for the unknowns."""
+
+    method: Literal["l_bfgs"] = "l_bfgs"
+    """L-BFGS-B of SciPy, with the gradients of `ruptfx gradient`."""
+    iterations: Annotated[int, Field(ge=1)] = 50
+    """Largest number of iterations."""
+    tolerance: Positive = 1e-4
+    """Relative decrease of misfit and prior in an iteration at which it ends."""
 
 
 if TYPE_CHECKING:

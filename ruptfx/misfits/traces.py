@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
 from ruptfx.input.quantities import factor
-from ruptfx.misfits import Floats, Misfit, Request, Sample, Trace
+from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
 from ruptfx.schema import CaseError, Name, nearest
 from ruptfx.units import Duration, Positive, Time
 
@@ -129,12 +129,18 @@ class Traces(Misfit):
 
     def evaluate(self, samples: Sequence[Sample]) -> tuple[float, list[Floats]]:
         total, slopes = 0.0, []
-        for name, sample in zip(self._chosen, samples, strict=True):
-            wanted = np.array(self.data[name])[self._inside] * float(factor(self.units[name], None))  # SI
-            residual = (sample.values - wanted) / self.sigma
+        for wanted, sample in zip(self.measured(), samples, strict=True):
+            residual = (sample.values - wanted.values) / self.sigma
             total += 0.5 * float(residual @ residual)
             slopes.append(residual / self.sigma)
         return total, slopes
+
+    def measured(self) -> list[Measured]:
+        times, found = np.array(self.times)[self._inside], []
+        for name in self._chosen:
+            values = np.array(self.data[name])[self._inside] * float(factor(self.units[name], None))  # SI
+            found.append(Measured(f"{self.instrument}, {name}", times, values))
+        return found
 
 
 def _from_text(path: Path, instrument: str) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:

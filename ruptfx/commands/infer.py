@@ -1,0 +1,71 @@
+"""`ruptfx infer`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from ruptfx import RuptfxError
+from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, screen
+
+
+def infer(
+    case: CaseFile,
+    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Directory; default inferences/<name of the case>.")] = None,
+    set_: Overrides = None,
+    memory: Annotated[float, typer.Option(min=0, help="Memory for the history of the interfaces in GB.")] = 4.0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no table.")] = False,
+) -> None:
+    """Recover the unknowns of a case from its data; started again, go on with an unfinished directory.
+
+    Example: ruptfx infer case.toml --out inferences/first
+    """
+    from ruptfx.case import Case, read_case
+    from ruptfx.platform import launch
+
+    out = out or Path("inferences") / case.stem
+    with reported():
+        parsed = read_case(case, set_ or [])
+        if not isinstance(parsed, Case):
+            raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no gradient")
+    if ranks > 1 and launch.RANKS not in os.environ:
+        options = [item for value in set_ or [] for item in ("--set", value)] + ["--quiet"] * quiet
+        if not quiet:
+            errors.print(f"starting {ranks} ranks")
+        with reported():
+            code = launch.run_on(
+                ranks, ["infer", "--out", str(out), "--memory", str(memory), *options, "--", str(case)]
+            )
+        if code:
+            raise typer.Exit(code)
+        return
+    with reported():
+        from ruptfx import fem
+
+        comm = fem.MPI.COMM_WORLD
+    with reported(comm):
+        launch.check_size(comm.size)
+        from ruptfx.inference.inversion import infer as recover
+
+        made = recover(parsed, out, comm, not quiet, 1e9 * memory)
+        if comm.rank == 0 and not quiet:
+            noise = f", {2 * made.best.misfit / made.data:.3g} of that of noise" if made.data else ""
+            screen.print(
+                f"misfit {made.runs[0].misfit:.6g} -> {made.best.misfit:.6g}{noise}; {len(made.iterates) - 1} "
+                f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
+            )  # fmt: skip
+            table = Table("unknown", "case", "recovered", "unit", "", box=None, pad_edge=False)
+            for each in made.unknowns:
+                first, last = float(each.start.mean()), float(each.best.mean())
+                best = f"{last:.6g}"
+                if each.shape == "field":
+                    best = f"{each.best.min():.6g} to {each.best.max():.6g}"
+                table.add_row(each.key, f"{first:.6g}", best, each.unit, "at bound" if each.at_bound else "")
+            screen.print(table)
+            files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
+            screen.print(f"Files: {out} ({files})", soft_wrap=True)
