@@ -75,7 +75,8 @@ def _show_support() -> None:
         rows, notes = each.numbered()
         # Names are folded in a narrow terminal: a name cut short cannot be looked up.
         first = Column(f"feature x {each.topic}", overflow="fold", min_width=20)
-        columns = (Column(name, overflow="fold", max_width=9) for name in each.columns)
+        width = max((screen.width - 21) // len(each.columns) - 1, 6)
+        columns = (Column(name, overflow="fold", max_width=width) for name in each.columns)
         shown = Table(first, *columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
         for name, *cells in rows:
             shown.add_row(name, *(Text(cell, style="" if cell.startswith("yes") else "red") for cell in cells))
