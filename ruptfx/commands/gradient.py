@@ -2,48 +2,32 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from ruptfx import RuptfxError
-from ruptfx.commands._shared import CaseFile, Overrides, errors, reported, screen
+from ruptfx.commands._gradients import Memory, Quiet, Ranks, case_on_ranks
+from ruptfx.commands._shared import CaseFile, Overrides, reported, screen
 
 
 def gradient(
     case: CaseFile,
-    ranks: Annotated[int, typer.Option(min=1, help="MPI ranks to start.")] = 1,
+    ranks: Ranks = 1,
     out: Annotated[Path | None, typer.Option(help="Directory; default gradients/<name of the case>.")] = None,
     set_: Overrides = None,
-    memory: Annotated[float, typer.Option(min=0, help="Memory for the history of the interfaces in GB.")] = 4.0,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no table.")] = False,
+    memory: Memory = 4.0,
+    quiet: Quiet = False,
 ) -> None:
     """Differentiate the objective of a case by its unknowns: one run forward and one sweep backward.
 
     Example: ruptfx gradient demos/sensitivity.toml
     """
-    from ruptfx.case import Case, read_case
     from ruptfx.platform import launch
 
     out = out or Path("gradients") / case.stem
-    with reported():
-        parsed = read_case(case, set_ or [])
-        if not isinstance(parsed, Case):
-            raise RuptfxError(f"{case}: {parsed.kind()} is a lumped model and has no gradient")
-    if ranks > 1 and launch.RANKS not in os.environ:
-        options = [item for value in set_ or [] for item in ("--set", value)] + ["--quiet"] * quiet
-        if not quiet:
-            errors.print(f"starting {ranks} ranks")
-        with reported():
-            code = launch.run_on(
-                ranks, ["gradient", "--out", str(out), "--memory", str(memory), *options, "--", str(case)]
-            )
-        if code:
-            raise typer.Exit(code)
-        return
+    parsed = case_on_ranks("gradient", case, ranks, out, set_ or [], memory, quiet)
     with reported():
         from ruptfx import fem
 

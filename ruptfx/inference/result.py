@@ -62,7 +62,7 @@ class Recovered:
 
 @dataclass(frozen=True)
 class Result:
-    """What was recovered; on all ranks.
+    """The recovered unknowns and the runs of the search; on all ranks.
 
     Attributes
     ----------
