@@ -269,8 +269,8 @@ def mach_angle(speed: float, medium: Medium) -> float:
 def mode_II_supershear(x: Array, y: Array, speed: float, medium: Medium, amplitude: float = 1.0) -> Plane2D:
     """Return the field of mode II between c_s and c_p, with the shear Mach front x = -b abs(y).
 
-    phi_xx = P Im z_p^-q; behind the Mach front psi_xx = (1 - b^2) / (2 b) P sin(pi q) abs(x + b abs(y))^-q, odd in y. At
-    sqrt(2) c_s there is no Mach front.
+    phi_xx = P Im z_p^-q; behind the Mach front psi_xx = (1 - b^2) / (2 b) P sin(pi q) abs(x + b abs(y))^-q, odd in y.
+    At sqrt(2) c_s there is no Mach front.
 
     Parameters
     ----------
