@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from ruptfx import Table
 
@@ -44,6 +43,8 @@ class SurfaceInterpolation:
     def __init__(self, data: Data, strike: np.ndarray, dip: np.ndarray) -> None:
         points = np.stack([data["position"].values, data["dip"].values], axis=1)
         origin, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+        from scipy.spatial import Delaunay  # its import would take longer than the start of a run
+
         triangles = Delaunay((points - origin) / extent)
         wanted = (np.stack([strike, dip], axis=1) - origin) / extent
         found = triangles.find_simplex(wanted, tol=TOUCH)
