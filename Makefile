@@ -30,16 +30,16 @@ lint: env ## style, types, import contract
 EVERY_KEY := tests/contracts/test_every_key.py
 FILES := -n 2 --dist loadfile --durations=40 --durations-min=3
 TESTS := -n 2 --dist load --durations=40 --durations-min=3
-test: lint ## lint, tests of parts, contracts and faults on 1 rank, the MPI tests on 2 ranks, the demo at small size
-	timeout 1500 $(BIN)/python -m pytest $(FILES) $(addprefix --ignore=,tests/container tests/verification $(EVERY_KEY))
+test: lint ## lint, tests of parts and contracts on 1 rank, the MPI tests on 2 ranks, the demo at small size
+	timeout 1500 $(BIN)/python -m pytest $(FILES) tests/unit tests/contracts tests/docs --ignore=$(EVERY_KEY)
 	timeout 900 "$$($(BIN)/python -c 'from ruptfx.platform.launch import find_mpiexec; print(find_mpiexec())')" -n 2 \
 	    $(BIN)/python -m pytest -p no:cacheprovider tests/mpi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && timeout 300 $(BIN)/ruptfx run demos/impact.toml --ranks 2 \
 	    --out "$$out/demo" --set mesh.element_size=4e-3 --set duration=20e-6
 
 # Without the figures of benchmarks: their tests run every benchmark, which `bench` does.
-verify: env ## exact solutions and other codes, every key of a case, and the tests that take minutes
-	timeout 1200 $(BIN)/python -m pytest $(FILES) tests/verification
+verify: env ## exact solutions and other codes, kills and faults, files of 1 to 3 ranks, every key, and what takes minutes
+	timeout 1800 $(BIN)/python -m pytest $(FILES) tests/verification tests/faults tests/mpi
 	timeout 900 $(BIN)/python -m pytest $(TESTS) $(EVERY_KEY)
 	timeout 1200 $(BIN)/python -m pytest $(TESTS) -m slow tests --ignore=tests/contracts/test_bench_figures.py
 
