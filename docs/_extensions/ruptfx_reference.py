@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import ast
 import fnmatch
 import inspect
 import json
@@ -32,7 +31,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
 
 from ruptfx import bench
-from ruptfx.bench import _speed_tables, demo_times
+from ruptfx.bench import _speed_tables
 from ruptfx.cli import app
 from ruptfx.fields import DERIVED, FIELDS, MONITORS, OF_SLIDING
 from ruptfx.input.quantities import with_prefix
@@ -243,8 +242,7 @@ class Bench(Directive):
 
 def about(name: str) -> str:
     """Return the first paragraph of the docstring of a benchmark."""
-    text = ast.get_docstring(ast.parse((Path(bench.__file__).parent / f"{name}.py").read_text())) or ""
-    return " ".join(text.partition("\n\n")[0].split())
+    return " ".join(bench.description(bench.benchmarks()[name]).partition("\n\n")[0].split())
 
 
 def linked(name: str, text: str, page: str = "") -> nodes.paragraph:
@@ -384,6 +382,17 @@ class Speed(Directive):
         return [table(header, rows, (24, *(10,) * (len(header) - 1)), literal=0)]
 
 
+def rounded(seconds: float) -> str:
+    """Return a time as rounded text; the rounding is coarser than the scatter between machines."""
+    if seconds < 1.5:
+        return "1 s"
+    if seconds < 10:
+        return f"{seconds:.0f} s"
+    if seconds < 90:
+        return f"{5 * round(seconds / 5)} s"
+    return f"{round(seconds / 30) / 2:g} min"
+
+
 class Time(SphinxRole):
     """Processor time of a demo, from the saved results of `ruptfx bench demo_times`."""
 
@@ -393,7 +402,7 @@ class Time(SphinxRole):
         seconds = {row["demo"]: row["seconds"] for row in json.loads(path.read_text())["rows"]}
         if self.text not in seconds:
             raise ValueError(f"{self.text}: no time of it in {path.name}; has it been run by ruptfx bench demo_times?")
-        return [nodes.Text(demo_times.rounded(seconds[self.text]))], []
+        return [nodes.Text(rounded(seconds[self.text]))], []
 
 
 def without_keys(app: Sphinx, what: str, name: str, obj: object, *_: object) -> tuple[str, None] | None:

@@ -1,8 +1,9 @@
 """Verification and speed benchmarks with acceptance numbers that can fail: ``ruptfx bench NAME``.
 
-A benchmark is one file of this folder, found by its name. It defines ``run(fine, comm)``, which returns an `Outcome`
-(or just its checks). Its docstring says what the problem is and where the expected numbers come from; a number that
-does not come out is a failed check, not a wider tolerance.
+A benchmark is one file, found by its name: of this folder, the core set that checks an installation, or of
+``tests/benchmarks`` in a checkout, which reproduces published problems. It defines ``run(fine, comm)``, which returns
+an `Outcome` (or just its checks). Its docstring says what the problem is and where the expected numbers come from; a
+number that does not come out is a failed check, not a wider tolerance.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ from typing import TYPE_CHECKING, Literal
 
 from ruptfx import RuptfxError, Table
 from ruptfx.platform.terminal import console
-from ruptfx.schema import kinds, nearest
+from ruptfx.schema import nearest
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from matplotlib.figure import Figure
     from rich.console import Console
 
@@ -35,6 +38,10 @@ if TYPE_CHECKING:
 
 # Measurements of speed and cost, to be made when nothing else runs: not among all.
 OF_THE_MACHINE = ("speed", "crack_speed", "sliding_cost", "command_cost", "mode_map", "demo_times")
+
+
+CORE = Path(__file__).parent
+IN_A_CHECKOUT = Path("tests", "benchmarks")
 
 
 @dataclass(frozen=True)
@@ -92,9 +99,65 @@ class Outcome:
     rows: list[Table] | None = None
 
 
+def checkout_folder() -> Path | None:
+    """Return the folder of the other benchmarks if the package runs from a checkout, None if it is installed."""
+    checkout = CORE.parents[1]
+    found = checkout / IN_A_CHECKOUT
+    return found if found.is_dir() and (checkout / "pyproject.toml").is_file() else None
+
+
+def benchmarks(folder: str | Path | None = None) -> dict[str, Path]:
+    """Return the files of all benchmarks by their names, those of the core set first.
+
+    Parameters
+    ----------
+    folder : str or Path, optional
+        Further benchmarks, by default those of the checkout that the package runs from.
+
+    Raises
+    ------
+    RuptfxError
+        The folder has no benchmarks, or a name is in both folders.
+    """
+    others = checkout_folder() if folder is None else Path(folder).resolve()
+    core, found = _files(CORE), {} if others is None else _files(others)
+    if folder is not None and not found:
+        raise RuptfxError(f"bench --from {folder}: no benchmarks there; give the folder {IN_A_CHECKOUT} of a checkout")
+    if both := sorted(core.keys() & found):
+        raise RuptfxError(f"bench {both[0]}: both in {CORE} and in {others}; rename one of them")
+    return {**core, **found}
+
+
+def _files(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.glob("*.py")) if not path.stem.startswith("_")}
+
+
+def module_of(path: Path) -> ModuleType:
+    """Return the module of a benchmark.
+
+    A file outside of the package is imported as one of the package that its folder is, so that it can import files
+    beside it (``from benchmarks.tpv101 import line``).
+
+    Raises
+    ------
+    RuptfxError
+        Another package of the same name was imported before.
+    """
+    if path.parent == CORE:
+        return importlib.import_module(f"ruptfx.bench.{path.stem}")
+    above = str(path.parent.parent)
+    if above not in sys.path:
+        sys.path.insert(0, above)
+    module = importlib.import_module(f"{path.parent.name}.{path.stem}")
+    if module.__file__ is None or Path(module.__file__).resolve() != path:
+        raise RuptfxError(f"bench {path.stem}: {path.parent.name} is also the name of a package, {module.__file__}")
+    return module
+
+
 def run_benchmark(
-    name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1
-) -> bool:
+    name: str, as_json: bool = False, fine: bool = False, out: str | Path = "bench", jobs: int = 1,
+    folder: str | Path | None = None,
+) -> bool:  # fmt: skip
     """Run one benchmark, or `all`; print its table, save its figure and its numbers.
 
     `list` only lists them; `table` prints the saved numbers of earlier runs as one table in Markdown. `all` goes on
@@ -111,6 +174,8 @@ def run_benchmark(
         Folder of figures and numbers.
     jobs : int
         Benchmarks of `all` that run at the same time, each in a process of its own.
+    folder : str or Path, optional
+        Further benchmarks, by default those of the checkout that the package runs from.
 
     Returns
     -------
@@ -122,7 +187,7 @@ def run_benchmark(
     RuptfxError
         No benchmark of that name, or one that was run by its name broke down.
     """
-    known = kinds("ruptfx.bench")
+    known = benchmarks(folder)
     if name == "list":
         _list(known)
         return True
@@ -130,11 +195,12 @@ def run_benchmark(
     if name == "table":
         return _markdown(every, Path(out))
     if name != "all" and name not in known:
-        raise RuptfxError(f"bench {name}: no such benchmark, {nearest(name, [*known, 'all', 'list', 'table'])}")
+        raise RuptfxError(f"bench {name}: {_unknown(name, known)}")
     alone = name != "all"
     outcomes = {}
     chosen = [name] if alone else every
-    for number, (each, (outcome, seconds)) in enumerate(_each(chosen, fine, Path(out), alone, jobs), 1):
+    ended = _each({each: known[each] for each in chosen}, fine, Path(out), alone, jobs)
+    for number, (each, (outcome, seconds)) in enumerate(ended, 1):
         outcomes[each] = outcome
         if not as_json:
             _print(each, outcome.checks, seconds, alone)
@@ -181,16 +247,29 @@ def _in_words(checks: Sequence[tuple[str, Check]]) -> list[str]:
     ]
 
 
-def _list(names: list[str]) -> None:
+def _unknown(name: str, known: Mapping[str, Path]) -> str:
+    """Return why there is no benchmark of that name; without a checkout, also where the others are."""
+    said = f"no such benchmark, {nearest(name, [*known, 'all', 'list', 'table'])}"
+    if any(path.parent != CORE for path in known.values()):
+        return said
+    return f"{said}; those that reproduce published problems are in a checkout of ruptfx: --from {IN_A_CHECKOUT}"
+
+
+def description(path: Path) -> str:
+    """Return the docstring of a benchmark, read without an import: most need DOLFINx to run, but not to be listed."""
+    return ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+
+
+def _list(known: Mapping[str, Path]) -> None:
     from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name in names:
-        # Read instead of imported: most benchmarks need DOLFINx to run, but not to be listed.
-        text = ast.get_docstring(ast.parse((Path(__file__).parent / f"{name}.py").read_text())) or ""
-        text = text.partition("\n")[0]
-        table.add_row(name, text)
-    _screen().print(table)
+    for folder in dict.fromkeys(path.parent for path in known.values()):
+        title = "core set: checks an installation" if folder == CORE else f"published problems: {folder}"
+        table = Table(box=None, pad_edge=False, show_header=False, title=title, title_justify="left")
+        for name, path in known.items():
+            if path.parent == folder:
+                table.add_row(name, description(path).partition("\n")[0])
+        _screen().print(table)
 
 
 def _screen() -> Console:
@@ -203,35 +282,36 @@ _MANY = 30  # a benchmark with more passed checks than this is shown as one row
 
 
 def _each(
-    names: Sequence[str], fine: bool, out: Path, alone: bool, jobs: int
+    files: Mapping[str, Path], fine: bool, out: Path, alone: bool, jobs: int
 ) -> Iterator[tuple[str, tuple[Outcome, float]]]:
     """Yield benchmarks with their outcomes and seconds, in the order in which they end."""
     if jobs == 1 or alone:
-        yield from ((name, _run(name, fine, out, alone)) for name in names)
+        yield from ((name, _run(path, fine, out, alone)) for name, path in files.items())
         return
     # A process for each benchmark, started afresh: MPI cannot be forked, and communicators are never exhausted.
     with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-        pending = {pool.submit(_run_apart, name, fine, out): name for name in names}
+        pending = {pool.submit(_run_apart, path, fine, out): name for name, path in files.items()}
         for done in as_completed(pending):
             yield pending[done], done.result()
 
 
-def _run_apart(name: str, fine: bool, out: Path) -> tuple[Outcome, float]:
+def _run_apart(path: Path, fine: bool, out: Path) -> tuple[Outcome, float]:
     """Run one benchmark of `all`; return what another process can read of it."""
-    outcome, seconds = _run(name, fine, out, alone=False)
+    outcome, seconds = _run(path, fine, out, alone=False)
     return replace(outcome, draw=None), seconds
 
 
-def _run(name: str, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float]:
+def _run(path: Path, fine: bool, out: Path, alone: bool) -> tuple[Outcome, float]:
     """Run one benchmark, save its numbers and figure; return the outcome and the time in seconds.
 
     A benchmark that raises an error while several are run becomes a failed check, so that the others still run.
     """
+    name = path.stem
     out.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
     console(stderr=True).print(f"{name} ...")
     try:
-        result = importlib.import_module(f"ruptfx.bench.{name}").run(fine, _world())
+        result = module_of(path).run(fine, _world())
         seconds = time.perf_counter() - began
         outcome = result if isinstance(result, Outcome) else Outcome(list(result))
         if outcome.draw is not None:

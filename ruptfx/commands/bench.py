@@ -12,9 +12,9 @@ from ruptfx.commands._shared import EXIT_ERROR, completed_from, reported
 
 def names() -> list[str]:
     """Return the arguments of `ruptfx bench`."""
-    from ruptfx.schema import own_kinds
+    from ruptfx.bench import benchmarks
 
-    return ["all", "list", "table", *own_kinds("ruptfx.bench")]
+    return ["all", "list", "table", *benchmarks()]
 
 
 def bench(
@@ -28,13 +28,23 @@ def bench(
     fine: Annotated[bool, typer.Option("--fine", help="The resolution of the release table.")] = False,
     out: Annotated[Path, typer.Option(help="Folder of figures and numbers.")] = Path("bench"),
     jobs: Annotated[int, typer.Option(min=1, help="Benchmarks of `all` that run at the same time.")] = 1,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            help="Folder of further benchmarks: `tests/benchmarks` of a checkout. A package that runs from its "
+            "checkout finds them without.",
+        ),
+    ] = None,
 ) -> None:
     """Run verification and speed benchmarks; list failed checks at the end and exit non-zero if there are any.
+
+    The core set checks an installation. The others reproduce published problems, and are in a checkout.
 
     Example: ruptfx bench waves --fine
     """
     with reported():
         from ruptfx.bench import run_benchmark
 
-        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs):
+        if not run_benchmark(name, as_json=as_json, fine=fine, out=out, jobs=jobs, folder=folder):
             raise typer.Exit(EXIT_ERROR)

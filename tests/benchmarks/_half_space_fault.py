@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import RK45
 
-from ruptfx.bench._cycles import Cycles
+from benchmarks._cycles import Cycles
 
 LONGEST = 0.5 * 365.25 * 24 * 3600  # s, of a step
 

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import tomli_w
 
+from benchmarks.time_order import CONTACTS, LAWS, plates
 from ruptfx import RuptfxError, Table
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.unknowns import perturbed, places
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
-from ruptfx.bench.time_order import CONTACTS, LAWS, plates
 from ruptfx.case import Case
 from ruptfx.model import Model
 from ruptfx.platform import launch

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._cycles import Cycles
+from benchmarks._half_space_fault import HalfSpaceFault
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._cycles import Cycles
-from ruptfx.bench._half_space_fault import HalfSpaceFault
 from ruptfx.case import Case
 from ruptfx.model import Model
 

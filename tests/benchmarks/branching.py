@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._broken import Broken, broken, demo, rigid
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import Broken, broken, demo, rigid
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._broken import Broken, broken, demo, rigid
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import Broken, broken, demo, rigid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

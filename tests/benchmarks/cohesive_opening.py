@@ -27,9 +27,9 @@ from pydantic import TypeAdapter
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from benchmarks._broken import openings, rigid
 from ruptfx import Table
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import openings, rigid
 from ruptfx.case import Case
 from ruptfx.cohesion import AnyCohesion, CohesiveLaw
 from ruptfx.model import Model

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import tomli_w
 
+from benchmarks._broken import demo
 from ruptfx import RuptfxError
 from ruptfx.analysis.compression import Emission, Loading, emission_of, loading
 from ruptfx.analysis.emission import BValue, FractalDimension
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import demo
 from ruptfx.case import Case
 from ruptfx.cohesion.linear import Linear
 from ruptfx.cracks import CrackLaws

@@ -12,18 +12,20 @@ cells was set from what was found once, 5.8 on a busy one, to notice when a step
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from copy import copy
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._broken import demo, rigid
 from ruptfx import RuptfxError, Table, fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import demo, rigid
 from ruptfx.bench.speed import median_time, timed_steps
 from ruptfx.case import Case
 from ruptfx.model import Model
@@ -162,9 +164,10 @@ def _on_ranks(ranks: int, kind: str) -> Table:
     RuptfxError
         If these processes fail, with their output.
     """
+    path = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
-        launch.mpi_command(ranks, "ruptfx.bench.crack_speed", kind, str(LARGE)), env=launch.mpi_environment(ranks),
-        capture_output=True, text=True, check=False, timeout=1800,
+        launch.mpi_command(ranks, "benchmarks.crack_speed", kind, str(LARGE)), capture_output=True, text=True,
+        env={**launch.mpi_environment(ranks), "PYTHONPATH": os.pathsep.join(path)}, check=False, timeout=1800,
     )  # fmt: skip
     if done.returncode:
         raise RuptfxError(f"bench crack_speed, {kind} on {ranks} ranks: {done.stderr.strip()[-2000:]}")

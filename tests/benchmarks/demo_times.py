@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ruptfx
+from benchmarks.command_cost import QUICK
 from ruptfx import RuptfxError
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._parts import Parts
-from ruptfx.bench.command_cost import QUICK
 from ruptfx.case import Case, read_case
 from ruptfx.lumped import LumpedModel
 
@@ -75,14 +75,3 @@ def processor_time(path: Path) -> tuple[float, float]:
             said.seek(0)
             raise RuptfxError(f"bench demo_times, {path.name}: {said.read().strip()[-2000:]}")
     return usage.ru_utime + usage.ru_stime, wall
-
-
-def rounded(seconds: float) -> str:
-    """Return a time as rounded text; the rounding is coarser than the scatter between machines."""
-    if seconds < 1.5:
-        return "1 s"
-    if seconds < 10:
-        return f"{seconds:.0f} s"
-    if seconds < 90:
-        return f"{5 * round(seconds / 5)} s"
-    return f"{round(seconds / 30) / 2:g} min"

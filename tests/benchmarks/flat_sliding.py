@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks._rubbing_blocks import SPEED, Blocks, rub
 from ruptfx import fem
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._rubbing_blocks import SPEED, Blocks, rub
 from ruptfx.platform import parallel
 from ruptfx.sliding.interface import SlidingInterface
 from ruptfx.state import State

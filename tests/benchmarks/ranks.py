@@ -10,8 +10,9 @@ import h5py
 import numpy as np
 import tomli_w
 
+from benchmarks import bimaterial, tpv101, tpv103, tpv205
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, Outcome, bimaterial, tpv101, tpv103, tpv205
+from ruptfx.bench import Check, Outcome
 from ruptfx.case import parse_case
 from ruptfx.platform import launch
 

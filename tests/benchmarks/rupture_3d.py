@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.waves_3d import corner, fixed
 from ruptfx import Table, fem
 from ruptfx.bench import Check, Outcome
 from ruptfx.bench._rupture import elastic
-from ruptfx.bench.waves_3d import corner, fixed
 from ruptfx.case import Case
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.meshes._lattice import row_levels

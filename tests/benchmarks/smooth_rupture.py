@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import bimaterial as smooth
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench import bimaterial as smooth
 from ruptfx.bench._rupture import Rupture, rupture
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._broken import openings, rigid
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import openings, rigid
 from ruptfx.case import Case
 from ruptfx.model import Model
 

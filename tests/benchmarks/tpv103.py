@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.tpv101 import TAPER, converge, draw, line
 from ruptfx import Table
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench.tpv101 import TAPER, converge, draw, line
 from ruptfx.friction.rate_and_state_flash_heating import RateAndStateFlashHeating
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+import ruptfx
 from ruptfx import Table
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import parse_case
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from ruptfx.case import Case
     from ruptfx.fem import MPI
 
-DEMO = Path(__file__).parents[1] / "demos" / "strike_slip_3d.toml"
+DEMO = Path(ruptfx.__file__).with_name("demos") / "strike_slip_3d.toml"
 SLIP = 0.2  # m
 STATIONS = {(0.0, 0.0): 3.552, (-7.5e3, 7.5e3): 2.765, (12e3, 7.5e3): 5.383, (-12e3, 0.0): 5.180}
 """Time at which the slip is 0.2 m [s], by position along strike and down dip [m]."""

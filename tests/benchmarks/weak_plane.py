@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks._broken import broken, rigid
 from ruptfx.bench import Check, Outcome
-from ruptfx.bench._broken import broken, rigid
 from ruptfx.case import Case
 
 if TYPE_CHECKING:

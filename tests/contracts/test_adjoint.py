@@ -19,12 +19,12 @@ from ruptfx.schema import CaseError, alternatives
 
 pytest.importorskip("dolfinx")
 
+from benchmarks import adjoint as bench
+from benchmarks.time_order import CONTACTS, LAWS
 from ruptfx import RuptfxError, fem, gradient
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.sweeps import Sweeps
 from ruptfx.adjoint.unknowns import perturbed, places
-from ruptfx.bench import adjoint as bench
-from ruptfx.bench.time_order import CONTACTS, LAWS
 from ruptfx.instruments._readings import ModelReadings
 from ruptfx.model import Model
 from ruptfx.platform import launch

@@ -6,7 +6,6 @@ Those that take longer than a second to compute are drawn with `-m slow`, seven 
 from __future__ import annotations
 
 import ast
-import importlib
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
@@ -17,25 +16,23 @@ import xarray
 from labels import label_faults
 from matplotlib.figure import Figure
 
-import ruptfx.bench
-from ruptfx.bench import OF_THE_MACHINE, Outcome
-from ruptfx.schema import own_kinds
+from ruptfx.bench import OF_THE_MACHINE, Outcome, benchmarks, module_of
 
 pytest.importorskip("dolfinx")
 
-FOLDER = Path(ruptfx.bench.__file__).parent
+FILES = benchmarks(Path(__file__).parents[1] / "benchmarks")
 QUICK = ("waves", "cohesive_opening", "impact_bar")
 
 
-def draws(name: str) -> bool:
+def draws(path: Path) -> bool:
     """Whether its outcome has a figure: read, as it takes the run to know."""
-    tree = ast.parse((FOLDER / f"{name}.py").read_text())
+    tree = ast.parse(path.read_text())
     made = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "Outcome"]
     return any(len(call.args) > 1 or any(word.arg == "draw" for word in call.keywords) for call in made)
 
 
 FINE_ONLY = {"smooth_sliding"}  # draws with --fine, which takes a quarter of an hour
-NAMES = [name for name in own_kinds("ruptfx.bench") if name not in (*OF_THE_MACHINE, *FINE_ONLY) and draws(name)]
+NAMES = [name for name, path in FILES.items() if name not in (*OF_THE_MACHINE, *FINE_ONLY) and draws(path)]
 
 
 @pytest.mark.fem
@@ -45,7 +42,7 @@ NAMES = [name for name in own_kinds("ruptfx.bench") if name not in (*OF_THE_MACH
 def test_labels_keep_apart(name: str) -> None:
     from ruptfx import fem
 
-    outcome = importlib.import_module(f"ruptfx.bench.{name}").run(False, fem.MPI.COMM_WORLD)
+    outcome = module_of(FILES[name]).run(False, fem.MPI.COMM_WORLD)
     assert isinstance(outcome, Outcome) and outcome.draw is not None
     figure = outcome.draw()
     figure.set_dpi(150)
@@ -56,8 +53,8 @@ def test_labels_keep_apart(name: str) -> None:
 
 
 def bp1() -> Figure:
-    from ruptfx.bench import bp1 as bench
-    from ruptfx.bench._cycles import Cycles, Profile
+    from benchmarks import bp1 as bench
+    from benchmarks._cycles import Cycles, Profile
 
     year = bench.YEAR
     times = [float(time) for time in np.linspace(0, 1100, 300) * year]
@@ -70,18 +67,18 @@ def bp1() -> Figure:
 
 
 def branching() -> Figure:
-    from ruptfx.bench import branching as bench
-    from ruptfx.bench._broken import Broken
+    from benchmarks import branching as bench
+    from benchmarks._broken import Broken
 
     ends = 1e-3 * np.array([[[x, 0.0], [x + 5, 0.1 * x]] for x in range(0, 45, 5)])
     return bench._draw({kind: Broken({}, ends, np.zeros(1), {}, 0.0) for kind in ("intrinsic", "extrinsic")})
 
 
 def fronts() -> Figure:
+    from benchmarks import fronts as bench
     from ruptfx.analysis.energy_release import Moment
     from ruptfx.analysis.front_fit import FrontFit, Trace
     from ruptfx.analysis.near_tip import mode_II
-    from ruptfx.bench import fronts as bench
 
     none = Moment(*[np.zeros(0)] * 6)
     drawn, time = [], np.linspace(0, 60e-6, 200)
@@ -95,7 +92,7 @@ def fronts() -> Figure:
 
 
 def lumped() -> Figure:
-    from ruptfx.bench import lumped as bench
+    from benchmarks import lumped as bench
 
     alpha, few = np.geomspace(0.1, 10, 20), np.array(list(bench.PILOT))
     eps = np.array(list(bench.MODULATION))
@@ -110,19 +107,19 @@ def lumped() -> Figure:
 
 
 def memory() -> Figure:
-    from ruptfx.bench import memory as bench
+    from benchmarks import memory as bench
 
     return bench._draw(1_002_001, [800.0 / ranks for ranks in bench.RANKS])
 
 
 def ranks() -> Figure:
-    from ruptfx.bench import ranks as bench
+    from benchmarks import ranks as bench
 
     return bench._draw(["tpv101", "tpv103", "tpv205", "bimaterial"], [1e-12, 0.0, 3e-15, 2e-13])
 
 
 def tpv205() -> Figure:
-    from ruptfx.bench import tpv205 as bench
+    from benchmarks import tpv205 as bench
     from ruptfx.bench._rupture import Rupture
 
     position, time = np.linspace(-20e3, 20e3, 401), np.linspace(0, 12, 200)

@@ -10,7 +10,7 @@ from crack_cases import meeting_blocks
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench.collisions import NEVER, Flight, pair
+from benchmarks.collisions import NEVER, Flight, pair
 from ruptfx.case import parse_case
 from ruptfx.checks.preflight import preflight
 from ruptfx.model import Model

@@ -17,8 +17,8 @@ from ruptfx.schema import CaseError
 
 pytest.importorskip("dolfinx")
 
+from benchmarks.materials import Block, column_of_layers, trapped_period
 from ruptfx import fem, operators
-from ruptfx.bench.materials import Block, column_of_layers, trapped_period
 from ruptfx.boundaries._loading import Loads
 from ruptfx.case import Case, parse_case
 from ruptfx.materials._traced import traced

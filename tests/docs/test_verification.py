@@ -14,7 +14,7 @@ from messages import says
 from page_blocks import ROOT
 
 from ruptfx.bench import Check
-from ruptfx.schema import own_kinds
+from ruptfx.bench import benchmarks as all_benchmarks
 
 pytest.importorskip("sphinx")
 PAGES = ROOT / "docs" / "verification"
@@ -72,4 +72,12 @@ def test_rows_name_tests_and_benchmarks_that_exist() -> None:
     alone = set(re.findall(r"`(test_\w+\.py)`", text))
     assert all(any(ROOT.glob(f"tests/*/{name}")) for name in alone)
     benchmarks = set(re.findall(r"`ruptfx bench (\w+)", text))
-    assert len(benchmarks) > 20 and benchmarks <= {*own_kinds("ruptfx.bench")}
+    assert len(benchmarks) > 20 and benchmarks <= {*all_benchmarks(ROOT / "tests" / "benchmarks")}
+
+
+@pytest.mark.parametrize(
+    "seconds, told",
+    [(0.4, "1 s"), (1.6, "2 s"), (9.4, "9 s"), (12.6, "15 s"), (57.0, "55 s"), (100, "1.5 min"), (290, "5 min")],
+)
+def test_times_of_the_gallery_are_rounded(pages: ModuleType, seconds: float, told: str) -> None:
+    assert pages.rounded(seconds) == told

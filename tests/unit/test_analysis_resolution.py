@@ -152,7 +152,7 @@ def test_a_rupture_that_runs(tmp_path):
 def test_chatter_of_different_materials(damping, tmp_path):
     """Coulomb friction without memory is ill-posed between them: whatever happens is the mesh's."""
     pytest.importorskip("dolfinx")
-    from ruptfx.bench import bimaterial
+    from benchmarks import bimaterial
 
     table = merged(bimaterial.case(8e-5, bimaterial.COULOMB), {"damping.kelvin_voigt.fraction": damping or None})
     found = run(table if damping else merged(table, {"damping": None}), tmp_path / "run")

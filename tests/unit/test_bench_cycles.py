@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ruptfx.bench._cycles import Cycles
-from ruptfx.bench._half_space_fault import HalfSpaceFault
+from benchmarks._cycles import Cycles
+from benchmarks._half_space_fault import HalfSpaceFault
 
 G, C_S, SIGMA, V_P = 32e9, 3464.0, 50e6, 1e-9
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 import tomli_w
 
+from benchmarks import mode_map
 from ruptfx import RuptfxError
-from ruptfx.bench import Check, mode_map, speed
+from ruptfx.bench import Check, speed
 from ruptfx.bench._parts import Parts
 from ruptfx.bench._speed_tables import FIRST, STEPS, aim_rows, phase_table, step_rows
 from ruptfx.bench._timings import fault_case

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
+from messages import says
 
 import ruptfx.bench
-from ruptfx.bench import Check, run_benchmark, verdict
+from ruptfx import RuptfxError
+from ruptfx.bench import CORE, Check, benchmarks, checkout_folder, run_benchmark, verdict
 from ruptfx.bench._parts import ratio
+
+OTHERS = Path(__file__).parents[1] / "benchmarks"
 
 BENCHMARKS = {
     "slow_one": 'return [Check("speed", 3.0, 3.0), Check("step", 0.5, 0.8, 0, "s", "aim", "at most", timing=True)]',
@@ -22,14 +27,14 @@ BENCHMARKS = {
 @pytest.fixture
 def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Only these benchmarks, in files of their own."""
-    folder = tmp_path / "benchmarks"
+    folder = tmp_path / f"of_{tmp_path.name}"  # modules are known by the name of their folder
     folder.mkdir()
     for name, result in BENCHMARKS.items():
         (folder / f"{name}.py").write_text(
             f'"""An example."""\nfrom ruptfx.bench import Check\n\n\ndef run(fine, comm):\n    {result}\n'
         )
-    monkeypatch.setattr(ruptfx.bench, "__path__", [str(folder)])
-    monkeypatch.setattr(ruptfx.bench, "kinds", lambda package: list(BENCHMARKS))
+    files = {name: folder / f"{name}.py" for name in BENCHMARKS}
+    monkeypatch.setattr(ruptfx.bench, "benchmarks", lambda folder: files)
     return tmp_path
 
 
@@ -46,9 +51,10 @@ def test_all_ends_with_the_checks_that_failed(known: Path, capsys: pytest.Captur
 
 
 def test_benchmarks_run_at_the_same_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    # Real ones: the processes that run them find them by their names.
+    # Real ones, of the package and of the checkout: the processes that run them import them by themselves.
     names = ["waves", "plane_waves"]
-    monkeypatch.setattr(ruptfx.bench, "kinds", lambda package: names)
+    files = {name: benchmarks(OTHERS)[name] for name in names}
+    monkeypatch.setattr(ruptfx.bench, "benchmarks", lambda folder: files)
     found = {}
     for jobs in (1, 2):
         assert run_benchmark("all", as_json=True, out=tmp_path / str(jobs), jobs=jobs)
@@ -82,3 +88,50 @@ def test_a_ratio_over_nothing_fails() -> None:
     """As where a column of energies is lost: the row fails, and the benchmark goes on."""
     assert ratio(1.0, 4.0) == 0.25
     assert not Check("lost", 4.0, ratio(0.0, 0.0), relation="at least").passed
+
+
+def test_new_files_of_both_folders_are_found_by_name() -> None:
+    found = benchmarks(OTHERS)
+    for folder in (CORE, OTHERS):
+        names = {path.stem for path in folder.glob("*.py") if not path.stem.startswith("_")}
+        assert {name for name, path in found.items() if path.parent == folder} == names
+    assert {"waves", "growth", "stress_barrier", "speed"} < {path.stem for path in CORE.glob("*.py")}
+
+
+def test_the_core_set_imports_nothing_of_the_others() -> None:
+    """It runs from a wheel, which has no tests."""
+    others = re.compile(r"^ *(from|import) benchmarks", re.MULTILINE)
+    assert [path.name for path in CORE.glob("*.py") if others.search(path.read_text())] == []
+
+
+def test_without_a_checkout_a_message_says_where_the_others_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ruptfx.bench, "checkout_folder", lambda: None)
+    with pytest.raises(RuptfxError) as raised:
+        run_benchmark("bp1", out=tmp_path)
+    assert says("--from tests/benchmarks", str(raised.value))
+    assert run_benchmark("list", out=tmp_path) and "bp1" not in capsys.readouterr().out
+    assert run_benchmark("list", out=tmp_path, folder=OTHERS) and "bp1" in capsys.readouterr().out
+    with pytest.raises(RuptfxError) as raised:
+        run_benchmark("list", folder=tmp_path)
+    assert says(f"--from {tmp_path}", str(raised.value))
+    with pytest.raises(RuptfxError) as raised:
+        run_benchmark("bp2", out=tmp_path, folder=OTHERS)
+    assert "'bp1'" in str(raised.value) and "--from" not in str(raised.value)
+
+
+def test_a_name_is_in_one_folder_only(tmp_path: Path) -> None:
+    (tmp_path / "waves.py").write_text("")
+    with pytest.raises(RuptfxError) as raised:
+        benchmarks(tmp_path)
+    assert says("bench waves", str(raised.value))
+
+
+def test_a_checkout_is_known_by_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some packages install a folder `tests` beside others."""
+    monkeypatch.setattr(ruptfx.bench, "CORE", tmp_path / "ruptfx" / "bench")
+    (tmp_path / "tests" / "benchmarks").mkdir(parents=True)
+    assert checkout_folder() is None
+    (tmp_path / "pyproject.toml").touch()
+    assert checkout_folder() == tmp_path / "tests" / "benchmarks"

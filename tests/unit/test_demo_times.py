@@ -1,4 +1,4 @@
-"""Times that the gallery tells: of whole processes with all they start, rounded to what a machine repeats."""
+"""Times of demos: of whole processes with all they start."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ruptfx import RuptfxError
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench import demo_times
-from ruptfx.bench.demo_times import processor_time, rounded
+from benchmarks import demo_times
+from benchmarks.demo_times import processor_time
 
 BUSY = "import time\nwhile time.process_time() < {seconds}: pass\n"
 
@@ -29,14 +29,6 @@ def test_a_script_that_fails_says_why(tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text("raise SystemExit('no such mesh')")
     with pytest.raises(RuptfxError, match=facts(r"demo_times, broken\.py: no such mesh")):
         processor_time(tmp_path / "broken.py")
-
-
-@pytest.mark.parametrize(
-    "seconds, told",
-    [(0.4, "1 s"), (1.6, "2 s"), (9.4, "9 s"), (12.6, "15 s"), (57.0, "55 s"), (100, "1.5 min"), (290, "5 min")],
-)
-def test_told(seconds: float, told: str) -> None:
-    assert rounded(seconds) == told
 
 
 def test_what_is_timed() -> None:

@@ -16,7 +16,6 @@ from messages import facts
 from small_cases import SPLIT, plates, slip_weakening, unstressed
 
 import ruptfx
-import ruptfx.bench
 from ruptfx import lumped
 from ruptfx.bench import run_benchmark
 from ruptfx.case import parse_case, read_case
@@ -280,10 +279,9 @@ def test_monitor_and_figure(tmp_path: Path) -> None:
         np.testing.assert_array_equal(line.get_ydata(), record.interface.opening.values.max(axis=0))
 
 
-def test_benchmark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_benchmark(tmp_path: Path) -> None:
     (tmp_path / "rayleigh_example.py").write_text(EXAMPLES["Benchmark"], encoding="utf-8")
-    monkeypatch.setattr(ruptfx.bench, "__path__", [*ruptfx.bench.__path__, str(tmp_path)])
-    assert run_benchmark("rayleigh_example", out=tmp_path / "numbers")
+    assert run_benchmark("rayleigh_example", out=tmp_path / "numbers", folder=tmp_path)
     assert (tmp_path / "numbers" / "rayleigh_example.json").is_file()
 
 

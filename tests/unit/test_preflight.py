@@ -461,7 +461,7 @@ def test_time_memory_and_files_of_the_whole_command(tmp_path: Path) -> None:
     """Within 30 % of what `ruptfx run` takes, with pictures; its time, as others use the machine, within a factor."""
     import tomli_w
 
-    from ruptfx.bench.command_cost import ALIKE, compared
+    from benchmarks.command_cost import ALIKE, compared
 
     table = plates({"duration": 20e-6, "output.figures": True, "boundaries": [
         {"kind": "driven", "edge": "upper.left", "component": "x", "velocity": 2.0}

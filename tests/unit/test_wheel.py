@@ -62,7 +62,7 @@ def test_it_holds_every_file_of_the_package(wheel: Path) -> None:
     }  # fmt: skip
     names = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
     missing = {name for name in wanted - names if name.count("/") < 3 or not name.startswith("ruptfx/demos/")}
-    assert not missing and "ruptfx/py.typed" in names
+    assert not missing and "ruptfx/py.typed" in names and not {name for name in names if "tpv101" in name}
     assert not [name for name in names if not name.startswith("ruptfx/") or "__pycache__" in name]
 
 
@@ -88,3 +88,21 @@ def test_it_works_without_a_clone(installed: Path, tmp_path: Path) -> None:
     assert "stable time step" in run("-m", "ruptfx", "check", "own.toml", *small)
     run("-m", "ruptfx", "run", "own.toml", *small, "--quiet")
     assert list((tmp_path / "runs" / "own" / "figures").glob("*.png"))
+
+
+def test_benchmarks_of_a_checkout_run_with_the_wheel(installed: Path, tmp_path: Path) -> None:
+    """The core set alone, with the others where their folder is given."""
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+
+    def bench(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "ruptfx", "bench", *arguments], cwd=tmp_path, env=environment,
+                              capture_output=True, text=True, timeout=300)  # fmt: skip
+
+    others = str(ROOT / "tests" / "benchmarks")
+    pytest.importorskip("dolfinx")
+    assert bench("waves").returncode == 0
+    missing = bench("impact_bar")
+    assert missing.returncode == 1 and "--from" in missing.stderr
+    assert bench("impact_bar", "--from", others).returncode == 0
+    alone, both = bench().stdout, bench("list", "--from", others).stdout
+    assert "stress_barrier" in alone and "impact_bar" not in alone and "impact_bar" in both

@@ -16,7 +16,7 @@ from small_cases import COMPLIANT, HOMALITE, SPLIT, case
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench.collisions import Flight, pair
+from benchmarks.collisions import Flight, pair
 from ruptfx.case import parse_case
 from ruptfx.fields import ENERGIES
 from ruptfx.mechanisms.rotations import LargeRotations

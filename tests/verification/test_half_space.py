@@ -10,9 +10,9 @@ pytest.importorskip("dolfinx")
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from benchmarks import bp1
+from benchmarks._half_space_fault import HalfSpaceFault
 from ruptfx import fem
-from ruptfx.bench import bp1
-from ruptfx.bench._half_space_fault import HalfSpaceFault
 from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
 

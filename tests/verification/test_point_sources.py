@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench import waves_3d as bench
+from benchmarks import waves_3d as bench
 
 pytestmark = pytest.mark.fem
 

@@ -18,8 +18,8 @@ pytest.importorskip("dolfinx")
 
 from messages import facts
 
+from benchmarks import westergaard
 from ruptfx import RuptfxError, stages
-from ruptfx.bench import westergaard
 from ruptfx.case import parse_case
 from ruptfx.implicit import ConvergenceError, condensed
 from ruptfx.implicit.equilibrium import Equilibrium

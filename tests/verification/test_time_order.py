@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from ruptfx.bench.time_order import CONTACTS, LAWS, NOT_SMOOTH, fields, orders, plates, slip_law_rupture
+from benchmarks.time_order import CONTACTS, LAWS, NOT_SMOOTH, fields, orders, plates, slip_law_rupture
 from ruptfx.case import parse_case
 from ruptfx.model import Model
 
