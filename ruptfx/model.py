@@ -384,10 +384,11 @@ class Model(Discretisation):
         Parameters
         ----------
         state : State
+            With displacement and velocity at its time: not deferred.
         bulk : (float, float), optional
             Kinetic and strain energy of this rank [J] where the stepper knows them; else they cost a force evaluation.
         """
-        state.sync_bodies()
+        assert not state.deferred
         kinetic, strain = bulk or self.bulk_energies(state)
         here = {name: 0.0 if name in KEPT else state.energy.get(name, 0.0) for name in self.energy_columns}
         here["kinetic"], here["strain"] = kinetic, strain

@@ -24,7 +24,7 @@ from ruptfx.mechanisms import mechanisms_of
 from ruptfx.model import Model
 from ruptfx.spectrum import stable_time_step
 from ruptfx.state import State
-from ruptfx.steppers import Motion, StagedMotion
+from ruptfx.steppers import Motion, StagedMotion, sync_bodies
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +82,10 @@ class Staged:
 
     def energies(self, state: State) -> dict[str, float]:
         return self._of(state).energies(state)
+
+    def catch_up(self, state: State) -> None:
+        """Compute displacement and velocity that steps of the present stage have deferred; collective."""
+        sync_bodies(self._of(state), state)
 
     def _stage_of(self, state: State) -> int:
         """Return the stage of the next step."""

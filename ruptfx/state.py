@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,9 +43,9 @@ class State:
     wants_energies : bool
         True if energies are requested after the next step, which may then sum them on its way.
     lazy_bodies : bool
-        True if displacement and velocity are not read before `sync_bodies`, so that a stepper may defer them.
-    pending_update : callable, state -> None, optional
-        Function that computes deferred displacement and velocity.
+        True if displacement and velocity are not read before `steppers.sync_bodies`, so that steps may defer them.
+    deferred : bool
+        True if steps have deferred displacement and velocity: they are of an earlier time.
     """
 
     displacement: np.ndarray
@@ -67,19 +66,13 @@ class State:
     attached: dict[str, FaultState] = field(default_factory=dict)
     memory: FaultState = field(default_factory=dict)
     lazy_bodies: bool = False
-    pending_update: Callable[[State], None] | None = field(default=None, repr=False)
+    deferred: bool = False
 
     def add_energy(self, fault: str, name: str, energy: float) -> None:
         """Add an energy dissipated by a fault, points of this rank [J]."""
         for each in (name, f"{fault}.{name}"):
             if each in self.energy:
                 self.energy[each] += energy
-
-    def sync_bodies(self) -> None:
-        """Compute displacement and velocity at `time` if a stepper has deferred them; collective."""
-        update, self.pending_update = self.pending_update, None
-        if update is not None:
-            update(self)
 
     @property
     def lag(self) -> float:

@@ -10,7 +10,7 @@ the base b, displacement and jumps g = J u are, with A, k and S = J A^-1 J' W of
 
 w_m being the response of the bodies, with sticking interfaces, to a unit of the amount m. A step solves the second
 line for the jumps as `condensed` does; the first takes a back substitution for the displacement and one for the
-velocity, together, when output needs them (`State.sync_bodies`). Results do not depend on when that is: it changes no
+velocity, together, when output needs them (`catch_up`). Results do not depend on when that is: it changes no
 bit of later steps, and a restarted run has bitwise the same results.
 
 The work of boundaries on bodies in equilibrium at both ends of a step is the change of strain energy, and interfaces
@@ -161,7 +161,7 @@ class InterfaceSteps:
         """Remove the base, if there is one, and complete the state as if there had been none; collective."""
         if not self.has_base(state):
             return
-        state.sync_bodies()
+        self.catch_up(state)
         if not self.has_base(state):  # the bodies were out of balance
             return
         kinetic, strain = self._model.bulk_energies(state)
@@ -174,7 +174,7 @@ class InterfaceSteps:
 
     def energies(self, state: State) -> dict[str, float]:
         """Return the energies over all ranks [J]; collective."""
-        state.sync_bodies()
+        self.catch_up(state)
         found = self._model.energies(state)
         if self.has_base(state):
             found["boundary_work"] += found["strain"]
@@ -257,10 +257,13 @@ class InterfaceSteps:
             state.points[name] = _packed(jump, (jump - old) / dt, (traction - before[name]) / dt, base_traction)
         state.numbers[BEFORE] = state.time
         solution.commit(state)
-        state.pending_update = self._catch_up
+        state.deferred = True
 
-    def _catch_up(self, state: State) -> None:
-        """Update displacement and velocity of the bodies; collective."""
+    def catch_up(self, state: State) -> None:
+        """Update displacement and velocity of the bodies if they are deferred; collective."""
+        if not state.deferred:
+            return
+        state.deferred = False
         model, jumps = self._model, self._solver.jumps
         compliance = self._solver.compliance(self._step(state, 1.0, 1.0))
         base, since, before = state.fields[BASE], state.numbers[SINCE], state.numbers[BEFORE]

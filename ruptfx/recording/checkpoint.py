@@ -93,7 +93,7 @@ class Checkpoints:
             On all ranks, when the disk is full; the previous checkpoints are untouched.
         """
         model, recorder = self._model, self._recorder
-        state.sync_bodies()
+        recorder.sync_bodies(state)
         nodal = {"displacement": state.displacement, "velocity": state.velocity, **state.fields}
         with phase("gathering"):
             blocks = {name: model.layout.collect(values) for name, values in nodal.items()}

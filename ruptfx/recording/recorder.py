@@ -28,6 +28,7 @@ from ruptfx.recording.schedule import Schedule, end_of
 from ruptfx.recording.table_file import TableFile
 from ruptfx.recording.writer import Writer
 from ruptfx.results import run_files
+from ruptfx.steppers import sync_bodies
 
 if TYPE_CHECKING:
     from ruptfx.model import Model
@@ -242,9 +243,15 @@ class Recorder:
 
     def observe(self, state: State) -> None:
         """Read instruments and what mechanisms record at the start and at every step."""
+        if self.samples.reads_bodies:
+            self.sync_bodies(state)
         self.samples.observe(state)
         for each in self.parts:
             each.observe(state)
+
+    def sync_bodies(self, state: State) -> None:
+        """Compute displacement and velocity at the time of the state if steps have deferred them; collective."""
+        sync_bodies(self._motion, state)
 
     def collect(self) -> None:
         """Append complete samples to their file; collective."""
@@ -262,7 +269,7 @@ class Recorder:
     def record(self, state: State) -> None:
         """Save the records that are due at this step; collective."""
         with phase("steps"):
-            state.sync_bodies()
+            self.sync_bodies(state)
         if self.samples.instruments:
             with phase("gathering"):
                 self.collect()

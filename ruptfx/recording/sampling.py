@@ -176,12 +176,15 @@ class Samples:
                 at_faults[source] = sparse.csr_matrix((weights, (rows, places)), shape=(len(channels), width))
         return nodal, at_faults
 
+    @property
+    def reads_bodies(self) -> bool:
+        """Whether an instrument reads displacement or velocity of the bodies at every step."""
+        return bool(self.instruments and self._nodal)
+
     def observe(self, state: State) -> None:
-        """Read the state after a step, or at the start."""
+        """Read the state after a step, or at the start; not with deferred bodies if `reads_bodies`."""
         if not self.instruments:
             return
-        if self._nodal:
-            state.sync_bodies()
         half = 0.5 * state.lag
         for clock, train in self._trains.items():
             if clock == "displacement":

@@ -6,7 +6,7 @@ another.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self, cast
 
 from ruptfx.contact import Way
 from ruptfx.schema import Alternative, alternative
@@ -51,6 +51,19 @@ class Motion(Protocol):
 
         They belong to the time of the velocity, at which the scheme conserves energy.
         """
+
+
+class DeferringMotion(Motion, Protocol):
+    """A motion that may defer displacement and velocity of the bodies (`State.lazy_bodies`, `State.deferred`)."""
+
+    def catch_up(self, state: State) -> None:
+        """Compute deferred displacement and velocity at the time of the state; collective."""
+
+
+def sync_bodies(motion: Motion, state: State) -> None:
+    """Compute displacement and velocity at the time of the state if its steps have deferred them; collective."""
+    if state.deferred:
+        cast("DeferringMotion", motion).catch_up(state)
 
 
 class StagedMotion(Motion, Protocol):

@@ -125,6 +125,10 @@ class HybridMotion:
         """Return the energies of the present scheme [J]."""
         return self._under_way(state).energies(state)
 
+    def catch_up(self, state: State) -> None:
+        """Compute displacement and velocity that slow steps have deferred; collective."""
+        self._slow.catch_up(state)
+
     def leave(self, state: State) -> None:
         self._under_way(state).leave(state)
 

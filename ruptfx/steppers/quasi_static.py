@@ -131,6 +131,11 @@ class QuasiStaticMotion(SlowMotion):
         alone = self.equilibrium.interface_steps
         return self.model.energies(state) if alone is None else alone.energies(state)
 
+    def catch_up(self, state: State) -> None:
+        """Compute deferred displacement and velocity; collective."""
+        if self.equilibrium.interface_steps is not None:
+            self.equilibrium.interface_steps.catch_up(state)
+
     def leave(self, state: State) -> None:
         """End the deferred updates of these steps."""
         if self.equilibrium.interface_steps is not None:

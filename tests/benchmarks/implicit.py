@@ -28,6 +28,7 @@ from ruptfx.implicit.equilibrium import Equilibrium
 from ruptfx.model import Model
 from ruptfx.platform import parallel
 from ruptfx.platform.terminal import console
+from ruptfx.steppers import sync_bodies
 
 if TYPE_CHECKING:
     from ruptfx.fem import MPI
@@ -79,6 +80,10 @@ class Measured:
         """Advance by one step."""
         self.motion.step(self.state)
 
+    def sync_bodies(self) -> None:
+        """Compute displacement and velocity that steps have deferred; collective."""
+        sync_bodies(self.motion, self.state)
+
     def until(self, fast: float) -> int:
         """Step until some point reaches the slip rate `fast` [m/s]; return the number of steps; collective."""
         for steps in range(MOST):
@@ -110,10 +115,10 @@ def checks(problem: Problem, fine: bool, comm: MPI.Comm) -> list[Check]:
     run = Measured(problem, comm)
     first = run.timed("the first step", run.step)
     run.timed(f"until {problem.fast:g} m/s", lambda: run.until(problem.fast))
-    run.state.sync_bodies()
+    run.sync_bodies()
     theirs = copy.deepcopy(run.state)
     step = float(np.median([run.timed("a step", run.step) for _ in range(TIMED)]))
-    look = run.timed("a look", run.state.sync_bodies)
+    look = run.timed("a look", run.sync_bodies)
     ours = copy.deepcopy(run.state)
     unknowns = run.model.total_nodes * run.model.components
     text = f"{problem.name}, {unknowns} unknowns, {problem.fast:g} m/s"
