@@ -99,8 +99,8 @@ class QuasiDynamicMotion(SlowMotion):
         self._states = max(evolution.columns for evolution in self._evolutions.values())
         self._D_c = self._of_all(lambda fault: self._evolutions[fault.name].D_c)
         self._make_matrices()
-        end = model.case.duration  # bitwise the same time after a restart
-        self._at_end = self._loads(end), self._jump_under(self._loads(end), end)
+        time = self._time_of_loads()
+        self._reference = self._loads(time), self._jump_under(self._loads(time), time)
         self.dt = min(stepper.first_step or self._first_step(), self._greatest)
 
     def _make_matrices(self) -> None:
@@ -120,6 +120,19 @@ class QuasiDynamicMotion(SlowMotion):
         self._by_jump, self._by_slip = lu_solve(factors, np.eye(size)), lu_solve(factors, np.eye(size) - S * k)
         own = np.diagonal(S).reshape(jumps.points, jumps.local)[:, self._shear]
         self._held = np.any(own < HELD * own.max(), axis=1)
+
+    def _time_of_loads(self) -> float:
+        """Return the first of the largest step, its double and so on at which loads act [s]; collective.
+
+        It does not depend on the duration, because products with the jump at this time must be bitwise the same in a
+        run that is made longer.
+        """
+        time = self._greatest
+        while time < self.model.case.duration:
+            if parallel.anywhere(self.model.comm, any(bool(each.any()) for each in self._loads(time))):
+                break
+            time *= 2
+        return time
 
     def _first_step(self) -> float:
         fastest = self._of_all(lambda fault: self._initial_guess(fault, fault.initial_state()))
@@ -304,9 +317,10 @@ class QuasiDynamicMotion(SlowMotion):
     def _loaded_jump(self, time: float) -> np.ndarray:
         """Return the jump of bodies with stuck faults under the loads of a time, shape (points, local) [m]; collective.
 
-        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at the end.
+        For proportional loads, such as plates with a constant velocity, it is a multiple of the jump at a reference
+        time.
         """
-        model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._at_end
+        model, dot, (last, jump) = self.model, self.model.layout.owned_dot, self._reference
         given = self._loads(time)
         products = [[dot(new, old), dot(old, old)] for new, old in zip(given, last, strict=True)]
         along, square = max(parallel.total(model.comm, products), key=lambda pair: float(pair[1]))

@@ -367,6 +367,7 @@ ADAPTIVE = plates({
     "stepper": {"kind": "quasi_static", "radiation_damping": True, "first_step": 1e-3, "largest_step": 0.2},
     "output.interface_interval": 0.1, "output.bulk_interval": 1.0, "output.figures": False,
 })  # fmt: skip
+QUASI_DYNAMIC = {**ADAPTIVE, "stepper": {"kind": "quasi_dynamic", "first_step": 1e-3, "largest_step": 0.2}}
 SAME_SUMS = {"stepper.petsc_options": {"pc_type": "redundant"}}
 """Factorisation of the whole matrix on every rank. MUMPS on two ranks adds in the order of messages: the same run twice
 differs by 1e-13."""
@@ -398,8 +399,11 @@ def assert_mine(out: Path) -> None:
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
     ("table", "unit", "on_two_ranks"),
-    [(LEAPFROG, 1e-6, 0.0), (ADAPTIVE, 0.1, 1e-10), (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0)],
-    ids=["leapfrog", "adaptive", "adaptive with the same sums"],
+    [
+        (LEAPFROG, 1e-6, 0.0), (ADAPTIVE, 0.1, 1e-10), (merged(ADAPTIVE, SAME_SUMS), 0.1, 0.0),
+        (QUASI_DYNAMIC, 0.1, 1e-12),
+    ],
+    ids=["leapfrog", "adaptive", "adaptive with the same sums", "quasi-dynamic"],
 )
 def test_a_finished_run_is_extended_from_its_end(table, unit, on_two_ranks, ranks, tmp_path):
     """From 40 to 60 units of time: the same bits as a run of 60; it has written no checkpoint but that of its end."""
