@@ -74,6 +74,7 @@ LAWS: dict[str, Table] = {
 }  # fmt: skip
 # The slip rate jumps where sliding begins; the second has a solution, of first order as its state depends on that rate.
 NOT_SMOOTH = {("velocity_weakening", "compliant"), ("velocity_weakening_over_slip", "compliant")}
+RESOLVED = 3464.0 / (5 * 1e3 / 24)  # Hz; of the slip law rupture: five nodes, 1/24 km apart, per shear wavelength
 FIELDS_OF_STEPS = ("mean_slip_rate", "opening", *(monitor.name for monitor in MONITORS))  # not of one time, or zero
 
 
@@ -188,6 +189,20 @@ def misfit(found: Rupture, expected: Rupture, position: float) -> float:
     return float(np.linalg.norm(resampled - rates[1]) / np.linalg.norm(rates[1]))
 
 
+def resolved_misfit(found: Rupture, expected: Rupture, position: float) -> float:
+    """Return the misfit of the slip rate at a position [m] below the frequency `RESOLVED`, over its size there.
+
+    A Butterworth filter of fourth order runs forwards and backwards, so that it does not shift times.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    time = expected.time[1:]  # the first two records have one time
+    low_pass = butter(4, RESOLVED, fs=1 / (time[1] - time[0]), output="sos")
+    rates = [np.interp(time, r.time, np.abs(r.slip_rate[:, r.at(position)])) for r in (found, expected)]
+    smooth = [sosfiltfilt(low_pass, rate) for rate in rates]
+    return float(np.linalg.norm(smooth[0] - smooth[1]) / np.linalg.norm(smooth[1]))
+
+
 def run(fine: bool, comm: MPI.Comm) -> Outcome:
     """Check the orders of all laws; arrival, slip rate and peak of two ruptures."""
     del fine, comm
@@ -200,12 +215,11 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
             least = min(found, key=lambda field: found[field])
             checks.append(Check(f"{name}, {kind}", 1.9, found[least], 0, "1", f"least order: {least}", "at least"))
     usual = ageing_rupture(1.0)
-    step = float(usual.time[2] - usual.time[1])
-    short = ageing_rupture(16.0, step)
+    short = ageing_rupture(16.0, step_of(usual))
     at = usual.at(3e3)
     arrivals = [r.rupture_time(1.0)[at] for r in (usual, short)]
     rates = [np.abs(r.slip_rate[:, at]) for r in (usual, short)]
-    own = f"own step of {step / 16:.3g} s"
+    own = f"own step of {step_of(short):.3g} s"
     checks += [
         Check("ageing rupture: arrival at 3 km", arrivals[1], arrivals[0], 4e-3, "s", own),
         Check("ageing rupture: misfit of the slip rate at 3 km", 0.0, misfit(usual, short, 3e3), 0.1, "1", own),
@@ -214,26 +228,36 @@ def run(fine: bool, comm: MPI.Comm) -> Outcome:
     ]
     box = 2.0, 10e3, 7.5e3  # s, m: reflections of the ends come too late
     slips = slip_law_rupture(*box)
-    step = float(slips.time[2] - slips.time[1])
-    finest = slip_law_rupture(*box, step / 16)
-    own = f"own step of {step / 16:.3g} s"
-    for x, late, noise in ((3e3, 1.8e-3, 0.17), (4.5e3, 1.3e-3, 0.26)):
+    finest = slip_law_rupture(*box, step_of(slips) / 16)
+    own = f"own step of {step_of(finest):.3g} s"
+    two_pass = "two-pass scheme, same step"
+    for x, late, noise, smooth in ((3e3, 1.8e-3, 0.17, 0.014), (4.5e3, 1.3e-3, 0.26, 0.044)):
         times = [r.rupture_time(0.1)[r.at(x)] for r in (finest, slips)]
         at_x = f"slip law rupture: {{}} at {x / 1e3:g} km"
         checks += [
             Check(at_x.format("arrival"), times[0], times[1], late, "s", own),
             Check(at_x.format("misfit of the slip rate"), 0.0, misfit(slips, finest, x), noise, "1", own),
-        ]
+            Check(at_x.format(f"misfit below {RESOLVED:.3g} Hz"), 0.0, resolved_misfit(slips, finest, x), smooth, "1",
+                  two_pass),
+        ]  # fmt: skip
     checks.append(Check("slip law rupture: energy closure", 0.0, slips.closure, 1e-3, "1", "exact"))
-    return Outcome(checks, lambda: _draw([usual, short], at, step))
+    return Outcome(checks, lambda: _draw([usual, short], [slips, finest]))
 
 
-def _draw(runs: list[Rupture], at: int, step: float) -> Figure:
+def step_of(run: Rupture) -> float:
+    """Return the time step of a run [s]; its first two records have one time."""
+    return float(run.time[2] - run.time[1])
+
+
+def _draw(ageing: list[Rupture], slips: list[Rupture]) -> Figure:
     from ruptfx.figure_style import new_figure
 
-    figure, ((ax,),) = new_figure(1, 1, 3.2, 5)
-    for result, style, length in zip(runs, ("C0-", "k:"), (step, step / 16), strict=True):
-        ax.plot(result.time, np.abs(result.slip_rate[:, at]), style, label=f"step {length:.3g} s")
-    ax.set(xlabel="Time (s)", ylabel="Slip rate at 3 km (m/s)", xlim=(0.4, 1.2), title="Ageing law, nodes 100 m apart")
-    ax.legend(frameon=False)
+    figure, (axes,) = new_figure(1, 2, 3.0, 7)
+    drawn = ((ageing, 3e3, (0.4, 1.2), "Ageing law"), (slips, 4.5e3, (0.9, 1.5), "Slip law, D_c / V about a step"))
+    for ax, (runs, position, limits, title) in zip(axes, drawn, strict=True):
+        for result, style in zip(runs, ("C0-", "k:"), strict=True):
+            rate = np.abs(result.slip_rate[:, result.at(position)])
+            ax.plot(result.time, rate, style, label=f"step {1e3 * step_of(result):.3g} ms")
+        ax.set(xlabel="Time (s)", ylabel=f"Slip rate at {position / 1e3:g} km (m/s)", xlim=limits, title=title)
+        ax.legend(frameon=False)
     return figure
