@@ -167,7 +167,7 @@ boundaries().savefig(OUT / "granite_boundaries.png", dpi=150)
 
 # %% [markdown]
 # Far beyond the peak at 10 MPa, on cells of 3 mm: pieces turn and meet others, so that rotations are large and contact
-# is that of the potential. Viscosity would resist rotation; bodies are damped by a force per mass instead.
+# is that of the potential. Bodies are damped by a force per mass.
 
 # %%
 path = OUT / "runs" / "windows"

@@ -384,8 +384,6 @@ class Case(CaseFile):
                 f"large_rotations: faults.{next(iter(self.faults))} keeps the direction that it has in the mesh; leave "
                 "one of them out, or make the interface a contact of two bodies, [fracture.pairs.\"BODY-OTHER\"]"
             )
-        if any(damping.kelvin_voigt is not None for _, damping in self.all_dampings()):
-            raise ValueError("large_rotations: damping.kelvin_voigt would resist rotation; use damping.mass, or none")
 
     def _check_fracture(self) -> None:
         if self.collisions is not None and (self.fracture is None or not self.large_rotations):

@@ -208,6 +208,8 @@ ACCUMULATED = (
 """Energies accumulated or stored by steps."""
 OF_BODIES = "force_of_bodies"
 """Nodal field of explicit steps with large rotations: force of cells, facets and supports [N]."""
+OF_COLLISIONS, OF_VISCOSITY = "force_of_collisions", "force_of_viscosity"
+"""Nodal fields of explicit steps with large rotations: forces with an energy balance of their own [N]."""
 TAKEN_IN_SLIDING = ("frictional_dissipation", "impact_loss", "pairing_update_loss")
 """Those that are also recorded for each interface with finite sliding."""
 

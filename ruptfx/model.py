@@ -44,20 +44,22 @@ from ruptfx.state import State
 
 @dataclass(frozen=True)
 class Viscosity:
-    """Kelvin-Voigt damping of some elements: the force -eta K v.
+    """Kelvin-Voigt damping of some elements: the force -eta K v, of bodies that rotate -eta K(u) v.
 
     Attributes
     ----------
     eta : float
         [s]
     bulk : Bulk
-        Elements with this damping.
+        Elements with this damping, for small rotations.
     operator : Operator
         Stiffness K of these elements.
     nodes : ndarray of bool, shape (nodes,)
         Nodes of the elements this rank owns.
     everywhere : bool
         Whether these are all elements, each of which has nodes of its own.
+    rotates : bool
+        Whether the bodies rotate by large angles.
     """
 
     eta: float
@@ -65,6 +67,15 @@ class Viscosity:
     operator: operators.Operator
     nodes: np.ndarray
     everywhere: bool
+    rotates: bool
+
+    def add_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+        """Add the force over eta of the cells owned by this rank [N/s]."""
+        if self.rotates:
+            assert isinstance(self.operator, operators.ViscousOperator)
+            self.operator.add_viscous_force(displacement, velocity, force)
+        else:
+            self.operator.add_internal_force(velocity, force)
 
 
 class Model(Discretisation):
@@ -157,14 +168,19 @@ class Model(Discretisation):
             )
         stable = 2 / highest_frequency(self)
         eta = given.eta or parallel.three_digits(given.fraction * stable)
-        bulk = replace(self.bulk, only=chosen, large_rotations=False)
+        bulk, rotates = replace(self.bulk, only=chosen, large_rotations=False), self.bulk.large_rotations
         touched = np.zeros(self.nodes, dtype=bool)
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         touched[self.space.dofmap.list[:owned][chosen[:owned]]] = True
         if not chosen[:owned].any():
             chosen[0] = True  # an operator needs an element; its nodes are not touched
-        operator = operators.create(self.case.operator, bulk, self.case.loaded)
-        return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None)
+        operator = operators.create(self.case.operator, replace(bulk, large_rotations=rotates), self.case.loaded)
+        if rotates and not isinstance(operator, operators.ViscousOperator):
+            raise CaseError(
+                f"damping.kelvin_voigt: operator = '{self.case.operator}' does not damp bodies that rotate; use "
+                "'matrix_free'"
+            )
+        return Viscosity(eta, bulk, operator, touched, everywhere=self.cracks is not None, rotates=rotates)
 
     def _numbers(self, key: str, names: list[str]) -> list[int]:
         """Return the numbers of bodies by their names."""

@@ -25,6 +25,7 @@ from ruptfx.codegen.tracing import depends, record, symbol
 from ruptfx.collisions import Collisions
 from ruptfx.cracks import CrackLaws
 from ruptfx.cracks._step import CrackStep, formulas, varying
+from ruptfx.fields import OF_COLLISIONS
 from ruptfx.materials import Material, Plane
 from ruptfx.meshes import FACETS
 from ruptfx.platform import parallel
@@ -41,7 +42,6 @@ MEMORY = ("traction", "overlap")
 LATE = 1e9  # s, after which states of laws are steady
 MOST = 2**31  # larger than any number of a cell
 FIELD = "hand_over"
-FORCE = "force_of_collisions"  # at the nodes this rank owns [N]: half of its work belongs to the next step
 FAILED, HANDED = 1.0, 2.0  # values of that field of facets: failed, replaced by collision contact
 
 
@@ -256,7 +256,8 @@ class CollisionStep:
     def __call__(self, state: State, since: float) -> None:
         """Add the forces at the displacement of `find`, at the nodes this rank owns; collective.
 
-        The mean of two successive forces does work. Work that is neither stored nor dissipated by friction is lost.
+        The mean of two successive forces does work, so half of the work of the forces belongs to the next step. Work
+        that is neither stored nor dissipated by friction is lost.
 
         Parameters
         ----------
@@ -283,9 +284,9 @@ class CollisionStep:
         added = np.zeros_like(state.force)
         added.reshape(-1, 2)[self._nodes[surface.cells]] = self._mine(force).reshape(-1, 3, 2)
         state.force += added
-        before = state.fields.get(FORCE, np.zeros_like(added))
+        before = state.fields.get(OF_COLLISIONS, np.zeros_like(added))
         work = 0.5 * since * self._over(before + added, state.velocity)
-        state.fields[FORCE] = added
+        state.fields[OF_COLLISIONS] = added
         energy, held = state.energy, float(stored[0])
         energy["frictional_dissipation"] += float(taken[0])
         energy["collision_loss"] += energy["collisions"] - held - work - float(taken[0])
@@ -294,7 +295,7 @@ class CollisionStep:
 
     def stored(self, state: State) -> float:
         """Return the energy of pairs of this rank at the time of the velocity, half a step after the forces [J]."""
-        acting = state.fields.get(FORCE)
+        acting = state.fields.get(OF_COLLISIONS)
         over = 0.0 if acting is None else 0.5 * state.lag * self._over(acting, state.velocity)
         return state.energy["collisions"] - over
 

@@ -123,10 +123,17 @@ static double rub(const struct triangle *a, const struct triangle *b, const doub
     (void)friction;
     law->normal_stress = normal;
     begin_friction(law, number);
+    // Springs let the slip rate differ from that of the cells. Where strength falls with it by more than half of z this difference
+    // grows from step to step by -slope / (z + slope) > 1: the strength is then that at the rate of the cells.
+    const double z = stiffness * law->since;
     double strength, slope, rate = 0;
-    if (law->since > 0 && fabs(trial) > friction_at(law, number, 0, &slope))
-        rate = slip_rate_of(law, number, fabs(trial), stiffness * law->since, &strength);
-    const double now = rate == 0 ? trial : copysign(fabs(trial) - stiffness * law->since * rate, trial);
+    if (law->since > 0) {
+        strength = friction_at(law, number, fabs(slid) / law->since, &slope);
+        if (2 * slope + z < 0) rate = fmax(fabs(trial) - strength, 0) / z;
+        else if (fabs(trial) > friction_at(law, number, 0, &slope))
+            rate = slip_rate_of(law, number, fabs(trial), z, &strength);
+    }
+    const double now = rate == 0 ? trial : copysign(fabs(trial) - z * rate, trial);
     advance_friction(law, number, rate);
 #else
     const double limit = friction * normal;

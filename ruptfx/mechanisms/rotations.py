@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ruptfx.collisions._step import FORCE
-from ruptfx.fields import OF_BODIES
+from ruptfx.fields import OF_BODIES, OF_COLLISIONS, OF_VISCOSITY
 from ruptfx.mechanisms import Mechanism
 
 if TYPE_CHECKING:
@@ -42,8 +41,9 @@ class LargeRotations(Mechanism):
 
     def add_internal(self, state: State, kick: Kick) -> None:
         force, model = state.force.copy(), self.model
-        if FORCE in state.fields:  # collisions balance their forces themselves
-            force -= state.fields[FORCE]
+        for name in (OF_COLLISIONS, OF_VISCOSITY):
+            if name in state.fields:
+                force -= state.fields[name]
         if OF_BODIES in state.fields:
             mean = 0.5 * (state.fields[OF_BODIES] + force)
             state.energy["rotation_error"] -= kick.clock.since * model.layout.owned_dot(mean, state.velocity)

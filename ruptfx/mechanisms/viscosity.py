@@ -1,4 +1,4 @@
-"""Kelvin-Voigt damping of elements: the force -eta K v."""
+"""Kelvin-Voigt damping of elements: the force -eta K v, with the K of their present position where they rotate."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ruptfx.fields import OF_VISCOSITY
 from ruptfx.mechanisms import Floats, Mechanism
 from ruptfx.operators import Damped, FusedOperator
 
@@ -58,9 +59,13 @@ class KelvinVoigt(Mechanism):
     def _add(self, state: State) -> None:
         force, here = self._force, self._here
         force[here] = 0
-        self._viscosity.operator.add_internal_force(state.velocity, force)
+        self._viscosity.add_force(state.displacement, state.velocity, force)
         force[here] *= self._viscosity.eta
         state.force[here] += force[here]
+        if self._viscosity.rotates:
+            state.fields[OF_VISCOSITY] = whole = force.copy()
+            if not self._viscosity.everywhere:  # elements of other ranks have the same nodes
+                self.model.layout.sum_shared(whole)
 
     def outside_energy(self) -> list[tuple[NDArray[np.int64] | slice, Floats]]:
         if self._viscosity.everywhere and self.damped is None:  # the stepper knows what was added first

@@ -105,6 +105,18 @@ class EnergyOperator(Operator, Protocol):
         """Return the strain energy of the cells owned by this rank [J, per metre of thickness in 2D]."""
 
 
+@runtime_checkable
+class ViscousOperator(EnergyOperator, Protocol):
+    """Operator with the Kelvin-Voigt damping of bodies that rotate."""
+
+    def add_viscous_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+        """Subtract the force of the stress F C : dE/dt of the cells owned by this rank from `force` [N/s], in place.
+
+        E is Green's strain: dE/dt = sym(F' grad v) with F = 1 + grad u, zero in rigid motion at any angle. The power of
+        this force is that of the stress C : dE/dt, so it never drives, and it has no moment.
+        """
+
+
 @dataclass
 class Damped:
     """Kelvin-Voigt damping of all elements in a step: the force -eta K v.

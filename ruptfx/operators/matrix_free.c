@@ -472,6 +472,46 @@ void add_internal_force(const struct plan *plan, long first, long last, const do
         }
 }
 
+#if LARGE_ROTATIONS
+// Subtract the forces of the viscous stress C : dE/dt of Green's strain E, which no rotation changes: with F = 1 + grad u, stress
+// F (lambda tr(E') + 2 G E') and E' = sym(F^T grad v).
+void add_viscous_force(const struct plan *plan, long batches, const double *displacement, const double *velocity,
+                       double *force)
+{
+    for (long b = 0; b < batches; b++) {
+        const int *dof = plan->dof + b * NODES * LANES;
+        struct cell cell = open_cell(AFFINE, plan->number + plan->start[b]);
+        const lanes inverse_root = cell.geometry[4], root = 1.0 / inverse_root;
+        lanes u[NODES][2], v[NODES][2], f[2][2], w[2][2], e[2][2], stress[2][2], first[2] = {{0}};
+        UNROLL for (int node = 0; node < NODES; node++) {
+            gather(displacement, dof + node * LANES, u[node]);
+            gather(velocity, dof + node * LANES, v[node]);
+        }
+        UNROLL for (int c = 0; c < 2; c++)
+            UNROLL for (int a = 0; a < 2; a++) {
+                f[c][a] = (cell.g[0][a] * (u[1][c] - u[0][c]) + cell.g[1][a] * (u[2][c] - u[0][c])) * inverse_root + (c == a);
+                w[c][a] = (cell.g[0][a] * (v[1][c] - v[0][c]) + cell.g[1][a] * (v[2][c] - v[0][c])) * inverse_root;
+            }
+        UNROLL for (int c = 0; c < 2; c++)
+            UNROLL for (int a = 0; a < 2; a++)
+                e[c][a] = 0.5 * (f[0][c] * w[0][a] + f[1][c] * w[1][a] + f[0][a] * w[0][c] + f[1][a] * w[1][c]);
+        const lanes pressure = root * cell.lambda * (e[0][0] + e[1][1]), twice = root * (cell.shear + cell.shear);
+        UNROLL for (int c = 0; c < 2; c++)
+            UNROLL for (int a = 0; a < 2; a++)
+                stress[c][a] = pressure * f[c][a] + twice * (f[c][0] * e[0][a] + f[c][1] * e[1][a]);
+        UNROLL for (int d = 0; d < 2; d++) {
+            lanes x[2];
+            UNROLL for (int c = 0; c < 2; c++) {
+                x[c] = MINUS_WEIGHT[0] * (cell.g[d][0] * stress[c][0] + cell.g[d][1] * stress[c][1]);
+                first[c] -= x[c];
+            }
+            scatter_add(force, dof + (d + 1) * LANES, x);
+        }
+        scatter_add(force, dof, first);
+    }
+}
+#endif
+
 double strain_energy(const struct plan *plan, long batches, const double *displacement)
 {
     lanes sum = {0};

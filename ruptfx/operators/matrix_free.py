@@ -89,6 +89,12 @@ class MatrixFree:
             ctypes.byref(self._plan), ctypes.c_long(self._batches), *self._pointers(displacement)
         )
 
+    def add_viscous_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+        """Subtract the force of the cells' viscous stress from `force`, as `ViscousOperator`; large rotations only."""
+        self._library.add_viscous_force(
+            ctypes.byref(self._plan), ctypes.c_long(self._batches), *self._pointers(displacement, velocity, force)
+        )
+
     def add_stress(self, displacement: np.ndarray, sums: np.ndarray) -> bool:
         """Add stress times weight and size of elements at their nodes, for the cells owned by this rank.
 

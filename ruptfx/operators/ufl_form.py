@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -111,6 +112,28 @@ class UflForm:
         """Return the strain energy of the cells owned by this rank [J, per metre of thickness in 2D]."""
         self._displacement.x.array[:] = displacement
         return float(np.real(fem.dolfinx.fem.assemble_scalar(self._energy)))
+
+    def add_viscous_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
+        """Subtract the force of the cells' viscous stress from `force`, as `ViscousOperator`."""
+        self._displacement.x.array[:] = displacement
+        self._velocity.x.array[:] = velocity
+        assembled = np.zeros_like(force)
+        fem.dolfinx.fem.assemble_vector(assembled, self._viscous)
+        force -= assembled
+
+    @cached_property
+    def _velocity(self) -> fem.dolfinx.fem.Function[np.float64]:
+        return fem.dolfinx.fem.Function(self._bulk.space, dtype=np.float64)
+
+    @cached_property
+    def _viscous(self) -> Any:
+        """The derivative of Rayleigh's potential: of the energy density at the rate of Green's strain."""
+        bulk, dx, velocity = self._bulk, measure(self._bulk), self._velocity
+        F = fem.ufl.Identity(2) + fem.ufl.grad(self._displacement)
+        rate = fem.ufl.sym(F.T * fem.ufl.grad(velocity))
+        potential = sum(energy_density(bulk, index, rate) * dx(index) for index in range(len(bulk.materials)))
+        form = fem.ufl.derivative(potential, velocity, fem.ufl.TestFunction(bulk.space))
+        return fem.dolfinx.fem.form(form, jit_options=self._jit_options)
 
     @cached_property
     def _energy(self) -> fem.dolfinx.fem.Form:

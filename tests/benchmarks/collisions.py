@@ -27,7 +27,7 @@ import numpy as np
 from ruptfx import fem, stages
 from ruptfx.bench import Check, Outcome
 from ruptfx.case import Case, parse_case
-from ruptfx.collisions._step import FORCE
+from ruptfx.fields import OF_COLLISIONS
 from ruptfx.model import Model
 
 DENSITY = 2600.0
@@ -85,7 +85,7 @@ class Flight:
         found = []
         for _ in range(self._steps):
             self.motion.step(self.state)
-            found.append(self.state.fields[FORCE].reshape(-1, 2)[nodes].sum(axis=0))
+            found.append(self.state.fields[OF_COLLISIONS].reshape(-1, 2)[nodes].sum(axis=0))
         return np.array(found)
 
     def over_plane(self) -> np.ndarray:
@@ -102,7 +102,7 @@ class Flight:
             self.motion.step(self.state)
             if step % 10 == 0:
                 moved = self.state.at_faults()[1]
-                force = self.state.fields[FORCE].copy()
+                force = self.state.fields[OF_COLLISIONS].copy()
                 cracks.add_force(self.state.cracks, force, moved)
                 top, bottom = moved.reshape(-1, 2)[ends]
                 found.append([top[0] - bottom[0], *([-1, 1] * force.reshape(-1, 2)[above].sum(axis=0))])

@@ -38,7 +38,9 @@ AGEING = {"kind": "rate_and_state_ageing", "a": 0.01, "b": 0.015, "D_c": 1e-6, "
           "theta_initial": 1.0}  # fmt: skip
 case_file, alone = run_of(*(
     meeting_blocks({"output.checkpoint_steps": 300, **changes})
-    for changes in ({}, {"fracture.pairs": {"plate-stone": {"friction": AGEING}}})  # and all others by Coulomb's law
+    for changes in ({}, {  # all other pairs rub by Coulomb's law
+        "fracture.pairs": {"plate-stone": {"friction": AGEING}}, "damping": {"kelvin_voigt": {"fraction": 0.1}},
+    })
 ))  # fmt: skip
 
 
