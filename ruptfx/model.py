@@ -8,8 +8,9 @@ exchange the internal force only.
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from ruptfx.fields import ENERGIES, KEPT
 from ruptfx.materials import WaveSpeeds
 from ruptfx.materials._traced import TracedMaterial, traced
 from ruptfx.mechanisms import mechanisms_of
+from ruptfx.mechanisms._system import System, Viscosity
 from ruptfx.nucleation import first_begun
 from ruptfx.operators._geometry import is_tensor
 from ruptfx.operators._memory import MemorySweep
@@ -37,48 +39,11 @@ from ruptfx.sliding.interface import build_sliding
 from ruptfx.space import axisymmetry
 from ruptfx.space.bodies import distribute
 from ruptfx.space.closest import closest
-from ruptfx.space.discretisation import Discretisation
 from ruptfx.spectrum import highest_frequency
 from ruptfx.state import State
 
 
-@dataclass(frozen=True)
-class Viscosity:
-    """Kelvin-Voigt damping of some elements: the force -eta K v, of bodies that rotate -eta K(u) v.
-
-    Attributes
-    ----------
-    eta : float
-        [s]
-    bulk : Bulk
-        Elements with this damping, for small rotations.
-    operator : Operator
-        Stiffness K of these elements.
-    nodes : ndarray of bool, shape (nodes,)
-        Nodes of the elements this rank owns.
-    everywhere : bool
-        Whether these are all elements, each of which has nodes of its own.
-    rotates : bool
-        Whether the bodies rotate by large angles.
-    """
-
-    eta: float
-    bulk: operators.Bulk
-    operator: operators.Operator
-    nodes: np.ndarray
-    everywhere: bool
-    rotates: bool
-
-    def add_force(self, displacement: np.ndarray, velocity: np.ndarray, force: np.ndarray) -> None:
-        """Add the force over eta of the cells owned by this rank [N/s]."""
-        if self.rotates:
-            assert isinstance(self.operator, operators.ViscousOperator)
-            self.operator.add_viscous_force(displacement, velocity, force)
-        else:
-            self.operator.add_internal_force(velocity, force)
-
-
-class Model(Discretisation):
+class Model(System):
     """The discrete problem of a case on the ranks of a communicator.
 
     Parameters
@@ -91,6 +56,8 @@ class Model(Discretisation):
     RuptfxError
         On all ranks: a mesh without the named interface, bodies without material, unknown edges.
     """
+
+    case: Case
 
     def __init__(self, case: Case, comm: fem.MPI.Comm | None = None) -> None:
         self.case = case
@@ -368,7 +335,7 @@ class Model(Discretisation):
             return self.operator
         return operators.create(self.case.operator, replace(self.bulk, large_rotations=False), self.case.loaded)
 
-    def in_steps(self, way: Way) -> Model:
+    def in_steps(self, way: Way) -> Self:
         """Return this model with the contact methods for steps of one kind.
 
         Raises

@@ -153,7 +153,7 @@ def _run(
         recorder.log.info("case %s: %d nodes, %d ranks, dt %.4g s", case.hash, model.total_nodes, comm.size, motion.dt)
         if comm.rank == 0:
             figure_process.announce(out)
-        stopping = StopRules(model)
+        stopping = StopRules(model, case.stop_when)
         keepers = {**recorder.keepers, "stopping": stopping}
         checkpoints = Checkpoints(model, recorder, keepers)
         if checkpoint:

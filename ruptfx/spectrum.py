@@ -2,23 +2,100 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ruptfx import RuptfxError
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
-    from ruptfx.mechanisms import Springs
-    from ruptfx.model import Model
+    from ruptfx.fem import MPI
+    from ruptfx.space.nodes import Nodes
 
 MOST_ITERATIONS = 1000
+Floats = NDArray[np.float64]
 
 
-def stable_time_step(model: Model, springs: Sequence[Springs] | None = None) -> float:
+@dataclass(frozen=True)
+class Springs:
+    """Springs of a mechanism, as the stable time step counts them.
+
+    Attributes
+    ----------
+    text : str
+        What they are, for messages: "the contact stiffness of faults.main".
+    plural : bool
+        Whether the text is a plural.
+    add : callable, (displacement, force) -> None, optional
+        Add their forces, complete at every local node [N].
+    add_with_elements : callable, (displacement, force) -> None, optional
+        Add the forces of this rank, which are summed over ranks afterwards.
+    bound : ndarray, shape (nodes,), optional
+        Upper bound of their stiffness at every node [N/m], where it is not known exactly.
+    own_frequency : float
+        Highest angular frequency of unknowns that the mechanism has besides the nodes of the bodies [rad/s].
+    margin : float
+        Part of the stable step that may be used with them.
+    """
+
+    text: str
+    plural: bool = False
+    add: Callable[[Floats, Floats], None] | None = None
+    add_with_elements: Callable[[Floats, Floats], None] | None = None
+    bound: Floats | None = None
+    own_frequency: float = 0.0
+    margin: float = 1.0
+
+
+class Sprung(Protocol):
+    """A part of a model that may have springs."""
+
+    def springs(self) -> list[Springs]:
+        """Return its springs."""
+
+
+class Viscous(Protocol):
+    """Viscous damping of elements."""
+
+    @property
+    def eta(self) -> float:
+        """Viscosity over modulus [s]."""
+
+
+class Vibrating(Protocol):
+    """Bodies with mass and stiffness, and the springs between them."""
+
+    comm: MPI.Comm
+    layout: Nodes
+    coordinates: np.ndarray
+    components: int
+    nodes: int
+    owned_nodes: int
+    total_nodes: int
+
+    @property
+    def mechanisms(self) -> Sequence[Sprung]:
+        """Parts that may have springs."""
+
+    @property
+    def viscosity(self) -> Viscous | None:
+        """Damping of some elements."""
+
+    def free_inverse_mass(self) -> np.ndarray:
+        """Return the inverse mass of all degrees of freedom [1/kg], zero if prescribed."""
+
+    def internal_force(
+        self, displacement: np.ndarray, at_rest: bool = False, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return -K u [N]; collective."""
+
+
+def stable_time_step(model: Vibrating, springs: Sequence[Springs] | None = None) -> float:
     """Return the largest stable explicit step [s], with all springs of mechanisms or those given; collective.
 
     2 / omega_max = dt_c without damping; with the viscous force of the previous half step eta (sqrt(1 + dt_c^2 /
@@ -35,17 +112,17 @@ def stable_time_step(model: Model, springs: Sequence[Springs] | None = None) -> 
     return eta * (float(np.sqrt(1 + (stable / eta) ** 2)) - 1)
 
 
-def springs_of(model: Model) -> list[Springs]:
+def springs_of(model: Vibrating) -> list[Springs]:
     """Return the springs of all mechanisms of a model."""
     return [springs for each in model.mechanisms for springs in each.springs()]
 
 
-def highest_frequency(model: Model, springs: Sequence[Springs] | None = None) -> float:
+def highest_frequency(model: Vibrating, springs: Sequence[Springs] | None = None) -> float:
     """Return the highest angular frequency of bodies and springs [rad/s], by the Lanczos method; collective.
 
     Parameters
     ----------
-    model : Model
+    model : Vibrating
     springs : sequence of Springs, optional
         Springs that are included; default is all.
     """
@@ -56,11 +133,11 @@ def highest_frequency(model: Model, springs: Sequence[Springs] | None = None) ->
     return known[what]
 
 
-_known: WeakKeyDictionary[Model, dict[tuple[str, ...], float]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Vibrating, dict[tuple[str, ...], float]] = WeakKeyDictionary()
 """By model and what counts: damping and the step ask for the same."""
 
 
-def _lanczos(model: Model, springs: Sequence[Springs]) -> float:
+def _lanczos(model: Vibrating, springs: Sequence[Springs]) -> float:
     root = np.sqrt(model.free_inverse_mass())
     later = np.zeros(model.nodes)
     for each in springs:

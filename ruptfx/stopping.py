@@ -14,7 +14,7 @@ from ruptfx.units import Duration
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -34,7 +34,9 @@ class StopRules:
 
     Parameters
     ----------
-    model : Model
+    model : System
+    rules : StopWhen, optional
+        None stops nothing.
 
     Attributes
     ----------
@@ -47,8 +49,8 @@ class StopRules:
         If no interface reaches the position of a rule.
     """
 
-    def __init__(self, model: Model) -> None:
-        self._model, self._rules = model, model.case.stop_when
+    def __init__(self, model: System, rules: StopWhen | None) -> None:
+        self._model, self._rules = model, rules
         self.ended = ""
         self._slid_at = np.inf  # time of the last sliding [s]
         if self._rules is None:

@@ -80,7 +80,7 @@ class Sweeps:
         tell: Told = lambda done, text: None, record: bool = True,
     ) -> None:  # fmt: skip
         self._motion = motion = cast("LeapfrogMotion", model.case.stepper.bind(model))
-        self.model, self.dt = motion.model, motion.dt
+        self.model, self.dt = cast("Model", motion.model), motion.dt
         self.steps = number_of_steps(model.case.duration, self.dt)
         self._faults = next(each for each in motion.mechanisms if isinstance(each, Faults))
         self._clocks = [Clock.of_step(self.dt, number) for number in range(3)]

@@ -23,7 +23,7 @@ from ruptfx.schema import Alternative, Name, alternative
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 
@@ -54,7 +54,7 @@ class Attachment(Alternative):
             Names the key, the value and the remedy.
         """
 
-    def bind(self, model: Model, key: str) -> Attached:
+    def bind(self, model: System, key: str) -> Attached:
         """Return its mechanism; the mass and the boundaries of the model are known; collective.
 
         Raises
@@ -71,7 +71,7 @@ class EdgeAttachment(Attachment):
     edge: str
     """``body.side``, for example ``upper.top``."""
 
-    def nodes_on(self, model: Model, key: str) -> EdgeNodes:
+    def nodes_on(self, model: System, key: str) -> EdgeNodes:
         """Return the nodes of the edge; collective.
 
         Raises
@@ -114,7 +114,7 @@ class Attached(Mechanism):
 
     Parameters
     ----------
-    model : Model
+    model : System
     name : str
         Of the attachment.
     nodes : ndarray of int, shape (n,)
@@ -134,7 +134,7 @@ class Attached(Mechanism):
 
     fields: ClassVar[tuple[PointField, ...]] = ()
 
-    def __init__(self, model: Model, name: str, nodes: Integers) -> None:
+    def __init__(self, model: System, name: str, nodes: Integers) -> None:
         super().__init__(model)
         self.name, self.at = name, nodes
         self.owned = nodes < model.owned_nodes

@@ -17,7 +17,7 @@ from ruptfx.units import Stiffness
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 TOLERANCE, MOST_HALVINGS, FAILED = 1e-13, 60, 1e-12  # of the damage
@@ -51,7 +51,7 @@ class Foundation(EdgeAttachment):
     cohesion: AnyCohesion
     """Cohesive law; positions of profiles are x along edges that are longer than high, else y."""
 
-    def bind(self, model: Model, key: str) -> Ground:
+    def bind(self, model: System, key: str) -> Ground:
         ground, error = None, None
         edge, along = self.nodes_on(model, key), model.loads.edge(self.edge, key).along()
         try:
@@ -73,7 +73,7 @@ class Ground(Attached):
         PointField("largest_slip", "m", "largest inelastic slip"),
     )
 
-    def __init__(self, model: Model, part: Foundation, edge: EdgeNodes, law: CohesiveLaw, key: str) -> None:
+    def __init__(self, model: System, part: Foundation, edge: EdgeNodes, law: CohesiveLaw, key: str) -> None:
         super().__init__(model, part.name, edge.nodes)
         self._stiffness, self._cohesion = (part.normal, part.tangential), TracedCohesion(law)
         self._area, self._normal = edge.area[:, None], edge.normal

@@ -17,7 +17,7 @@ from ruptfx.units import Frequency
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 MassPerArea = Annotated[float, Field(gt=0), Unit("kg/m2")]
@@ -48,7 +48,7 @@ class Resonators(EdgeAttachment):
         if self.direction is not None:
             check_component(f"{key}.direction", self.direction, plane, components)
 
-    def bind(self, model: Model, key: str) -> Masses:
+    def bind(self, model: System, key: str) -> Masses:
         return Masses(model, self, self.nodes_on(model, key))
 
 
@@ -62,7 +62,7 @@ class Masses(Attached):
         PointField("acceleration", "m/s2", "acceleration of the mass", vector=True, recorded=False),
     )
 
-    def __init__(self, model: Model, part: Resonators, edge: EdgeNodes) -> None:
+    def __init__(self, model: System, part: Resonators, edge: EdgeNodes) -> None:
         super().__init__(model, part.name, edge.nodes)
         self._square = (2 * np.pi * part.frequency) ** 2  # rad2/s2
         c = model.components

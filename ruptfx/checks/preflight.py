@@ -40,7 +40,7 @@ def preflight(case: Case) -> Iterator[Row]:
     need_memory(case, fem.MPI.COMM_WORLD)
     model = Model(case, fem.MPI.COMM_WORLD)
     motion = stages.bind(model)
-    StopRules(model)
+    StopRules(model, model.case.stop_when)
     built = time.process_time()
     yield Row("nodes", model.total_nodes, "", f"{model.components} components, order {case.order}")
     for name, material in zip(model.bodies.names, model.materials, strict=True):

@@ -16,7 +16,7 @@ from ruptfx.implicit.tangent import Tangent
 from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 COLUMNS = 64  # right-hand sides in one solution: fast, with little memory
 Finish = Callable[[np.ndarray], np.ndarray]
@@ -62,7 +62,7 @@ class Jumps:
         Number of components of a jump.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         self._comm = model.comm
         self._faces = {fault.name: fault.interface for fault in model.faults}
         self._places: dict[str, np.ndarray] = {}
@@ -137,12 +137,12 @@ class Factors:
 
     Parameters
     ----------
-    model : Model
+    model : System
     tangent : Tangent
         Its present matrix, which is symmetric.
     """
 
-    def __init__(self, model: Model, tangent: Tangent) -> None:
+    def __init__(self, model: System, tangent: Tangent) -> None:
         self.model = model
         self._owned = model.owned_nodes * model.components
         free = ~model.loads.prescribed
@@ -372,7 +372,7 @@ class Compliance(Influence):
 
     Parameters
     ----------
-    model : Model
+    model : System
     jumps : Jumps
     tangent : Tangent
         Makes the matrix.
@@ -383,7 +383,7 @@ class Compliance(Influence):
     """
 
     def __init__(
-        self, model: Model, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
+        self, model: System, jumps: Jumps, tangent: Tangent, factors: tuple[float, float], stuck: dict[str, np.ndarray]
     ) -> None:
         self._jumps = jumps
         tangent.update(*factors, stuck, driven=tangent.unit)
@@ -414,7 +414,7 @@ def reach_of(flags: np.ndarray) -> slice:
     return slice(set_[0], set_[-1] + 1) if len(set_) else slice(0, 0)
 
 
-def norm(model: Model, force: np.ndarray) -> float:
+def norm(model: System, force: np.ndarray) -> float:
     """Return the norm over all nodes [N]; collective."""
     return float(np.sqrt(parallel.total(model.comm, model.layout.owned_dot(force, force))))
 

@@ -39,7 +39,7 @@ from ruptfx.schema import CaseError
 from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 Value = TypeVar("Value")
 Stored = TypeVar("Stored")
@@ -56,7 +56,7 @@ ROUNDING = 8 * np.finfo(float).eps
 INEXACT = 1e-3  # relative residual of linear systems: Newton's iteration hardly slows down
 
 
-def fits(model: Model) -> bool:
+def fits(model: System) -> bool:
     """Return whether the steps of a model can be condensed; collective.
 
     Bodies must be linear and factorised by default, with few interface unknowns, and without mechanisms that act on
@@ -68,7 +68,7 @@ def fits(model: Model) -> bool:
     return 0 < jumps <= MAX_UNKNOWNS and is_factorised(model) and is_linear(model.bulk)
 
 
-def require_fit(model: Model) -> None:
+def require_fit(model: System) -> None:
     """Refuse finite sliding where steps cannot be condensed; collective.
 
     Raises
@@ -131,7 +131,7 @@ class Condensed:
         Reason why it ended.
     """
 
-    def __init__(self, model: Model, tangent: Tangent) -> None:
+    def __init__(self, model: System, tangent: Tangent) -> None:
         self._model, self._tangent = model, tangent
         self.jumps = Jumps(model)
         self._surfaces = Surfaces(model, self.jumps) if any(fault.slides for fault in model.faults) else None

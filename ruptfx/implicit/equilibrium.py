@@ -56,7 +56,7 @@ from ruptfx.sliding.follower import StepFollower
 from ruptfx.state import State
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 # Factors of the penalty of multipliers, tried in turn until Newton's iteration converges: the larger the
 # penalty, the fewer outer iterations, but the harder each of them.
@@ -70,7 +70,7 @@ class Equilibrium:
 
     Parameters
     ----------
-    model : Model
+    model : System
     petsc_options : dict, optional
         PETSc options without dash and prefix: snes_..., ksp_..., pc_..., mat_....
     radiation : dict of str to float or ndarray, optional
@@ -90,7 +90,7 @@ class Equilibrium:
     """
 
     def __init__(
-        self, model: Model, petsc_options: PetscOptions | None = None,
+        self, model: System, petsc_options: PetscOptions | None = None,
         radiation: Mapping[str, np.ndarray | float] | None = None, condensed: bool = True,
     ) -> None:  # fmt: skip
         self.model = model = model.in_steps("implicit")

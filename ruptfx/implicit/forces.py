@@ -11,7 +11,7 @@ from ruptfx.mechanisms import responding
 from ruptfx.state import State
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 
 class Forces:
@@ -23,7 +23,7 @@ class Forces:
         Force per velocity of boundaries and mass damping [N s/m].
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         self.model = model
         self.dashpot = model.loads.dashpot + model.case.damping.mass * model.mass
         self._driven = model.loads.prescribed

@@ -39,14 +39,14 @@ from ruptfx.platform import parallel
 if TYPE_CHECKING:
     from ruptfx.implicit.compliance import Compliance, Jumps
     from ruptfx.implicit.equilibrium import Equilibrium
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 BASE, SINCE, BEFORE = "deferred_base", "deferred_since", "deferred_before"
 CARRIED = ("jump", "jump_rate", "traction_rate", "base_traction")
 
 
-def fits(model: Model) -> bool:
+def fits(model: System) -> bool:
     """Return whether no interface has finite sliding and all loads and motions of edges only change by a factor."""
     if any(fault.slides for fault in model.faults):
         return False

@@ -21,7 +21,7 @@ from ruptfx.schema import CaseError
 if TYPE_CHECKING:
     from ruptfx.implicit.step import Step
     from ruptfx.implicit.tangent import Tangent
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 # Number of unknowns up to which the default is a factorisation, by dimension: fill grows faster in 3D.
 DIRECT = {2: 400_000, 3: 60_000}
@@ -68,7 +68,7 @@ class NewtonSolver:
 
     Parameters
     ----------
-    model : Model
+    model : System
     tangent : Tangent
         Makes the matrix.
     options : dict
@@ -85,7 +85,7 @@ class NewtonSolver:
     outer = 1
     """A solve is one iteration of the multipliers."""
 
-    def __init__(self, model: Model, tangent: Tangent, options: PetscOptions) -> None:
+    def __init__(self, model: System, tangent: Tangent, options: PetscOptions) -> None:
         self._options = CaseOptions(options, {"mat_mumps_icntl_14": 50})  # room for fill that grows with pivoting
         self._model, self._tangent = model, tangent
         self._step: Step
@@ -183,13 +183,13 @@ def has_mumps() -> bool:
     return bool(fem.PETSc.Sys.hasExternalPackage("mumps"))
 
 
-def is_factorised(model: Model) -> bool:
+def is_factorised(model: System) -> bool:
     """Return whether the default for the matrices of a model is a factorisation."""
     unknowns = model.total_nodes * model.components
     return unknowns <= DIRECT[model.mesh.geometry.dim] and (has_mumps() or model.comm.size == 1)
 
 
-def choose(ksp: fem.PETSc.KSP, model: Model, matrix: fem.PETSc.Mat) -> bool:
+def choose(ksp: fem.PETSc.KSP, model: System, matrix: fem.PETSc.Mat) -> bool:
     """Set the defaults for a matrix; return whether they are a factorisation."""
     pc = ksp.getPC()
     if is_factorised(model):
@@ -209,7 +209,7 @@ def _name(reasons: object, code: int) -> str:
     return next((name for name, value in vars(reasons).items() if value == code and name.isupper()), str(code))
 
 
-def rigid_motions(model: Model, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
+def rigid_motions(model: System, matrix: fem.PETSc.Mat) -> fem.PETSc.NullSpace:
     """Return translations and rotations of the owned unknowns, as the near null space of a stiffness."""
     x, c = model.coordinates[: model.owned_nodes], model.components
     modes = [np.tile(np.eye(c)[k], (len(x), 1)) for k in range(c)]

@@ -29,15 +29,15 @@ from ruptfx.sliding.interface import SlidingInterface
 
 if TYPE_CHECKING:
     from ruptfx.implicit.tangent import Tangent
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 
-def count_nodes(model: Model) -> int:
+def count_nodes(model: System) -> int:
     """Return the number of nodes of all interfaces; collective."""
     return int(parallel.total(model.comm, len(_owned_nodes(model))))
 
 
-def _owned_nodes(model: Model) -> np.ndarray:
+def _owned_nodes(model: System) -> np.ndarray:
     """Return the local nodes of interfaces that this rank owns."""
     nodes = np.unique(np.concatenate([fault.interface.nodes for fault in model.faults]))
     return nodes[nodes < model.owned_nodes]
@@ -56,7 +56,7 @@ class Surfaces:
         Length of the facets of sliding interfaces [m].
     """
 
-    def __init__(self, model: Model, jumps: Jumps) -> None:
+    def __init__(self, model: System, jumps: Jumps) -> None:
         self._model, self._jumps, self.local = model, jumps, model.components
         owned = _owned_nodes(model)
         of_all = parallel.share_rows(model.comm, self._global(owned))
@@ -118,7 +118,7 @@ class SurfaceStiffness:
 
     Parameters
     ----------
-    model : Model
+    model : System
     surfaces : Surfaces
     tangent : Tangent
         Makes the matrix.
@@ -135,7 +135,7 @@ class SurfaceStiffness:
         h [N/m].
     """
 
-    def __init__(self, model: Model, surfaces: Surfaces, tangent: Tangent, factors: tuple[float, float]) -> None:
+    def __init__(self, model: System, surfaces: Surfaces, tangent: Tangent, factors: tuple[float, float]) -> None:
         self.surfaces, nodal = surfaces, (-1, surfaces.local)
         own = tangent.diagonal + factors[0] * model.mass
         self.free = surfaces.gather(model.loads.prescribed.reshape(nodal)).ravel() == 0

@@ -14,7 +14,7 @@ from ruptfx.platform import parallel
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms import Reaction
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 
 class Tangent:
@@ -24,7 +24,7 @@ class Tangent:
 
     Parameters
     ----------
-    model : Model
+    model : System
     dashpot : ndarray, shape (nodes * components,)
         The diagonal C [N s/m].
 
@@ -37,7 +37,7 @@ class Tangent:
         Mean of the diagonal [N/m].
     """
 
-    def __init__(self, model: Model, dashpot: np.ndarray) -> None:
+    def __init__(self, model: System, dashpot: np.ndarray) -> None:
         self._model, self._dashpot = model, dashpot
         self._owned = model.owned_nodes * model.components
         self._stiffness = self._assemble(model.bulk)
@@ -123,7 +123,7 @@ class Tangent:
         return not parallel.anywhere(model.comm, skew)
 
 
-def _add_supports(matrix: Any, model: Model) -> None:
+def _add_supports(matrix: Any, model: System) -> None:
     """Add the stiffness of the elastic supports, every node once; collective."""
     for support in model.loads.supports:
         _add_at_nodes(matrix, support.nodes, support.stiffness, model.owned_nodes)

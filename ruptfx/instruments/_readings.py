@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
     from ruptfx.faults.interface import Interface
     from ruptfx.fem import Expr
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 Stresses = Callable[[np.ndarray], np.ndarray]
 OFF = 1e-6  # of an element: largest distance of a point from its interface
@@ -31,7 +31,7 @@ class ModelReadings:
 
     Parameters
     ----------
-    model : Model
+    model : System
     initial_stress : callable
         Function from points, shape (n, dim), to the initial stress of the bodies [Pa], shape (n, stress components), in
         the order of `entries`.
@@ -45,7 +45,7 @@ class ModelReadings:
     force_unit : str
     """
 
-    def __init__(self, model: Model, initial_stress: Stresses) -> None:
+    def __init__(self, model: System, initial_stress: Stresses) -> None:
         self.model, self._initial_stress = model, initial_stress
         self.axes = {"z": 0} if model.components == 1 else {name: i for i, name in enumerate("xyz"[: model.components])}
         self.entries = stress_entries(model.case.plane, model.components)

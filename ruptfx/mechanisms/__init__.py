@@ -24,48 +24,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ruptfx.fields import Energy
+from ruptfx.spectrum import Springs as Springs  # of the contract: mechanisms and plug-ins import it from here
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.operators import Damped
     from ruptfx.state import State
 
 Floats = NDArray[np.float64]
 Rows = Mapping[str, np.ndarray]
 """Fields by name; values at all points in an order that no partition changes."""
-
-
-@dataclass(frozen=True)
-class Springs:
-    """Springs of a mechanism, as the stable time step counts them.
-
-    Attributes
-    ----------
-    text : str
-        What they are, for messages: "the contact stiffness of faults.main".
-    plural : bool
-        Whether the text is a plural.
-    add : callable, (displacement, force) -> None, optional
-        Add their forces, complete at every local node [N].
-    add_with_elements : callable, (displacement, force) -> None, optional
-        Add the forces of this rank, which are summed over ranks afterwards.
-    bound : ndarray, shape (nodes,), optional
-        Upper bound of their stiffness at every node [N/m], where it is not known exactly.
-    own_frequency : float
-        Highest angular frequency of unknowns that the mechanism has besides the nodes of the bodies [rad/s].
-    margin : float
-        Part of the stable step that may be used with them.
-    """
-
-    text: str
-    plural: bool = False
-    add: Callable[[Floats, Floats], None] | None = None
-    add_with_elements: Callable[[Floats, Floats], None] | None = None
-    bound: Floats | None = None
-    own_frequency: float = 0.0
-    margin: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +92,7 @@ class Mechanism:
 
     Parameters
     ----------
-    model : Model
+    model : System
 
     Attributes
     ----------
@@ -145,11 +115,11 @@ class Mechanism:
     rounds_as_kernel: bool = False
     damped: Damped | None = None
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         self.model = model
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         """Return whether the model has this mechanism."""
         return True
 
@@ -320,7 +290,7 @@ def kinds() -> tuple[type[Mechanism], ...]:
     return tuple(sorted(found, key=lambda each: (each.order, each.__name__)))
 
 
-def mechanisms_of(model: Model) -> list[Mechanism]:
+def mechanisms_of(model: System) -> list[Mechanism]:
     """Return the mechanisms that a model has, in calling order."""
     found = [*(kind(model) for kind in kinds() if kind.present(model)), *model.attachments]
     return sorted(found, key=lambda each: (each.order, type(each).__name__))

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from ruptfx.cracks import CrackLaws
     from ruptfx.cracks._step import CrackStep
     from ruptfx.materials import Material
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 RESOLVED, LOST = 2.0, 0.2  # facets per process zone of a crack: below these a warning, and an error
 LATE = 2.0  # facets that a wave may pass between two checks of the strength
 
 
-def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
+def facet_rows(model: System, cracks: CrackStep) -> Iterator[Row]:
     """Yield the lengths of process zones, E G / strength^2, over that of facets, and how fast loading reaches f_t.
 
     Source: Hillerborg, Modéer and Petersson (1976).
@@ -52,7 +52,7 @@ def facet_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
     yield from _loading(model, of_pairs, cracks.position.ravel())
 
 
-def insertion_rows(model: Model, cracks: CrackStep, check_every: int, dt: float) -> Iterator[Row]:
+def insertion_rows(model: System, cracks: CrackStep, check_every: int, dt: float) -> Iterator[Row]:
     """Yield the distance of a wave between two checks of the strength."""
     fastest = max(material.wave_speeds(model.case.plane).c_p for material in model.materials)
     way = check_every * dt * fastest / cracks.edge
@@ -63,7 +63,7 @@ def insertion_rows(model: Model, cracks: CrackStep, check_every: int, dt: float)
     )  # fmt: skip
 
 
-def spring_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
+def spring_rows(model: System, cracks: CrackStep) -> Iterator[Row]:
     """Yield the stiffness of the cells, which compensates that of the springs."""
     for name, material, stiff in zip(model.bodies.names, model.materials, cracks.cell_materials, strict=True):
         stiffer = _young(stiff) / _young(material) - 1
@@ -75,7 +75,7 @@ def spring_rows(model: Model, cracks: CrackStep) -> Iterator[Row]:
         )  # fmt: skip
 
 
-def _loading(model: Model, laws: Mapping[str, CrackLaws], position: np.ndarray) -> Iterator[Row]:
+def _loading(model: System, laws: Mapping[str, CrackLaws], position: np.ndarray) -> Iterator[Row]:
     """Yield the number of wave passages until the impact speed has loaded a body to f_t, f_t / (rho c_p v)."""
     flying = [float(np.linalg.norm(velocity)) for velocity in model.case.initial_velocity.values()]
     speed = max(model.case.impact_speed, *flying, 0.0)
@@ -101,7 +101,7 @@ def _young(material: Material) -> float:
     return float(material.young_modulus_along(axes).min())
 
 
-def _softer(model: Model, cracks: CrackStep, material: Material) -> float:
+def _softer(model: System, cracks: CrackStep, material: Material) -> float:
     """Return the part of the plane modulus that springs cost, 1 - 1 / (1 + S E / 2 k); anisotropic, of the lower E."""
     lame = material.lame(model.case.plane)
     modulus = _young(material) if lame is None else 4 * lame[1] * (lame[0] + lame[1]) / (lame[0] + 2 * lame[1])

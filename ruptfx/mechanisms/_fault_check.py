@@ -20,10 +20,9 @@ from ruptfx.profiles.constant import Constant
 from ruptfx.schema import Part, unit_of
 
 if TYPE_CHECKING:
-    from ruptfx.case import FaultCase
     from ruptfx.faults.fault import Fault
     from ruptfx.faults.interface import Interface
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.nucleation import Nucleation
 
 SUPERSHEAR_LIMIT_3D = 1.19  # largest S ratio on an unbounded fault, Poisson's ratio 0.25 (Dunham 2007)
@@ -31,7 +30,7 @@ SUPERSHEAR_LIMIT_3D = 1.19  # largest S ratio on an unbounded fault, Poisson's r
 AnyLengths = TypeVar("AnyLengths", Breakdown, RateDependence)
 
 
-def fault_rows(model: Model, fault: Fault) -> Iterator[Row]:
+def fault_rows(model: System, fault: Fault) -> Iterator[Row]:
     """Yield strength, S ratio, process zone and critical lengths of one fault, at its nucleation and weakest place."""
     face, label = fault.interface, f"faults.{fault.name}"
     spacing = float(np.max(np.diff(np.sort(face.position)), initial=0))
@@ -80,7 +79,7 @@ def _at_rest(fault: Fault) -> _AtRest:
 
 
 def _judged_points(
-    model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None
+    model: System, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None
 ) -> tuple[int, int]:
     """Return the indices of the points at which a fault is evaluated, among those that do not slip at once, if any.
 
@@ -107,10 +106,10 @@ def _judged_points(
     return start, weakest
 
 
-def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | np.ndarray | None:
+def _nucleation_position(model: System, fault: Fault, rest: _AtRest) -> float | np.ndarray | None:
     """Return the place where a rupture starts [m]: of a nucleation, or of points that slip at once; else None."""
     places = fault.interface.locations
-    for nucleation in model.placed[fault.name].nucleation:
+    for nucleation in fault.nucleation:
         center = getattr(nucleation, "center", None)
         if isinstance(center, float | np.ndarray):
             return center
@@ -121,7 +120,7 @@ def _nucleation_position(model: Model, fault: Fault, rest: _AtRest) -> float | n
 
 
 def _rows_at(
-    model: Model, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float, point: int,
+    model: System, fault: Fault, rest: _AtRest, lengths: Breakdown | RateDependence | None, rate: float, point: int,
     spacing: float,
 ) -> Iterator[Row]:  # fmt: skip
     """Yield strength, S ratio, process zone and critical lengths at one point of a fault."""
@@ -187,13 +186,13 @@ def _chain(law: FrictionLaw) -> list[FrictionLaw]:
     return chain
 
 
-def rows_without_effect(model: Model, fault: Fault) -> Iterator[Row]:
+def rows_without_effect(model: System, fault: Fault) -> Iterator[Row]:
     """Yield nucleations without effect, such as a patch off the interface, and profiles that do not vary on it."""
-    given: FaultCase = model.placed[fault.name]
+    given = model.placed[fault.name]
     position, places, label = fault.interface.position, fault.interface.locations, f"faults.{fault.name}"
     along = f"positions {position.min():.6g} to {position.max():.6g} m"
-    law = given.friction.at(places)
-    for number, nucleation in enumerate(given.nucleation):
+    law = next(part for _, part in given if isinstance(part, FrictionLaw)).at(places)  # not yet weakened
+    for number, nucleation in enumerate(fault.nucleation):
         held, law = law, nucleation.weaken(law, places)
         if not _acts(nucleation, held, law, fault, model.case.duration):
             yield Row(
@@ -240,7 +239,7 @@ def _shown(part: Part) -> str:
     return ", ".join(numbers + [f"{name} = {{ {_shown(value)} }}" for name, value in given if isinstance(value, Part)])
 
 
-def shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
+def shortest_time(model: System, fault: Fault, dt: float) -> Iterator[Row]:
     """Yield the shortest time in which the law changes, against the time step.
 
     That is a length of the law over the expected slip rate, or the time in which a state relaxes by itself.
@@ -266,7 +265,7 @@ def shortest_time(model: Model, fault: Fault, dt: float) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def _expected_slip_rate(model: Model, fault: Fault) -> float:
+def _expected_slip_rate(model: System, fault: Fault) -> float:
     """Return stress drop over impedance [m/s], largest of all points.
 
     It is the slip rate behind a front that radiates S waves into both bodies,
@@ -299,7 +298,7 @@ def _relaxation_times(fault: Fault, dt: float) -> dict[str, float]:
     return found
 
 
-def _position_rows(model: Model, fault: Fault) -> Iterator[Row]:
+def _position_rows(model: System, fault: Fault) -> Iterator[Row]:
     """Yield the meaning of positions, and every patch and barrier of the case in positions and coordinates."""
     face, label = fault.interface, f"faults.{fault.name}"
     yield Row(f"{label}: position", _range(face.line.first, face.line.last), "m", face.line.meaning)
@@ -333,7 +332,7 @@ def _at(lengths: AnyLengths, point: int) -> AnyLengths:
 
 
 def _breakdown_rows(
-    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: Model,
+    label: str, law: Breakdown, tau: float, note: str, modulus: float, spacing: float, fault: Fault, model: System,
     where: str,
 ) -> Iterator[Row]:
     """Yield S ratio, critical lengths and process zone of laws that weaken with slip."""

@@ -17,14 +17,14 @@ from ruptfx.faults.points import Clock
 from ruptfx.mechanisms import Floats
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.operators import Damped
     from ruptfx.state import State
 
 Integers = NDArray[np.int64]
 
 
-def masses_and_dashpots(model: Model) -> tuple[Floats, Floats]:
+def masses_and_dashpots(model: System) -> tuple[Floats, Floats]:
     """Return mass [kg] and damping force per velocity [N s/m] of every degree of freedom, sums for tied ones."""
     both = model.mass.copy(), model.loads.dashpot + model.case.damping.mass * model.mass
     for values in both:
@@ -46,7 +46,7 @@ class Kick:
         over the time step; loss per sum of squares that the kernel returns; and the mass times `plain_push`.
     """
 
-    def __init__(self, model: Model, dofs: Integers, dt: float, number: int, mass: Floats, dashpot: Floats) -> None:
+    def __init__(self, model: System, dofs: Integers, dt: float, number: int, mass: Floats, dashpot: Floats) -> None:
         self.number, self.clock = number, Clock.of_step(dt, number)
         length, rate = self.clock.kick, model.case.damping.mass
         self.keep, self.push = np.empty(len(dofs)), np.empty(len(dofs))
@@ -70,7 +70,7 @@ class SteppedNodes:
 
     Parameters
     ----------
-    model : Model
+    model : System
     nodes : ndarray of bool, shape (nodes,)
     dt : float
         [s]
@@ -96,7 +96,7 @@ class SteppedNodes:
     """
 
     def __init__(
-        self, model: Model, nodes: NDArray[np.bool_], dt: float, rounds_as_kernel: bool, damped: Damped | None
+        self, model: System, nodes: NDArray[np.bool_], dt: float, rounds_as_kernel: bool, damped: Damped | None
     ) -> None:
         self.model, self.dt, self.damped = model, dt, damped
         self.dofs = dofs = np.flatnonzero(np.repeat(nodes, model.components)).astype(np.int64)

@@ -16,7 +16,7 @@ from ruptfx.schema import unit_of
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
     from ruptfx.faults.interface import Interface
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 # Soft gels to diamond; aerogels to osmium; gels to diamond; smallest pressure on a laboratory sample.
 MODULI = (1e3, 1.3e12)  # Pa
@@ -43,7 +43,7 @@ def row_of(doubt: Doubt) -> Row:
     return Row(doubt.quantity, doubt.value, doubt.unit, doubt.note, "ok" if doubt.likely_meant else "warning")
 
 
-def doubts(model: Model) -> Iterator[Doubt]:
+def doubts(model: System) -> Iterator[Doubt]:
     """Yield all warnings about a case on this rank."""
     for name, material in zip(model.bodies.names, model.materials, strict=True):
         for key in type(material).model_fields:
@@ -66,7 +66,7 @@ def doubts(model: Model) -> Iterator[Doubt]:
         yield from _echoes(model)
 
 
-def slow_records(model: Model, label: str, zone: float) -> Iterator[Doubt]:
+def slow_records(model: System, label: str, zone: float) -> Iterator[Doubt]:
     """Warn of records further apart than the time in which a process zone passes a point."""
     if not model.case.stepper.inertia:
         return
@@ -85,7 +85,7 @@ def _outside(value: float, bounds: tuple[float, float]) -> str:
     return f"less than {bounds[0]:g}, that" if value < bounds[0] else f"more than {bounds[1]:g}, that"
 
 
-def _stress(model: Model, fault: Fault) -> Iterator[Doubt]:
+def _stress(model: System, fault: Fault) -> Iterator[Doubt]:
     largest = float(np.max(np.abs(fault.normal_stress_0), initial=0.0))
     label = f"faults.{fault.name}.initial_stress"
     if 0 < largest < LEAST_STRESS:
@@ -96,7 +96,7 @@ def _stress(model: Model, fault: Fault) -> Iterator[Doubt]:
         yield Doubt(label, largest, "Pa", note)
 
 
-def _echoes(model: Model) -> Iterator[Doubt]:
+def _echoes(model: System) -> Iterator[Doubt]:
     """Warn of reflecting edges away from the interfaces, with the arrival time of reflections."""
     absorbing = [b for b in model.case.boundaries if isinstance(b, Absorbing | IncidentWave)]
     open_edges = {boundary.edge for boundary in absorbing}
@@ -125,7 +125,7 @@ def _echoes(model: Model) -> Iterator[Doubt]:
             explained = explained or name
 
 
-def _bodies(model: Model, face: Interface) -> np.ndarray:
+def _bodies(model: System, face: Interface) -> np.ndarray:
     """Return the indices of the bodies on both sides of an interface."""
     sides = [face.plus, face.minus] if face.other_side == "meshed" else [face.plus]
     return np.unique(model.layout.body[np.concatenate(sides)])

@@ -14,7 +14,7 @@ from ruptfx.spectrum import springs_of, stable_time_step
 if TYPE_CHECKING:
     from ruptfx.boundaries._loading import Loads
     from ruptfx.faults.fault import Fault
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.sliding.interface import SlidingInterface
     from ruptfx.sliding.roughness import Roughness
 
@@ -26,7 +26,7 @@ FEWEST_NODES = 8  # least number of nodes across a contact, and along the shorte
 
 
 def surface_rows(
-    model: Model, name: str, face: SlidingInterface, stages_end: Sequence[tuple[float, Loads]]
+    model: System, name: str, face: SlidingInterface, stages_end: Sequence[tuple[float, Loads]]
 ) -> Iterator[Row]:
     """Yield spacing, length and shape of the surfaces of a sliding interface, and its slip by driven edges."""
     label = f"faults.{name}"
@@ -66,7 +66,7 @@ def surface_rows(
         )  # fmt: skip
 
 
-def spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
+def spring_rows(model: System, fault: Fault, stable: float) -> Iterator[Row]:
     """Yield whether springs of a sliding interface are so stiff that bodies chatter."""
     ways, damping = model.case.stepper.ways, [stage.damping for stage in model.case.stages] + [model.case.damping]
     if "explicit" not in ways or not any(fault.contact.stiffness()):
@@ -86,7 +86,7 @@ def spring_rows(model: Model, fault: Fault, stable: float) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def _driven_slip(model: Model, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:
+def _driven_slip(model: System, face: SlidingInterface, along: np.ndarray, time: float, loads: Loads) -> float:
     """Return the displacement of the plus side relative to the minus side along the interface by driven edges [m]."""
     slip = 0.0
     for side, sign in ((face.geometry.plus, 1.0), (face.geometry.minus, -1.0)):

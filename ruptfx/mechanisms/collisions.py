@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ruptfx.collisions._step import CollisionStep
     from ruptfx.mechanisms._check_table import Plan
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -25,13 +25,13 @@ class Collisions(Mechanism):
 
     order = 10
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         assert model.collisions is not None
         self._step: CollisionStep = model.collisions
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return model.collisions is not None
 
     def begin(self, state: State) -> None:

@@ -18,7 +18,7 @@ from ruptfx.mechanisms._rotation_error import deducting_dissipation
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 MOST_DAMAGE = 0.1  # growth of the damage of a facet in an implicit step
@@ -36,10 +36,10 @@ class Facets(Mechanism):
     rounds_as_kernel = True
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         assert model.cracks is not None
         self.cracks = model.cracks
@@ -78,7 +78,7 @@ class IntrinsicFacets(Facets):
     """Springs of all facets that have not failed."""
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return model.cracks is not None and not isinstance(model.cracks, RigidCracks)
 
     def check(self, plan: Plan) -> Iterator[Row]:
@@ -148,7 +148,7 @@ class ExtrinsicFacets(Facets):
 
     order = 90
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         assert isinstance(model.cracks, RigidCracks)
         self._rigid = model.cracks
@@ -156,7 +156,7 @@ class ExtrinsicFacets(Facets):
         self._followers = self._leaders = np.zeros(0, np.int64)  # degrees of freedom that move as driven ones do
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return isinstance(model.cracks, RigidCracks)
 
     def check(self, plan: Plan) -> Iterator[Row]:

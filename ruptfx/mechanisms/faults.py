@@ -17,7 +17,7 @@ from ruptfx.platform import parallel
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.sliding.step import SlidingStep
     from ruptfx.state import FaultState, State
 
@@ -39,19 +39,19 @@ class Faults(Mechanism):
     order = 60
     adjoint = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         self.faults = self.of(model)
         self.steps: list[list[FaultStep | SlidingStep]] = []
         self._rates: list[Floats | None] = []
 
     @classmethod
-    def of(cls, model: Model) -> list[Fault]:
+    def of(cls, model: System) -> list[Fault]:
         """Return the faults that this mechanism handles."""
         return [fault for fault in model.faults if not fault.slides]
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return bool(cls.of(model))
 
     def begin(self, state: State) -> None:

@@ -11,7 +11,7 @@ from ruptfx.mechanisms import Floats, Mechanism
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -22,7 +22,7 @@ class Supports(Mechanism):
     adjoint = True
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return bool(model.loads.supports)
 
     def add_internal(self, state: State, kick: Kick) -> None:
@@ -35,7 +35,7 @@ class Loads(Mechanism):
     order = 50
     adjoint = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         self._forces = [*model.loads.forces, *model.loads.ended]
         self._factors: list[float | Floats] = []

@@ -15,7 +15,7 @@ from ruptfx.platform import parallel
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 WORK, HALF = "work of inelastic stress", "half a step of it"
@@ -30,12 +30,12 @@ class Memory(Mechanism):
     order = 10
     energies = (Energy("material_dissipation", "energy dissipated in materials with memory", "dissipated"),)
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         self._force: Floats = np.zeros(len(model.mass))
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return any(material.has_memory() for material in model.materials)
 
     def begin(self, state: State) -> None:

@@ -12,7 +12,7 @@ from ruptfx.mechanisms import Mechanism
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -26,7 +26,7 @@ class LargeRotations(Mechanism):
     order = 40
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return model.bulk.large_rotations
 
     def close_energies(self, state: State, energies: dict[str, float]) -> None:

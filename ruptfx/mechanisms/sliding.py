@@ -17,7 +17,7 @@ from ruptfx.sliding.step import SlidingStep
 if TYPE_CHECKING:
     from ruptfx.mechanisms._check_table import Plan, Row
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 
@@ -32,12 +32,12 @@ class SlidingFaults(Faults):
     order = 70
     adjoint = False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         self.followers = [Follower(fault) for fault in self.faults]
 
     @classmethod
-    def of(cls, model: Model) -> list[Fault]:
+    def of(cls, model: System) -> list[Fault]:
         return [fault for fault in model.faults if fault.slides]
 
     def begin(self, state: State) -> None:
@@ -58,7 +58,8 @@ class SlidingFaults(Faults):
         assert isinstance(fault.interface, SlidingInterface)
         yield from rows.surface_rows(self.model, fault.name, fault.interface, plan.ends)
         yield from rows.spring_rows(self.model, fault, plan.stable)
-        yield from rows.rough_rows(f"faults.{fault.name}", roughness(self.model, fault, plan.ends))
+        found = roughness(self.model, self.model.case.mesh, fault, plan.ends)
+        yield from rows.rough_rows(f"faults.{fault.name}", found)
 
     def _step(self, fault: Fault, inverse_mass: Floats, kick: Kick, stepped: SteppedNodes) -> SlidingStep:
         assert isinstance(fault.interface, SlidingInterface)

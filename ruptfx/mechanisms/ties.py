@@ -11,7 +11,7 @@ from ruptfx.mechanisms import Mechanism
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -21,7 +21,7 @@ class Ties(Mechanism):
     order = 80
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return bool(model.bodies.ties)
 
     def nodes(self) -> NDArray[np.bool_]:

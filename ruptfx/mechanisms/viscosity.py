@@ -13,7 +13,7 @@ from ruptfx.operators import Damped, FusedOperator
 
 if TYPE_CHECKING:
     from ruptfx.mechanisms._nodes import Kick, SteppedNodes
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -23,7 +23,7 @@ class KelvinVoigt(Mechanism):
     order = 20
     adjoint = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: System) -> None:
         super().__init__(model)
         assert model.viscosity is not None
         self._viscosity, self._force = model.viscosity, np.zeros(len(model.mass))
@@ -32,7 +32,7 @@ class KelvinVoigt(Mechanism):
             self.damped = Damped(self._viscosity.eta, self._force, np.zeros(1))
 
     @classmethod
-    def present(cls, model: Model) -> bool:
+    def present(cls, model: System) -> bool:
         return model.viscosity is not None
 
     def nodes(self) -> NDArray[np.bool_]:

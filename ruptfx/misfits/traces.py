@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from ruptfx.input import number_files
 from ruptfx.input.quantities import factor
+from ruptfx.instruments import Instrument
 from ruptfx.misfits import Floats, Measured, Misfit, Request, Sample, Trace
 from ruptfx.schema import CaseError, Name, nearest
 from ruptfx.units import Duration, Positive, Time
@@ -84,7 +85,8 @@ class Traces(Misfit):
 
     def requests(self, bodies: ModelReadings, key: str) -> list[Request]:
         case = bodies.model.case
-        named = {instrument.name: (number, instrument) for number, instrument in enumerate(case.instruments)}
+        listed = enumerate(case.instruments)
+        named = {each.name: (number, each) for number, each in listed if isinstance(each, Instrument)}
         if self.instrument not in named:
             hint = nearest(self.instrument, list(named))
             raise CaseError(f"{key}.instrument = '{self.instrument}': no such instrument, {hint}")

@@ -20,7 +20,8 @@ from ruptfx.sliding.surface import Floats, Surface
 if TYPE_CHECKING:
     from ruptfx.boundaries._loading import Loads
     from ruptfx.faults.fault import Fault
-    from ruptfx.model import Model
+    from ruptfx.schema import Part
+    from ruptfx.space.discretisation import Discretisation
 
 SMOOTH = 1e-9  # root mean square slope caused by rounding
 
@@ -53,13 +54,17 @@ class Roughness:
     pressure: float | None
 
 
-def roughness(model: Model, fault: Fault, loads: Sequence[tuple[float, Loads]]) -> Roughness | None:
+def roughness(
+    model: Discretisation, mesh: Part, fault: Fault, loads: Sequence[tuple[float, Loads]]
+) -> Roughness | None:
     """Return the roughness of an interface, None if it is smooth or a body is not isotropic.
 
     Parameters
     ----------
-    model : Model
-        Model on one rank.
+    model : Discretisation
+        On one rank.
+    mesh : Part
+        Table of the mesh.
     fault : Fault
     loads : sequence of (float, Loads)
         Times [s], and the loads on the bodies for each.
@@ -73,7 +78,7 @@ def roughness(model: Model, fault: Fault, loads: Sequence[tuple[float, Loads]]) 
         return None
     modulus = 1 / sum(1 / each for each in moduli if each is not None)
     spacing = sides[0].spacing, sides[1].spacing
-    wave, shortest = _waves(model)
+    wave, shortest = _waves(mesh)
     return Roughness(modulus, slope, wave, shortest, spacing, _pressure(model, fault, face, loads))
 
 
@@ -91,20 +96,19 @@ def _slope(plus: Surface, minus: Surface) -> float:
     return float(np.sqrt(np.sum(np.diff(apart) ** 2 / step) / step.sum()))
 
 
-def _modulus(model: Model, side: Surface) -> float | None:
+def _modulus(model: Discretisation, side: Surface) -> float | None:
     """Return E / (1 - nu^2) in plane strain, E in plane stress [Pa]; infinite for a rigid side."""
     if not len(side.nodes):
         return float("inf")
     material = model.materials[model.layout.body[side.nodes[0]]]
-    if material.lame(model.case.plane) is None:
+    if material.lame(model.plane) is None:
         return None
-    speeds = material.wave_speeds(model.case.plane)
+    speeds = material.wave_speeds(model.plane)
     return 2 * fracture.effective_modulus(material.density * speeds.c_s**2, speeds.c_p, speeds.c_s)
 
 
-def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
+def _waves(mesh: Part) -> tuple[tuple[float, float] | None, float | None]:
     """Return amplitude and wavelength of a sinusoidal distance, and the shortest wavelength of profiles, or None."""
-    mesh = model.case.mesh
     if isinstance(mesh, RoughPlates):
         profiles = mesh.upper.profile, mesh.lower.profile
     elif isinstance(mesh, BlockOnRigid) and mesh.base is not None:
@@ -122,7 +126,7 @@ def _waves(model: Model) -> tuple[tuple[float, float] | None, float | None]:
 
 
 def _pressure(
-    model: Model, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
+    model: Discretisation, fault: Fault, face: SlidingInterface, loads: Sequence[tuple[float, Loads]]
 ) -> float | None:
     """Return the largest mean pressure of initial stress and loads [Pa], None if motion of edges determines it."""
     area: Floats = (face.weight[:, None] * face.frame[:, 0]).sum(axis=0)

@@ -12,7 +12,7 @@ from ruptfx.contact import Way
 from ruptfx.schema import Alternative, alternative
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -123,11 +123,11 @@ class Stepper(Alternative):
     elastic_contact_only: ClassVar[bool] = False
     """Whether the contact method must have a stiffness."""
 
-    def fixed(self, model: Model) -> Self:
+    def fixed(self, model: System) -> Self:
         """Return the stepper with the step that it chooses for a model, for use with another model."""
         return self
 
-    def bind(self, model: Model) -> Motion:
+    def bind(self, model: System) -> Motion:
         """Choose the step and prepare the arrays.
 
         Raises

@@ -15,7 +15,7 @@ from ruptfx.steppers.quasi_static import slip_to_resolve
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
 
 PARTS_TO_RESOLVE = 50.0  # shortest length of a law over the slip that `slip_to_resolve` returns
 
@@ -122,7 +122,7 @@ class AnyState:
         return found
 
 
-def evolution_of(model: Model, fault: Fault) -> Evolution:
+def evolution_of(model: System, fault: Fault) -> Evolution:
     """Return the evolution of the state of a fault; collective."""
     law, points = fault.friction, len(fault.interface.plus)
     if has_age(law):

@@ -13,7 +13,7 @@ from ruptfx.steppers._radiation import radiation_impedance
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
     from ruptfx.implicit.solution import Solution
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -28,7 +28,7 @@ class SlowMotion:
 
     collective = True
 
-    def __init__(self, model: Model, radiates: bool, petsc_options: PetscOptions | None = None) -> None:
+    def __init__(self, model: System, radiates: bool, petsc_options: PetscOptions | None = None) -> None:
         self.model = model
         self.radiation = {
             f.name: radiation_impedance(model, f) if radiates else np.zeros(len(f.interface.plus)) for f in model.faults

@@ -18,7 +18,7 @@ from ruptfx.steppers import Stepper
 from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 SchemeName = Literal["generalized_alpha", "average_acceleration", "newmark", "hht"]
@@ -90,13 +90,13 @@ class GeneralizedAlpha(Stepper):
         beta = 0.25 * (0.5 + gamma) ** 2
         return alpha_m, alpha_f, gamma, beta if self.beta is None else self.beta
 
-    def bind(self, model: Model) -> GeneralizedAlphaMotion:
+    def bind(self, model: System) -> GeneralizedAlphaMotion:
         return GeneralizedAlphaMotion(model.in_steps("implicit"), self, self._step_of(model))
 
-    def fixed(self, model: Model) -> GeneralizedAlpha:
+    def fixed(self, model: System) -> GeneralizedAlpha:
         return self.model_copy(update={"time_step": self._step_of(model)})
 
-    def _step_of(self, model: Model) -> float:
+    def _step_of(self, model: System) -> float:
         return self.time_step or parallel.three_digits(self.courant * stable_time_step(model))
 
 
@@ -108,7 +108,7 @@ class GeneralizedAlphaMotion:
 
     collective = True
 
-    def __init__(self, model: Model, stepper: GeneralizedAlpha, dt: float) -> None:
+    def __init__(self, model: System, stepper: GeneralizedAlpha, dt: float) -> None:
         self.model, self.dt = model, dt
         self._weights, self._halvings = stepper.weights(), stepper.halvings
         self._equilibrium = Equilibrium(model, stepper.petsc_options)

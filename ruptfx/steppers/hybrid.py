@@ -23,7 +23,7 @@ from ruptfx.steppers.quasi_static import QuasiStaticMotion
 from ruptfx.units import Duration, Speed
 
 if TYPE_CHECKING:
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 SLOW, FAST = 0.0, 1.0
@@ -73,10 +73,10 @@ class Hybrid(Stepper):
             raise ValueError(f"fast.kind = '{self.fast.kind()}': must be leapfrog")
         return self
 
-    def bind(self, model: Model) -> HybridMotion:
+    def bind(self, model: System) -> HybridMotion:
         return HybridMotion(model, self)
 
-    def fixed(self, model: Model) -> Hybrid:
+    def fixed(self, model: System) -> Hybrid:
         return self.model_copy(update={"fast": self.fast.fixed(model)})
 
 
@@ -86,7 +86,7 @@ class HybridMotion:
     `State.numbers` contains the present kind, as `fast`, and the time since which no point has slid fast.
     """
 
-    def __init__(self, model: Model, stepper: Hybrid) -> None:
+    def __init__(self, model: System, stepper: Hybrid) -> None:
         self.model, self._stepper = model, stepper
         slow, fast = stepper.slow.bind(model), stepper.fast.bind(model)
         assert isinstance(slow, QuasiStaticMotion) and isinstance(fast, LeapfrogMotion)

@@ -20,7 +20,7 @@ from ruptfx.units import Duration, Fraction
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
     Outside = list[tuple[NDArray[np.int64] | slice, Floats]]
@@ -48,10 +48,10 @@ class Leapfrog(Stepper):
     time_step: Duration | None = None
     """Length of a step in place of the chosen one; refused if it is not stable."""
 
-    def bind(self, model: Model) -> LeapfrogMotion:
+    def bind(self, model: System) -> LeapfrogMotion:
         return LeapfrogMotion(model.in_steps("explicit"), self._step_of(model))
 
-    def fixed(self, model: Model) -> Leapfrog:
+    def fixed(self, model: System) -> Leapfrog:
         step = self._step_of(model)
         for number, stage in enumerate(model.case.stages):
             if stage.duration < (1 - 1e-6) * step:
@@ -62,7 +62,7 @@ class Leapfrog(Stepper):
                 )
         return self.model_copy(update={"time_step": step})
 
-    def _step_of(self, model: Model) -> float:
+    def _step_of(self, model: System) -> float:
         stable = stable_time_step(model)
         if self.time_step is None:
             return parallel.three_digits(self.safety * stable)
@@ -74,7 +74,7 @@ class Leapfrog(Stepper):
         return self.time_step
 
 
-def what_limits(model: Model, stable: float) -> str:
+def what_limits(model: System, stable: float) -> str:
     """Return a text whether elements or springs of a mechanism limit the stable step; collective."""
     springs = springs_of(model)
     without = stable_time_step(model, []) if springs else stable
@@ -93,7 +93,7 @@ class LeapfrogMotion:
 
     Attributes
     ----------
-    model : Model
+    model : System
     dt : float
         [s]
     mechanisms : list of Mechanism
@@ -102,7 +102,7 @@ class LeapfrogMotion:
 
     collective = False
 
-    def __init__(self, model: Model, dt: float) -> None:
+    def __init__(self, model: System, dt: float) -> None:
         self.model, self.dt = model, dt
         self.mechanisms = mechanisms = mechanisms_of(model)
         stepped = np.any([model.layout.shared, *(each.nodes() for each in mechanisms)], axis=0)

@@ -23,7 +23,7 @@ from ruptfx.units import Duration, Positive
 
 if TYPE_CHECKING:
     from ruptfx.implicit.solution import Solution
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 
@@ -58,7 +58,7 @@ class PetscTs(Stepper):
     petsc_options: PetscOptions = {}
     """Options of PETSc's TS and solvers."""
 
-    def bind(self, model: Model) -> PetscTsMotion:
+    def bind(self, model: System) -> PetscTsMotion:
         model = model.in_steps("implicit")
         damped = bool(np.any(model.loads.dashpot)) or model.case.damping.mass > 0 or model.viscosity is not None
         if self.scheme == "basicsymplectic" and parallel.anywhere(model.comm, damped):
@@ -80,7 +80,7 @@ class PetscTsMotion:
 
     collective = True
 
-    def __init__(self, model: Model, stepper: PetscTs, dt: float) -> None:
+    def __init__(self, model: System, stepper: PetscTs, dt: float) -> None:
         self.model, self.dt, self._scheme = model, dt, stepper.scheme
         self._equilibrium = Equilibrium(model)
         self._owned = model.owned_nodes * model.components

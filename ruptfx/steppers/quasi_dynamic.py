@@ -26,7 +26,7 @@ from ruptfx.units import Duration, Fraction
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import FaultState, State
 
 MOST_GROWTH, MOST_SHRINKING, SAFETY = 5.0, 0.2, 0.9
@@ -72,14 +72,14 @@ class QuasiDynamic(Stepper):
     largest_step: Duration | None = None
     """Largest time step; default: a hundredth of the duration."""
 
-    def bind(self, model: Model) -> QuasiDynamicMotion:
+    def bind(self, model: System) -> QuasiDynamicMotion:
         return QuasiDynamicMotion(model, self)
 
 
 class QuasiDynamicMotion(SlowMotion):
     """Steps bound to a model; all ranks know slip and state of all points, each evaluates the laws of its own."""
 
-    def __init__(self, model: Model, stepper: QuasiDynamic) -> None:
+    def __init__(self, model: System, stepper: QuasiDynamic) -> None:
         super().__init__(model, True)
         if not fits(model):
             raise CaseError(

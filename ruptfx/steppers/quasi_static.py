@@ -22,7 +22,7 @@ from ruptfx.units import Duration, Fraction, Length
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
     from ruptfx.implicit.solution import Solution
-    from ruptfx.model import Model
+    from ruptfx.mechanisms._system import System
     from ruptfx.state import State
 
 MOST_HALVINGS = 12
@@ -72,14 +72,14 @@ class QuasiStatic(Stepper):
     petsc_options: PetscOptions = {}
     """Options of PETSc's solvers that replace the defaults."""
 
-    def bind(self, model: Model) -> QuasiStaticMotion:
+    def bind(self, model: System) -> QuasiStaticMotion:
         return QuasiStaticMotion(model.in_steps("implicit"), self)
 
 
 class QuasiStaticMotion(SlowMotion):
     """Quasi-static steps bound to a model; the size of the next step is in `State.numbers`."""
 
-    def __init__(self, model: Model, stepper: QuasiStatic) -> None:
+    def __init__(self, model: System, stepper: QuasiStatic) -> None:
         super().__init__(model, stepper.radiation_damping, stepper.petsc_options)
         self._stepper = stepper
         self.slip_tolerance = stepper.slip_tolerance or self._chosen_tolerance()
@@ -255,7 +255,7 @@ def stepped(factor: float) -> float:
     return float(2 ** (np.floor(4 * np.log2(factor)) / 4))
 
 
-def slip_to_resolve(model: Model, fault: Fault) -> float:
+def slip_to_resolve(model: System, fault: Fault) -> float:
     """Return a fiftieth of the shortest length in the friction law [m]; collective.
 
     Without such a length it is a fiftieth of the slip that relaxes a hundredth of the normal stress.

@@ -244,7 +244,7 @@ def keys(part: Part, prefix: str = "") -> Iterator[tuple[str, type[Part], str, A
 def state_after(case: Case) -> dict[str, Any]:
     """What a few steps leave, by name."""
     model = Model(case)
-    motion, state, rules = stages.bind(model), model.initial_state(), StopRules(model)
+    motion, state, rules = stages.bind(model), model.initial_state(), StopRules(model, model.case.stop_when)
     ended = []
     for _ in range(FEW):
         motion.step(state)
