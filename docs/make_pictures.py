@@ -308,6 +308,8 @@ COMMANDS = (
     Command("run demos/impact.toml --out run", {"impact_fringes": "fringes"}, DEMOS / "pictures"),
     Command("run demos/stick_slip.toml --out run", {"stick_slip": "cycles"}, DEMOS / "pictures"),
     Command("run demos/strike_slip_3d.toml --out run", {"strike_slip_3d": "rupture_map"}),
+    Command("run demos/strike_slip_3d.toml --out run --set mesh.element_size=2e3",
+            {"strike_slip_ground": "ground_motion"}),
     Command("run demos/spring_block.toml --out run", {"spring_block": "onset_of_sliding"}),
     Command("impact_figures.py", {"modes": "modes", "tip_speed": "tip_speed", "slip_and_jump": "slip_and_jump",
                                   "fringes": "fringes"}, DEMOS / "pictures",

@@ -243,9 +243,13 @@ def write_surface_run(path: Path, speed: float = 2500.0, count: int = 41, struct
     Slip is the slip rate times the time since the front, and the shear modulus 32 GPa.
     """
     path.mkdir(parents=True)
-    (path / "case.toml").write_text(tomli_w.dumps({"title": "Surface", "plane": "solid", "duration": 10.0}))
+    grid = {"kind": "receiver_grid", "name": "ground", "corner": [-2e4, -1e4, 0.0], "opposite": [2e4, 1e4, 0.0],
+            "spacing": 2e3, "interval": 0.5}  # fmt: skip
+    case = {"title": "Surface", "plane": "solid", "duration": 10.0, "instruments": [grid]}
+    (path / "case.toml").write_text(tomli_w.dumps(case))
     (path / "run.log").write_text("synthetic\n")
     time = np.linspace(0.0, 10.0, count)
+    _write_grid(path / "instruments.h5", speed)
     x, y = np.linspace(-0.5, 0.5, 81) * SURFACE[0], np.linspace(0, 1, 41) * SURFACE[1]
     strike, dip = (values.ravel() for values in np.meshgrid(x, y, indexing="ij"))
     ends = (np.where(np.isin(each, each[[0, -1]]), 0.5, 1.0) for each in (x, y))
@@ -274,6 +278,21 @@ def write_surface_run(path: Path, speed: float = 2500.0, count: int = 41, struct
     _write_energy(path / "energy.csv", time)
     (path / "summary.json").write_text("{}")
     return path
+
+
+def _write_grid(path: Path, speed: float) -> None:
+    """Write the samples of a grid around a source, whose waves decay with the distance."""
+    time, x, y = np.linspace(0.0, 10.0, 21), np.linspace(-2e4, 2e4, 21), np.linspace(-1e4, 1e4, 11)
+    points = np.stack([each.ravel() for each in np.meshgrid(x, y, [0.0], indexing="ij")])
+    distance = np.hypot(points[0], points[1])
+    pulse = np.exp(-((time[:, None] - distance / speed) ** 2)) / (1 + distance / 5e3)
+    parts = {"velocity_x": pulse, "velocity_y": -0.5 * pulse, "velocity_z": 0.1 * pulse}
+    data = xarray.Dataset(
+        {name: (("time", "point"), values, {"units": "m/s", "long_name": name}) for name, values in parts.items()}
+        | {axis: ("point", column, {"units": "m"}) for axis, column in zip("xyz", points, strict=True)},
+        {"time": ("time", time, {"units": "s"})},
+    )  # fmt: skip
+    data.to_netcdf(path, group="ground", engine="h5netcdf")
 
 
 def write_cracks(path: Path, failed: int) -> None:

@@ -113,6 +113,8 @@ def compare_with_file(
     if name not in known:
         raise RuptfxError(f"--instrument {name}: {record.path} has {', '.join(known)}")
     data = record.instruments[name]
+    if "point" in data.sizes:
+        raise RuptfxError(f"--instrument {name}: is a grid of receivers; add a receiver where the signal was measured")
     labels = {str(key): channel_label(str(key), data[key].attrs) for key in data if key != "time"}
     if channel is not None and channel not in labels:
         raise RuptfxError(f"--channel {channel}: {name} has {', '.join(labels)}")

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from ruptfx import RuptfxError
+from ruptfx.analysis.ground_motion import speeds_of
 from ruptfx.analysis.surface import grid, is_surface
 
 if TYPE_CHECKING:
@@ -59,7 +60,10 @@ def series(record: Record, folder: Path) -> Iterator[Path]:
 
 
 def whole(record: Record, folder: Path) -> Iterator[Path]:
-    """Write one VTKHDF file for the bodies and one for each interface, with all times; yield the paths."""
+    """Write a VTKHDF file for the bodies, for each interface and for each grid of receivers, with all times.
+
+    Yield the paths.
+    """
     if (record.path / "bulk.h5").is_file():
         points, cells, kind, body = _mesh(record.bulk)
         path = folder / "bulk.vtkhdf"
@@ -76,6 +80,52 @@ def whole(record: Record, folder: Path) -> Iterator[Path]:
         )
         _write(path, _three(along), cells, kind_of_cell, {}, moments)
         yield path
+
+
+    for table in record.case.get("instruments", []):
+        if table["kind"] == "receiver_grid":
+            path = folder / f"{table['name']}_grid.vtkhdf"
+            _write_grid(path, record.instruments[table["name"]])
+            yield path
+
+
+def _write_grid(path: Path, data: xarray.Dataset) -> None:
+    """Write a grid of receivers: vectors and tensors at its points, and the largest speed of every point."""
+    places = np.stack([data[axis].values for axis in ("x", "y", "z") if axis in data], axis=1)
+    names: dict[str, list[str]] = {}
+    for key in data.data_vars:
+        if data[key].dims == ("time", "point"):
+            quantity, _, component = str(key).rpartition("_")
+            names.setdefault(quantity, []).append(component)
+    still = {} if "velocity" not in names else {"peak_speed": speeds_of(data).max(axis=0)}
+
+    def moments() -> Iterator[tuple[float, Snapshot]]:
+        for number, time in enumerate(data["time"].values):
+            fields = dict(still)
+            for quantity, components in names.items():
+                columns = [data[f"{quantity}_{each}"].isel(time=number).values for each in components]
+                filled = _tensor if quantity in ("stress", "strain") else _three
+                order = ["".join(sorted(each)) for each in components] if filled is _tensor else components
+                fields[quantity] = filled(np.stack(columns, axis=1), order)
+            yield float(time), fields
+
+    cells, kind = _grid_cells(places)
+    _write(path, _three(places), cells, kind, {}, moments())
+
+
+def _grid_cells(places: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the cells of a grid along the axes, whose last coordinate varies fastest, and their VTK number."""
+    shape = [len(np.unique(column)) for column in places.T]
+    number = np.arange(len(places)).reshape([count for count in shape if count > 1] or [1])
+    if number.ndim == 1:
+        line = number if len(number) == 1 else np.column_stack([number[:-1], number[1:]])
+        return (line[:, None], VERTEX) if len(number) == 1 else (line, LINE)
+    low, high = slice(None, -1), slice(1, None)
+    square = [(low, low), (high, low), (high, high), (low, high)]
+    if number.ndim == 2:
+        return np.stack([number[corner].ravel() for corner in square], axis=1), QUADRILATERAL
+    corners = [(*corner, level) for level in (low, high) for corner in square]
+    return np.stack([number[corner].ravel() for corner in corners], axis=1), HEXAHEDRON
 
 
 def _interface_cells(data: xarray.Dataset) -> tuple[np.ndarray, int]:

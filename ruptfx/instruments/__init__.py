@@ -97,6 +97,14 @@ class Instrument(Alternative):
         return 0.0
 
     @property
+    def grid(self) -> np.ndarray | None:
+        """Coordinates of the points of a grid [m], shape (points, dim); None for a measurement at one place.
+
+        The channels of a grid are in the order of their names, and for each name in that of the points.
+        """
+        return None
+
+    @property
     def points(self) -> list[tuple[list[float], str | None]]:
         """Measured points of the bodies [m], with the body of each."""
         return []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from ruptfx.materials._stiffness import tangent_stiffness
 from ruptfx.platform import parallel
 from ruptfx.schema import CaseError, nearest
 from ruptfx.space.edges import Edge
-from ruptfx.space.inside import Inside
+from ruptfx.space.inside import CellBoxes, Inside
 
 if TYPE_CHECKING:
     from ruptfx.faults.fault import Fault
@@ -60,15 +61,31 @@ class ModelReadings:
         """Return a component of the initial stress at a point [Pa]."""
         return float(self._initial_stress(np.array([point]))[0, list(self.entries).index(label)])
 
-    def point(self, point: Sequence[float], body: str | None, key: str, field: str = "point") -> SensedPoint:
+    @cached_property
+    def _boxes(self) -> CellBoxes:
+        return CellBoxes.of(self.model)
+
+    def point(
+        self, point: Sequence[float], body: str | None, key: str, field: str = "point", first: bool = False
+    ) -> SensedPoint:
         """Return a point of the bodies [m]; collective.
+
+        Parameters
+        ----------
+        point : sequence of float
+        body : str or None
+        key, field : str
+            Of the case, for messages.
+        first : bool
+            Take the first of several bodies that contain the point, if none is named.
 
         Raises
         ------
         CaseError
-            On all ranks, if it is outside, or in several bodies of which none is named.
+            On all ranks, if it is outside, or in several bodies of which none is named, unless `first`.
         """
-        return SensedPoint(self, Inside(self.model, point, body, key, field), point)
+        place = Inside(self.model, point, body, key, field, self._boxes, first)
+        return SensedPoint(self, place, point)
 
     def at_fault(self, name: str, place: float | Sequence[float], key: str) -> list[Channel]:
         """Return a channel for every field of an interface at a position; collective.

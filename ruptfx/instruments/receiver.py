@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -12,7 +13,7 @@ from ruptfx.materials import Plane
 from ruptfx.schema import Unit
 
 if TYPE_CHECKING:
-    from ruptfx.instruments._readings import ModelReadings
+    from ruptfx.instruments._readings import ModelReadings, SensedPoint
 
 Quantity = Literal["velocity", "displacement", "strain", "stress"]
 
@@ -42,20 +43,24 @@ class Receiver(Instrument):
         return [(self.point, self.body)]
 
     def channels(self, readings: ModelReadings, key: str) -> list[Channel]:
-        place = readings.point(self.point, self.body, key)
-        found = []
-        for field in dict.fromkeys(self.fields):
-            if field in ("velocity", "displacement"):
-                unit = "m/s" if field == "velocity" else "m"
-                for label, number in readings.axes.items():
-                    share = place.motion(field, readings.unit_vector(number))
-                    found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
-            for label, entry in readings.entries.items() if field in ("strain", "stress") else ():
-                if field == "strain":
-                    found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
-                else:
-                    text = f"total stress {label}, tension positive"
-                    found.append(
-                        Channel(f"stress_{label}", "Pa", text, [place.stress(entry)], place.initial_stress(label))
-                    )
-        return found
+        return channels_of(readings, readings.point(self.point, self.body, key), self.fields)
+
+
+def channels_of(readings: ModelReadings, place: SensedPoint, fields: Sequence[Quantity]) -> list[Channel]:
+    """Return the channels of quantities at a point."""
+    found = []
+    for field in dict.fromkeys(fields):
+        if field in ("velocity", "displacement"):
+            unit = "m/s" if field == "velocity" else "m"
+            for label, number in readings.axes.items():
+                share = place.motion(field, readings.unit_vector(number))
+                found.append(Channel(f"{field}_{label}", unit, f"{field} along {label}", [share]))
+        for label, entry in readings.entries.items() if field in ("strain", "stress") else ():
+            if field == "strain":
+                found.append(Channel(f"strain_{label}", "1", f"strain {label}", [place.strain(entry)]))
+            else:
+                text = f"total stress {label}, tension positive"
+                found.append(
+                    Channel(f"stress_{label}", "Pa", text, [place.stress(entry)], place.initial_stress(label))
+                )
+    return found

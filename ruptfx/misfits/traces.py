@@ -99,6 +99,11 @@ class Traces(Misfit):
                 f"{case.duration:.6g} s; make it longer, or give begin and end"
             )
         number, instrument = named[self.instrument]
+        if instrument.grid is not None:
+            raise CaseError(
+                f"{key}.instrument = '{self.instrument}': a grid of receivers has no traces; add an instrument of "
+                "kind = 'receiver' where the data are"
+            )
         found = {channel.name: channel for channel in instrument.channels(bodies, f"instruments.{number}")}
         chosen = self._chosen
         units = set()

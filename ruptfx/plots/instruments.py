@@ -22,8 +22,13 @@ _COMPONENT = re.compile(r"_([xyz]{1,2}|\d)$")
 
 
 def suits(record: Files) -> bool:
-    """Return whether the run has instruments with data."""
-    return bool(record.case.get("instruments")) and (record.path / "instruments.h5").is_file()
+    """Return whether the run has instruments with data, other than grids."""
+    return bool(_signals(record)) and (record.path / "instruments.h5").is_file()
+
+
+def _signals(record: Files) -> list[str]:
+    """Return the names of the instruments that measure at one place."""
+    return [str(table["name"]) for table in record.case.get("instruments", []) if table["kind"] != "receiver_grid"]
 
 
 @styled
@@ -32,21 +37,21 @@ def instruments(record: Files) -> Figure:
 
     If there are more panels than fit a page, a remark states how many are missing.
     """
-    panels = []
-    for name, data in record.instruments.items():
+    panels, measured = [], {name: record.instruments[name] for name in _signals(record)}
+    for name, data in measured.items():
         units = {str(key): str(data[key].attrs.get("units", "1")) for key in data if key != "time"}
         for unit in dict.fromkeys(units.values()):
             panels.append((name, unit, [key for key, its in units.items() if its == unit]))
-    if not any(data.sizes["time"] for data in record.instruments.values()):
+    if not any(data.sizes["time"] for data in measured.values()):
         return without("no sample was saved")
     shown = panels[:MOST]
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
     figure, axes = new_figure(rows, columns, 0.5 + 1.55 * rows, sharex=True)
-    latest = max(float(data["time"].values[-1]) for data in record.instruments.values() if data.sizes["time"])
+    latest = max(float(data["time"].values[-1]) for data in measured.values() if data.sizes["time"])
     t_size, t_unit = scale(latest, "s")
     for ax, (name, unit, channels) in zip(axes.ravel(), shown, strict=False):
-        data = record.instruments[name]
+        data = measured[name]
         values = np.array([data[channel].values for channel in channels])
         size, printed = (0.01, "%") if unit == "1" else scale(values, unit) if known_unit(unit) else (1.0, unit)
         kinds = list(dict.fromkeys(_COMPONENT.sub("", channel) for channel in channels))

@@ -13,6 +13,7 @@ from ruptfx.instruments import Channel, Instrument
 from ruptfx.recording.growing_file import GrowingFile
 
 BLOCK = 1000  # samples of an instrument written at once
+MOST = 1_000_000  # numbers that wait in memory
 
 
 class InstrumentsFile(GrowingFile):
@@ -29,19 +30,26 @@ class InstrumentsFile(GrowingFile):
 
     def __init__(self, path: Path, instruments: list[tuple[Instrument, list[Channel]]], attributes: Table) -> None:
         super().__init__(path)
-        self._names = {instrument.name: [channel.name for channel in found] for instrument, found in instruments}
+        self._names = {
+            instrument.name: list(dict.fromkeys(channel.name for channel in found)) for instrument, found in instruments
+        }
+        self._grids = {instrument.name: instrument.grid is not None for instrument, _ in instruments}
         self._waiting: dict[str, list[tuple[np.ndarray, list[np.ndarray]]]] = {name: [] for name in self._names}
         if self.resumed:
             return
         self._file.attrs.update(attributes)
         for instrument, channels in instruments:
             group = self._file.create_group(instrument.name)
-            group.dimensions = {"time": None}
+            grid = instrument.grid
+            group.dimensions = {"time": None, **({} if grid is None else {"point": len(grid)})}
             group.attrs["kind"] = instrument.kind()
             group.attrs["instrument"] = json.dumps(instrument.model_dump(mode="json"))
             _variable(group, "time", "s", "time of all numbers of a sample")
-            for channel in channels:
-                _variable(group, channel.name, channel.unit, channel.long_name)
+            for axis, column in zip("xyz", () if grid is None else grid.T, strict=False):
+                coordinate = group.create_variable(axis, ("point",), np.float64, data=column)
+                coordinate.attrs["units"], coordinate.attrs["long_name"] = "m", f"coordinate {axis} of the points"
+            for channel in {each.name: each for each in channels}.values():
+                _variable(group, channel.name, channel.unit, channel.long_name, 0 if grid is None else len(grid))
         self.flush()
 
     def append(self, samples: list[tuple[str, np.ndarray, list[np.ndarray]]]) -> None:
@@ -49,7 +57,8 @@ class InstrumentsFile(GrowingFile):
         for name, times, values in samples:
             self._waiting[name].append((times, values))
         longest = max(sum(len(times) for times, _ in rows) for rows in self._waiting.values())
-        self.flush_if(longest >= BLOCK)
+        numbers = sum(len(times) * len(values) for rows in self._waiting.values() for times, values in rows)
+        self.flush_if(longest >= BLOCK or numbers >= MOST)
 
     def write(self) -> None:
         for name, blocks in self._waiting.items():
@@ -61,11 +70,19 @@ class InstrumentsFile(GrowingFile):
             group.resize_dimension("time", begin + len(times))
             group["time"][begin:] = times
             for number, channel in enumerate(self._names[name]):
-                group[channel][begin:] = np.concatenate([values[number] for _, values in blocks])
+                if self._grids[name]:
+                    points = group.dimensions["point"].size
+                    of_points = slice(number * points, (number + 1) * points)
+                    rows = [np.stack(values[of_points], axis=1) for _, values in blocks]
+                else:
+                    rows = [values[number] for _, values in blocks]
+                group[channel][begin:] = np.concatenate(rows)
             self._waiting[name] = []
 
 
-def _variable(group: h5netcdf.Group, name: str, unit: str, text: str) -> None:
-    variable = group.create_variable(name, ("time",), np.float64, fillvalue=np.nan, chunks=(BLOCK,))
+def _variable(group: h5netcdf.Group, name: str, unit: str, text: str, points: int = 0) -> None:
+    """Create the variable of a channel, of a grid if it has points."""
+    dimensions, chunks = (("time", "point"), (1, points)) if points else (("time",), (BLOCK,))
+    variable = group.create_variable(name, dimensions, np.float64, fillvalue=np.nan, chunks=chunks)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = text

@@ -133,18 +133,23 @@ class Edge:
         """Index of the body of every facet."""
         return self.model.bodies.cell_body[self._cells]
 
-    def dashpot(self) -> np.ndarray:
+    def dashpot(self, oblique: bool = False) -> np.ndarray:
         """Return the Lysmer dashpot of every degree of freedom [N s/m]: the diagonal of the impedance; collective.
 
         For an isotropic body rho c_p along the normal and rho c_s across, if the edge is along an axis.
 
+        Parameters
+        ----------
+        oblique : bool
+            Accept an impedance that is not a diagonal matrix, without the entries beside its diagonal.
+
         Raises
         ------
         CaseError
-            If the impedance is not a diagonal matrix.
+            If the impedance is not a diagonal matrix, unless `oblique`.
         """
         model = self.model
-        coupling = self.coupling()
+        coupling = 0.0 if oblique else self.coupling()
         if coupling > MOST_COUPLING:
             raise CaseError(
                 f"{self._key} = '{self.name}': dashpots along x and y would send back {coupling:.1%} "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,32 @@ if TYPE_CHECKING:
     from ruptfx.space.discretisation import Discretisation
 
 SLACK = 1e-8  # of a cell: tolerance for points on its side
+
+
+@dataclass(frozen=True)
+class CellBoxes:
+    """Boxes around the cells that this rank owns, to find the cells of many points.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (cells, corners, dim)
+        Vertices of the cells [m].
+    low, high : ndarray, shape (cells, dim)
+        [m], with a slack.
+    """
+
+    corners: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, model: Discretisation) -> CellBoxes:
+        """Return the boxes of a model."""
+        mesh = model.mesh
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        corners = mesh.geometry.x[:, : mesh.geometry.dim][fem.geometry_dofmap(mesh)[:owned]]
+        slack = SLACK * np.ptp(corners, axis=1).max(axis=1, keepdims=True)
+        return cls(corners, corners.min(axis=1) - slack, corners.max(axis=1) + slack)
 
 
 class Inside:
@@ -31,6 +58,10 @@ class Inside:
         Of the case, for messages.
     field : str
         Name of the field with the coordinates of the point.
+    boxes : CellBoxes, optional
+        Those of the model, where many points are sought.
+    first : bool
+        Take the first of several bodies that contain the point.
 
     Attributes
     ----------
@@ -44,35 +75,37 @@ class Inside:
     """
 
     def __init__(
-        self, model: Discretisation, point: Sequence[float], body: str | None, key: str, field: str = "point"
-    ) -> None:
+        self, model: Discretisation, point: Sequence[float], body: str | None, key: str, field: str = "point",
+        boxes: CellBoxes | None = None, first: bool = False,
+    ) -> None:  # fmt: skip
         self.model = model
         names, told = model.bodies.names, "(" + ", ".join(f"{x:.6g}" for x in point) + ") m"
         if body is not None and body not in names:
             raise CaseError(f"{key}.body = '{body}': no such body, {nearest(body, names)}")
-        found = [item for item in self._find(np.array(point, dtype=float)) if body in (None, names[item[0]])]
+        inside = self._find(np.array(point, dtype=float), boxes or CellBoxes.of(model))
+        found = [item for item in inside if body in (None, names[item[0]])]
         holders = parallel.share_rows(model.comm, np.array([number for number, _, _ in found], dtype=np.int64))
         if not len(holders):
             raise CaseError(f"{key}.{field} = {told}: is not inside of {'the bodies' if body is None else body}")
+        if first:
+            holders = holders[holders == holders.min()]
+            found = [item for item in found if item[0] == holders[0]]
         if len(set(holders.tolist())) > 1:
             there = " and ".join(f"'{names[number]}'" for number in sorted(set(holders.tolist())))
             raise CaseError(f"{key}.{field} = {told}: {there} meet there; say in which it is with body")
         self.body = int(holders[0])
         self._cells = [(nodes, shape / len(holders)) for _, nodes, shape in found]
 
-    def _find(self, point: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    def _find(self, point: np.ndarray, boxes: CellBoxes) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """Return body, nodes and shape functions of every local cell that contains the point.
 
         With their gradients the functions have shape (1 + dim, nodes).
         """
         mesh, space = self.model.mesh, self.model.space
-        owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        corners = mesh.geometry.x[:, : len(point)][fem.geometry_dofmap(mesh)[:owned]]
-        extent = np.ptp(corners, axis=1).max(axis=1, keepdims=True)
-        near = (point >= corners.min(axis=1) - SLACK * extent) & (point <= corners.max(axis=1) + SLACK * extent)
+        near = ((point >= boxes.low) & (point <= boxes.high)).all(axis=1)
         found = []
-        for cell in np.flatnonzero(near.all(axis=1)):
-            place = fem.reference_point(mesh, corners[cell], point)
+        for cell in np.flatnonzero(near):
+            place = fem.reference_point(mesh, boxes.corners[cell], point)
             if place is None:
                 continue
             reference, jacobian = place

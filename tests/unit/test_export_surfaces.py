@@ -35,7 +35,7 @@ RECEIVERS = [
 @pytest.mark.parametrize("structured", [True, False])
 def test_vtkhdf_has_the_surface_and_fields_without_time(tmp_path: Path, structured: bool) -> None:
     with Record(synthetic.write_surface_run(tmp_path / "run", structured=structured)) as record:
-        (path,) = vtk_files.whole(record, tmp_path)
+        path, _ = vtk_files.whole(record, tmp_path)  # and its grid of receivers
         data = record.interface
         with h5py.File(path) as file:
             root = file["VTKHDF"]
