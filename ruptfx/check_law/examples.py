@@ -90,7 +90,11 @@ def table(cls: type[Part], seed: int = 0, held: str | None = None, profiles: boo
         elif any(item.get("type") == "boolean" for item in options):
             result[name] = bool(seed % 2)
         elif any(item.get("type") == "array" and "minItems" in item for item in options):
-            result[name] = [0.0] * next(item["minItems"] for item in options if "minItems" in item)
+            array = next(item for item in options if "minItems" in item)
+            items = next((item for item in flat(array.get("items", {})) if item.get("type") == "number"), {})
+            positive = items.get("exclusiveMinimum", -1) >= 0
+            first = number(seed, name, unit_of(cls, name), items) if positive else 0.0
+            result[name] = [first] * array["minItems"]
         elif "const" in schema:
             result[name] = schema["const"]
         elif any("enum" in item for item in options):

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from ruptfx.materials import IDENTITY, StateField, Tensor
+from ruptfx.materials._overstress import SMALLEST, relaxed
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
 from ruptfx.schema import Unit
 from ruptfx.units import Duration, VaryingAngle, VaryingPressure, VaryingStress
@@ -22,8 +23,8 @@ class DruckerPrager(IsotropicElastic):
     """Isotropic elasticity up to yield, then viscoplastic flow without change of volume.
 
     Yield: sqrt(J2) <= Y = max(c cos phi - sigma_m sin phi, 0), with the mean stress sigma_m (tension positive). The
-    part of the deviatoric stress beyond Y decays with the relaxation time T: s = s_trial r with
-    r = (Y + (tau - Y) exp(-dt / T)) / tau.
+    overstress f = sqrt(J2) - Y decays with the relaxation time T along the deviator: f' = g - f / T, where g is its
+    elastic rate. A step solves this exactly for constant g: f = f_0 exp(-dt / T) + g T (1 - exp(-dt / T)).
     Source: Andrews (2005), JGR 110, B01307; SCEC/USGS benchmarks TPV12 and TPV13 (Harris et al. 2011, SRL 82).
     """
 
@@ -51,14 +52,14 @@ class DruckerPrager(IsotropicElastic):
         """Return sqrt(J2) and its limit Y [Pa] of a stress."""
         deviator = total.deviator()
         limit = self.cohesion * np.cos(self.friction_angle) - total.trace() / 3 * np.sin(self.friction_angle)
-        return np.sqrt(0.5 * deviator.dot(deviator)), np.maximum(limit, 0.0)
+        return np.sqrt(0.5 * deviator.dot(deviator) + SMALLEST), np.maximum(limit, 0.0)
 
     def flow(self, total: Tensor) -> Tensor:
         """Return the part of a stress that relaxes beyond yield [Pa]."""
         return total.deviator()
 
     def state_fields(self) -> dict[str, StateField]:
-        return {"plastic_strain": StateField("1", tensor=True)}
+        return {"plastic_strain": StateField("1", tensor=True), "overstress": StateField("Pa")}
 
     def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
         first, shear = self.lame("strain")
@@ -66,9 +67,13 @@ class DruckerPrager(IsotropicElastic):
         trial = first * elastic.trace() * IDENTITY + 2 * shear * elastic
         total = trial + Tensor(*self.initial_stress)
         tau, limit = self.shear_and_strength(total)
-        beyond = np.where(tau > limit, 1 - limit / np.where(tau > 0, tau, 1.0), 0.0)
-        returned = (beyond * -np.expm1(-dt / self.relaxation_time)) * self.flow(total)
-        return trial - returned, {"plastic_strain": state["plastic_strain"] + returned / (2 * shear)}
+        beyond = tau - limit
+        flown = relaxed(state["overstress"], beyond, dt / self.relaxation_time)
+        returned = np.minimum(flown / tau, 1.0) * self.flow(total)
+        return trial - returned, {
+            "plastic_strain": state["plastic_strain"] + returned / (2 * shear),
+            "overstress": np.maximum(beyond - np.minimum(flown, tau), 0.0),
+        }
 
     def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
         """Return the elastic energy less what the initial stress has given to the plastic strain."""

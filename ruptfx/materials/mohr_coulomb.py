@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ruptfx.materials import Plane, Tensor
+from ruptfx.materials._overstress import SMALLEST
 from ruptfx.materials.drucker_prager import DruckerPrager
 
 
@@ -26,7 +27,7 @@ class MohrCoulomb(DruckerPrager):
         """Return the largest shear stress in the plane and its limit Y [Pa]."""
         deviator = self.flow(total)
         limit = self.cohesion * np.cos(self.friction_angle) - 0.5 * (total.xx + total.yy) * np.sin(self.friction_angle)
-        return np.sqrt(deviator.xx * deviator.xx + deviator.xy * deviator.xy), np.maximum(limit, 0.0)
+        return np.sqrt(deviator.xx * deviator.xx + deviator.xy * deviator.xy + SMALLEST), np.maximum(limit, 0.0)
 
     def flow(self, total: Tensor) -> Tensor:
         """Return the deviator of the stress in the plane [Pa]."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from ruptfx.materials import IDENTITY, StateField, Tensor
-from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials._relaxing import Relaxing
 from ruptfx.units import Frequency
 
 Mechanisms = Annotated[int, Field(ge=1, le=8)]
@@ -17,7 +16,7 @@ Band = Annotated[float, Field(gt=1)]
 Quality = Annotated[float, Field(gt=3, lt=1e4)]
 
 
-class StandardLinearSolids(IsotropicElastic):
+class StandardLinearSolids(Relaxing):
     """Isotropic viscoelasticity: springs and dashpots in parallel, fitted to quality factors of P and S waves.
 
     Bulk and shear modulus relax: M(omega) = M_U (1 - sum_l Y_l omega_l / (omega_l + i omega)), with frequencies omega_l
@@ -27,8 +26,6 @@ class StandardLinearSolids(IsotropicElastic):
     Source: Emmerich and Korn (1987), Geophysics 52, 1252-1264; anelastic functions: Kristek and Moczo (2003), BSSA 93,
     2273-2280.
     """
-
-    linear: ClassVar[bool] = True
 
     Q_p: Quality
     """Quality factor of P waves (in plane strain and 3D)."""
@@ -99,35 +96,3 @@ class StandardLinearSolids(IsotropicElastic):
         rate = np.array(self.rates)
         falls = [np.sum(np.array(y) * rate / (rate + 1j * omega), axis=-1) for y in self.coefficients]
         return (first + 2 * shear / 3) * (1 - falls[0]), shear * (1 - falls[1])
-
-    def state_fields(self) -> dict[str, StateField]:
-        delayed = {f"delayed_{number}": StateField("1", tensor=True) for number in range(self.mechanisms)}
-        return {"strain": StateField("1", tensor=True), **delayed}
-
-    def stress(self, strain: Tensor, state: dict[str, Any], dt: Any) -> tuple[Tensor, dict[str, Any]]:
-        """Return C (strain - sum_l Y_l z_l), dz_l/dt = omega_l (strain - z_l): exact where strain is linear in time."""
-        bulk, shear = strain, strain
-        new = {"strain": strain}
-        for number, (rate, of_bulk, of_shear) in enumerate(zip(self.rates, *self.coefficients, strict=True)):
-            part = rate * dt
-            kept = np.exp(-part)
-            mean = np.where(part > 0, -np.expm1(-part) / np.where(part > 0, part, 1.0), 1.0)
-            delayed = kept * state[f"delayed_{number}"] + (mean - kept) * state["strain"] + (1 - mean) * strain
-            new[f"delayed_{number}"] = delayed
-            bulk, shear = bulk - of_bulk * delayed, shear - of_shear * delayed
-        first, modulus = self.lame("strain")
-        return (first + 2 * modulus / 3) * bulk.trace() * IDENTITY + 2 * modulus * shear.deviator(), new
-
-    def stored(self, strain: Tensor, state: dict[str, Any]) -> Any:
-        """Return the energy of all springs: those without dashpot, and those in series with one."""
-        first, modulus = self.lame("strain")
-        bulk = first + 2 * modulus / 3
-
-        def energy(of_bulk: float, of_shear: float, at: Tensor) -> Any:
-            deviator = at.deviator()
-            return 0.5 * of_bulk * bulk * at.trace() * at.trace() + of_shear * modulus * deviator.dot(deviator)
-
-        total = energy(1 - sum(self.coefficients[0]), 1 - sum(self.coefficients[1]), strain)
-        for number, (of_bulk, of_shear) in enumerate(zip(*self.coefficients, strict=True)):
-            total = total + energy(of_bulk, of_shear, strain - state[f"delayed_{number}"])
-        return total

@@ -17,7 +17,10 @@ from ruptfx.bench import Check
 from ruptfx.case import Case
 from ruptfx.materials._traced import traced
 from ruptfx.materials.drucker_prager import DruckerPrager
+from ruptfx.materials.maxwell import Maxwell
+from ruptfx.materials.prony import Prony
 from ruptfx.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.materials.von_mises import VonMises
 from ruptfx.meshes import MeshSource, RawMesh
 from ruptfx.model import Model
 from ruptfx.platform import parallel
@@ -62,7 +65,7 @@ class Block(MeshSource):
 
 def run(fine: bool, comm: MPI.Comm) -> list[Check]:
     waves = [*_waves(fine, comm), *_layers(comm), *_trapped(comm)]
-    return [*_relaxation(), *_flow(), *waves, *_blocks(comm), *_cost(fine)]
+    return [*_relaxation(), *_flow(), *_hardening(), *waves, *_blocks(comm), *_cost(fine)]
 
 
 def _points(material: Any, shear: np.ndarray, dt: float) -> np.ndarray:
@@ -90,7 +93,31 @@ def _relaxation() -> list[Check]:
 
     exact = grown(t) - grown(np.maximum(t - ramp, 0.0))
     apart = float(np.abs(stress / exact - 1).max())
-    return [Check("standard_linear_solids: ramp and relaxation of a point", 0.0, apart, 1e-8, source=CREEP)]
+    checks = [Check("standard_linear_solids: ramp and relaxation of a point", 0.0, apart, 1e-8, source=CREEP)]
+    times, parts = np.array([3e-7, 2e-6, 4e-5]), np.array([2e8, 3e8, 1e8])
+    prony = Prony.model_validate({**ROCK, "times": times.tolist(), "shear_moduli": parts.tolist()})
+    maxwell = Maxwell.model_validate({**ROCK, "relaxation_time": 1e-6})
+    ramps = ("prony", prony, times, parts), ("maxwell", maxwell, np.array([1e-6]), np.array([maxwell.shear_modulus]))
+    for kind, law, relaxing, moduli in ramps:
+        lag = (t[:, None] + relaxing * np.expm1(-t[:, None] / relaxing)) @ moduli
+        of_ramp = 2 * rate * (law.shear_modulus * t - lag)
+        apart = float(np.abs(_points(law, rate * t, dt) / of_ramp - 1).max())
+        checks.append(Check(f"{kind}: ramp of a point", 0.0, apart, 1e-8, source="closed form"))
+    return checks
+
+
+def _hardening() -> list[Check]:
+    """Compare shear beyond yield at a constant rate with the closed form of linear hardening and relaxation."""
+    T, rate, limit, hardening = 1e-6, 1e3, 2e7, 8e8
+    given = VonMises.model_validate({
+        **ROCK, "yield_stress": limit, "hardening": 3e8, "kinematic_hardening": 5e8, "relaxation_time": T,
+    })  # fmt: skip
+    three, t = 3 * given.shear_modulus, 0.7 * T * np.arange(40)
+    found = np.sqrt(3) * _points(given, np.sqrt(3) / 2 * (limit / three + rate * t), 0.7 * T)
+    over = three * rate * T * -np.expm1(-t / T)
+    exact = limit + over + (three * rate * t - over) * hardening / (three + hardening)
+    apart = float(np.abs(found / exact - 1).max())
+    return [Check("von_mises: ramp with hardening of a point", 0.0, apart, 1e-8, source="closed form")]
 
 
 def _flow() -> list[Check]:
@@ -116,11 +143,16 @@ def _flow() -> list[Check]:
         rate, (0, period), [0.0], "DOP853", period * np.arange(1, 9) / 8, rtol=1e-11, atol=1e-3, max_step=period / 4000
     ).y[0]
     coarse, half = (float(np.abs(each - exact).max() / limit) for each in found)
-    plastic = _points(given, 1e-3 * np.arange(1, 20), 1e3 * relaxation)
-    richer = float(np.abs(2 * found[1] - found[0] - exact).max() / limit)
+    plastic = _points(given, 1e-3 * np.arange(1, 20), 1e12 * relaxation)
+    speed, after = 5e3, relaxation * np.arange(60)  # from yield on, in steps as long as the relaxation time
+    ramp = _points(given, limit / (2 * shear) + speed * after, relaxation)
+    lag = 2 * shear * speed * relaxation * -np.expm1(-after / relaxation)
+    apart = float(np.abs(ramp / (limit + lag) - 1).max())
     return [
-        Check("drucker_prager: cycle of a point, error ratio of half the step", 2.0, coarse / half, 0.05, "1", SCIPY),
-        Check("drucker_prager: cycle of a point, extrapolated to short steps", 0.0, richer, 1e-6, "1", SCIPY),
+        Check("drucker_prager: ramp beyond yield of a point", 0.0, apart, 1e-8, source="closed form"),
+        Check("drucker_prager: cycle of a point, error ratio of half the step", 3.0, coarse / half, source=SCIPY,
+              relation="at least"),
+        Check("drucker_prager: cycle of a point", 0.0, half, 1e-6, "1", SCIPY),
         Check("drucker_prager: long steps stay on the yield surface", 1.0, plastic[-1] / limit, 1e-8),
     ]
 

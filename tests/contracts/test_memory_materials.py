@@ -18,8 +18,11 @@ from ruptfx.materials import IDENTITY, Material, Tensor
 from ruptfx.materials._traced import OF_PLANE, traced
 from ruptfx.materials.drucker_prager import DruckerPrager
 from ruptfx.materials.isotropic_elastic import IsotropicElastic
+from ruptfx.materials.maxwell import Maxwell
 from ruptfx.materials.mohr_coulomb import MohrCoulomb
+from ruptfx.materials.prony import Prony
 from ruptfx.materials.standard_linear_solids import StandardLinearSolids
+from ruptfx.materials.von_mises import VonMises
 from ruptfx.schema import alternatives
 
 pytest.importorskip("dolfinx")
@@ -284,7 +287,7 @@ def test_relaxation_of_standard_linear_solids() -> None:
 
 
 def test_flow_of_drucker_prager() -> None:
-    """Shear at a constant rate from yield on: tau = Y + 2 G T rate (1 - exp(-t / T)); the step is of first order."""
+    """Shear at a constant rate from yield on: tau = Y + 2 G T rate (1 - exp(-t / T)), exact for steps of any length."""
     given = DruckerPrager.model_validate({name: value for name, value in DP.items() if name != "kind"})
     law, shear, relaxation, rate = traced(given, "strain"), given.shear_modulus, given.relaxation_time, 1e4
     limit = float(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5))
@@ -298,9 +301,34 @@ def test_flow_of_drucker_prager() -> None:
         exact = limit + 2 * shear * relaxation * rate * (1 - np.exp(-5))
         return abs(float(stress["xy"][0]) - exact) / exact
 
-    coarse, fine = error(1000), error(2000)
-    assert fine < 1e-3
-    assert 1.8 < coarse / fine < 2.2
+    assert max(error(1), error(5), error(1000)) < 1e-10
+
+
+def test_cycle_of_drucker_prager_is_of_second_order() -> None:
+    """Sinusoidal shear beyond yield in both senses against an ODE, tau' = 2 G e' - overstress / T, solved to 1e-10."""
+    from scipy.integrate import solve_ivp
+
+    given = DruckerPrager.model_validate({name: value for name, value in DP.items() if name != "kind"})
+    law, shear, size, period = traced(given, "strain"), given.shear_modulus, 5e-3, 4e-6
+    limit = float(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5))
+
+    def rate(t: float, stress: np.ndarray) -> np.ndarray:
+        beyond = np.sign(stress) * np.maximum(np.abs(stress) - limit, 0.0)
+        forced = 2 * shear * size * 2 * np.pi / period * np.cos(2 * np.pi * t / period)
+        return np.asarray(forced - beyond / given.relaxation_time)
+
+    exact = solve_ivp(rate, (0, 0.55 * period), [0.0], "DOP853", rtol=1e-11, atol=1e-3, max_step=period / 2000).y[0, -1]
+
+    def error(steps: int) -> float:
+        state, stress = {name: np.zeros(1) for name in law.state}, {}
+        for number in range(1, steps + 1):
+            xy = np.full(1, size * np.sin(2 * np.pi * 0.55 * number / steps))
+            stress, state = law.evaluate({"xx": 0 * xy, "yy": 0 * xy, "xy": xy}, state, 0.55 * period / steps)
+        return abs(float(stress["xy"][0]) - exact) / limit
+
+    coarse, fine = error(200), error(400)
+    assert fine < 2e-5
+    assert coarse / fine > 3.5
 
 
 def test_perfect_plasticity_of_drucker_prager() -> None:
@@ -310,8 +338,89 @@ def test_perfect_plasticity_of_drucker_prager() -> None:
     state = {name: np.zeros(1) for name in law.state}
     for number in range(1, 20):
         strain = {"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, 1e-3 * number)}
-        stress, state = law.evaluate(strain, state, 100 * given.relaxation_time)
+        stress, state = law.evaluate(strain, state, 1e12 * given.relaxation_time)
     assert stress["xy"][0] == pytest.approx(1e6 * np.cos(0.5) + 6e6 * np.sin(0.5), rel=1e-8)
+
+
+ELASTIC = {name: value for name, value in HOMALITE.items() if name != "kind"}
+
+
+def sheared(material: Material, strain: np.ndarray, dt: float) -> np.ndarray:
+    """Return the shear stress of one point along a path of shear strain, which begins at zero."""
+    law, found = traced(material, "strain"), []
+    state = {name: np.full(1, value) for name, value in law.state.items()}
+    for xy in strain:
+        stress, state = law.evaluate({"xx": np.zeros(1), "yy": np.zeros(1), "xy": np.full(1, xy)}, state, dt)
+        found.append(float(stress["xy"][0]))
+    return np.array(found)
+
+
+def test_ramp_of_maxwell() -> None:
+    """Shear at a constant rate: tau = 2 G T rate (1 - exp(-t / T)); then relaxation with exp(-t / T)."""
+    given, rate, dt = Maxwell.model_validate({**ELASTIC, "relaxation_time": 1e-6}), 100.0, 1.7e-7
+    t = dt * np.arange(1, 41)
+    found = sheared(given, rate * np.minimum(t, t[19]), dt)
+    risen = 2 * given.shear_modulus * 1e-6 * rate * -np.expm1(-np.minimum(t, t[19]) / 1e-6)
+    np.testing.assert_allclose(found, risen * np.exp(-np.maximum(t - t[19], 0) / 1e-6), rtol=1e-10)
+
+
+def test_ramp_of_prony() -> None:
+    """Shear and volume at constant rates: the integral of the relaxation function, 2 G(t) rate and 3 K(t) rate."""
+    times, moduli, bulk = np.array([3e-7, 2e-6, 4e-5]), np.array([2e8, 3e8, 1e8]), np.array([1e8, 5e7, 4e8])
+    given = Prony.model_validate({
+        **ELASTIC, "times": times.tolist(), "shear_moduli": moduli.tolist(), "bulk_moduli": bulk.tolist(),
+    })  # fmt: skip
+    rate, dt = 100.0, 1.7e-7
+    t = dt * np.arange(1, 41)
+    lag = t[:, None] + times * np.expm1(-t[:, None] / times)
+    found = sheared(given, rate * t, dt)
+    np.testing.assert_allclose(found, 2 * rate * (given.shear_modulus * t - lag @ moduli), rtol=1e-10)
+    law = traced(given, "solid")
+    state, K = {name: np.zeros(1) for name in law.state}, given.lame("strain")[0] + 2 * given.shear_modulus / 3
+    for each, lost in zip(t, lag @ bulk, strict=True):
+        strain = {name: np.full(1, rate * each * (name[0] == name[1])) for name in law.components}
+        stress, state = law.evaluate(strain, state, dt)
+        assert stress["zz"][0] == pytest.approx(3 * rate * (K * each - lost), rel=1e-10)
+
+
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"shear_moduli": [1e8]}, "one for each time"), ({"shear_moduli": [1e9, 2e9]}, "exceeds the shear modulus"),
+    ({"bulk_moduli": [1e10, 1e10]}, "exceeds the bulk modulus"),
+])  # fmt: skip
+def test_bad_prony_series_are_refused(changes: dict[str, Any], said: str) -> None:
+    prony = {**HOMALITE, "kind": "prony", "times": [1e-6, 1e-5], "shear_moduli": [1e8, 1e8]}
+    with pytest.raises(Exception, match=facts(said)):
+        parse_case(plates({"materials.default": {**prony, **changes}}))
+
+
+METAL: dict[str, Any] = {**ELASTIC, "yield_stress": 2e7, "hardening": 3e8, "kinematic_hardening": 5e8}
+
+
+def test_cycle_of_von_mises() -> None:
+    """Shear beyond yield and back, far slower than the relaxation: isotropic and kinematic hardening, bilinear."""
+    given = VonMises.model_validate({**METAL, "relaxation_time": 1e-18})
+    three = 3 * given.shear_modulus  # q = sqrt(3) tau grows by 3 G for each equivalent strain 2 / sqrt(3) e_xy
+    slope, top = three * 8e8 / (three + 8e8), 0.05
+    q_of = np.sqrt(3) * sheared(given, np.sqrt(3) / 2 * np.array([0.01, 0.03, top, 0.04, 0.0, -top]), 1.0)
+    kappa = (three * top - 2e7) / (three + 8e8)
+    peak, turned = 2e7 + 8e8 * kappa, 5e8 * kappa - (2e7 + 3e8 * kappa)  # the latter: where it yields backwards
+    at = top - (peak - turned) / three
+    expected = [2e7 + slope * (e - 2e7 / three) for e in (0.01, 0.03, top)]
+    expected += [max(peak - three * (top - e), turned + slope * (e - at)) if e > at else turned + slope * (e - at)
+                 for e in (0.04, 0.0, -top)]  # fmt: skip
+    np.testing.assert_allclose(q_of, expected, rtol=1e-8)
+
+
+def test_rate_of_von_mises() -> None:
+    """Shear at a constant rate from yield on: overstress g T (1 - exp(-t / T)), exact for steps of any length."""
+    T, rate = 1e-6, 1e3
+    given = VonMises.model_validate({**METAL, "relaxation_time": T})
+    three = 3 * given.shear_modulus
+    t = 0.7 * T * np.arange(20)
+    found = np.sqrt(3) * sheared(given, np.sqrt(3) / 2 * (2e7 / three + rate * t), 0.7 * T)
+    over = three * rate * T * -np.expm1(-t / T)
+    hardened = (three * rate * t - over) * 8e8 / (three + 8e8)
+    np.testing.assert_allclose(found, 2e7 + hardened + over, rtol=1e-8)
 
 
 @pytest.mark.parametrize("way", ["shear", "squeeze"])
@@ -325,7 +434,7 @@ def test_mohr_coulomb_stays_on_its_line(way: str) -> None:
         size = 1e-3 * number
         strain = {"xx": np.full(1, size if way == "squeeze" else 0.0), "yy": np.full(1, -2 * size * (way == "squeeze")),
                   "xy": np.full(1, size if way == "shear" else 0.0)}  # fmt: skip
-        stress, state = law.evaluate(strain, state, 100 * given.relaxation_time)
+        stress, state = law.evaluate(strain, state, 1e12 * given.relaxation_time)
     xx, yy, xy = (float(stress[name][0]) for name in ("xx", "yy", "xy"))
     angle = np.linspace(0, np.pi, 20001)
     c, s = np.cos(angle), np.sin(angle)
