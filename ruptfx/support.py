@@ -331,7 +331,8 @@ def _attachments(choices: Choices) -> Iterator[Refusal]:
     stepper = _stepper(choices)
     keys = tuple(key for key in choices if key.startswith("attachments."))
     if keys and not stepper.attachments:
-        yield Refusal(keys, f"not for stepper.kind = '{stepper.kind()}'", (("stepper",),), (keys,))
+        reason = f"acts on the bodies, for whose motion stepper.kind = '{stepper.kind()}' has no unknowns"
+        yield Refusal(keys, reason, (("stepper",),), (keys,))
         return
     for key in keys:
         attachment = cast(type[Attachment], choices[key])

@@ -123,7 +123,7 @@ class _Law:
         self.initial: dict[str, float] = {}
         self._number = np.zeros(1)
         macros: Table = {"RATED": 0}
-        parts = ["collisions/collide.c"]
+        parts = ["faults/return_map.c", "collisions/collide.c"]
         if friction is not None:
             states = list(friction.all_state_fields())
             zero = np.zeros(1)
@@ -135,7 +135,7 @@ class _Law:
             macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
             macros |= {f"s_{name}": f"OLD({name})" for name in states}
             macros |= {"RATED": 1, "STATES": ", ".join([*(f"STATE_{name}" for name in states), "STATE_COUNT"])}
-            parts.insert(0, "faults/rated.c")
+            parts.insert(1, "faults/rated.c")
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         self.library = native.load("collide", source, macros)
 

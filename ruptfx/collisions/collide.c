@@ -1,7 +1,6 @@
 // Forces between triangles that overlap, from the potential phi = 3 min(l_1, l_2, l_3) of either, and friction.  Corners
 // are x, y of three nodes; a pair is computed in the order of its cells, so that any rank finds the same bits.  _step.py
-// writes in front of this file, for a law with rates or states (RATED), rated.c with its traced formulas.
-#include <math.h>
+// writes in front of this file return_map.c and, for a law with rates or states (RATED), rated.c with its traced formulas.
 #include <string.h>
 
 #if RATED
@@ -131,13 +130,12 @@ static double rub(const struct triangle *a, const struct triangle *b, const doub
         strength = friction_at(law, number, fabs(slid) / law->since, &slope);
         if (2 * slope + z < 0) rate = fmax(fabs(trial) - strength, 0) / z;
         else if (fabs(trial) > friction_at(law, number, 0, &slope))
-            rate = slip_rate_of(law, number, fabs(trial), z, &strength);
+            rate = solve_slip_rate(law, number, fabs(trial), z, &strength);
     }
     const double now = rate == 0 ? trial : copysign(fabs(trial) - z * rate, trial);
     advance_friction(law, number, rate);
 #else
-    const double limit = friction * normal;
-    const double now = fabs(trial) > limit ? copysign(limit, trial) : trial;
+    const double now = admissible_shear(trial, friction * normal);
 #endif
     *traction = now;
     for (int k = 0; k < 3; k++)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ruptfx import RuptfxError, fem
 from ruptfx.codegen import native
-from ruptfx.cracks._step import ENDS, FACETS, CrackStep, formulas
+from ruptfx.cracks._step import ENDS, FACETS, SHARED, CrackStep, formulas
 from ruptfx.cracks.extrinsic import Extrinsic
 from ruptfx.materials import Plane
 from ruptfx.materials._stiffness import tangent_stiffness
@@ -140,22 +140,25 @@ class RigidCracks(CrackStep):
         for number, group in enumerate(self.groups):
             parameters, macros = formulas(group.laws)
             macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
-            macros |= {f"s_{name}": f"OLD({name})" for name in self.law_states} | {"GROUP": number}
+            macros |= {f"s_{name}": f"OLD({name})" for name in self.law_states} | {"GROUP": number, "RATED": 0}
             text += "".join(f"#define {name} {value}\n" for name, value in macros.items())
             text += _source("facet_law.c") + "".join(f"#undef {name}\n" for name in macros)
             first.append(len(numbers))
             numbers += [float(value) for value in parameters.values()]
             law = group.laws.cohesion
             strengths.append([0.0, 0.0] if law is None else [float(law.f_t), float(law.c)])
-        laws = ", ".join(f"&law_{number}" for number in range(len(self.groups)))
+        names = "left", "damage", "friction", "advance"
+        laws = ", ".join(
+            "{" + ", ".join(f"{name}_{number}" for name in names) + "}" for number in range(len(self.groups))
+        )
         given = {
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
             "MOST_CORNERS": self._most[0], "MOST_ENDS": self._most[1],
         }  # fmt: skip
-        whole = _source("rigid_types.c") + text + f"static const struct law *const LAWS[] = {{{laws}}};\n"
-        lanes = files("ruptfx").joinpath("codegen/lanes.c").read_text()
-        self._library = native.load("rigid", lanes + whole + _source("patch.c") + _source("rigid.c"), given)
+        whole = _source("rigid_types.c") + text + f"static const struct law LAWS[] = {{{laws}}};\n"
+        shared = "".join(files("ruptfx").joinpath(part).read_text() for part in SHARED)
+        self._library = native.load("rigid", shared + whole + _source("patch.c") + _source("rigid.c"), given)
         self._library.check.restype = ctypes.c_long
         group_of = np.zeros(len(self.order), np.int32)
         for number, group in enumerate(self.groups):

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from ruptfx.space.bodies import Bodies
 
+SHARED = "codegen/lanes.c", "faults/return_map.c"  # C in front of the code of all facets
 BALANCED = 1e-6  # largest residual of a damage
 CREEP = 1e-3  # m/s: initial stress may make facets slide slowly
 ENDS = {
@@ -493,7 +494,7 @@ class Kernel:
         self._number = np.array([*(0.0 if name in varied else value for name, value in parameters.items()), 0.0])
         macros |= {name: f"number[{place}]" for place, name in enumerate(parameters)}
         macros |= {
-            "RATED": int(group.rated), "NUMBERS": len(parameters) + 1, "VARIED": len(varied),
+            "GROUP": 0, "RATED": int(group.rated), "NUMBERS": len(parameters) + 1, "VARIED": len(varied),
             "VARIED_NUMBERS": ", ".join(str(list(parameters).index(name)) for name in varied) or "0",
         }
         for name, parameter in (("TENSION", "c_f_t"), ("BOND", "c_c")):
@@ -509,7 +510,7 @@ class Kernel:
             "STATES": ", ".join([f"STATE_{name}" for name in self._states] + ["STATE_COUNT"]),
             "FACETS": ", ".join(f"FACET_{name}" for name in FACETS),
         }  # fmt: skip
-        parts = "codegen/lanes.c", "faults/rated.c", "cracks/cracks.c"
+        parts = *SHARED, "faults/rated.c", "cracks/facet_law.c", "cracks/cracks.c"
         source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         self._library = native.load("cracks", source, macros)
         width = self._library.lanes_per_batch() // 2  # facets per batch

@@ -1,7 +1,6 @@
 // Tractions of facets and the forces of their cells, LANES ends at a time (two for every facet).  _step.py writes in
 // front of this file lanes.c, BONDED, RATED (friction knows rates), where states are, which parameters vary from end to
 // end, and the traced formulas of cohesion and friction.
-#include <math.h>
 #include <string.h>
 
 enum { FACETS };  // FACET_time_of_yield = 0, ...
@@ -28,26 +27,10 @@ struct end {
 // What it carries at a given damage, and the damage which that would lead to.
 struct answer { double normal, shear, inelastic, largest, slip, cohesive, strength, damage, friction; };
 
-INLINE double left_of(const double *number, double damage)
-{
-    (void)number;
-    double left;
-    LEFT
-    return damage >= 1 ? 0 : left;  // whatever rounding leaves
-}
-
-INLINE double damage_of(const double *number, double opening, double slip)
-{
-    (void)number, (void)opening, (void)slip;
-    double damage;
-    DAMAGE
-    return damage;
-}
-
 static __attribute__((noinline)) struct answer respond(const struct end *end, const double *number, double damage)
 {
     struct answer at;
-    const double left = left_of(number, damage), tension = TENSILE_STRENGTH * left, k = end->stiffness;
+    const double left = OF_GROUP(left)(number, damage), tension = TENSILE_STRENGTH * left, k = end->stiffness;
     at.inelastic = 0;
     if (end->open > 0) {
         const double loading = end->open - tension / k;
@@ -65,53 +48,33 @@ static __attribute__((noinline)) struct answer respond(const struct end *end, co
     double more = law->normal_stress > 0 || !(excess > 0) ? 0 : excess / k;
     if (law->normal_stress > 0 && law->since > 0 && excess > 0) {
         const double since = law->since;
-        more = since * slip_rate_of(law, number, fabs(trial) - COHESION * left, k * since, &at.friction);
+        more = since * solve_slip_rate(law, number, fabs(trial) - COHESION * left, k * since, &at.friction);
         at.strength = COHESION * left + at.friction;
     }
     at.shear = more > 0 ? copysign(fabs(trial) - k * more, trial) : more == 0 ? trial : more;
 #else
     const double more = excess > 0 ? excess / k : 0;
-    at.shear = excess > 0 ? copysign(at.strength, trial) : trial;
+    at.shear = admissible_shear(trial, at.strength);
 #endif
     at.slip = end->slip + copysign(more, trial);
     at.cohesive = end->cohesive + more;
-    at.damage = damage_of(number, at.largest, at.cohesive);
+    at.damage = OF_GROUP(damage)(number, at.largest, at.cohesive);
     return at;
 }
 
-// What it carries at the damage that agrees with the strength it leaves: false position between what it was and 1; `worst`
-// grows to the difference that is left.
+// What it carries at the damage that agrees with the strength it leaves; `worst` grows to the difference that is left.
 static __attribute__((noinline)) struct answer solve_damage(const struct end *end, const double *number, double *damage,
                                                       double *worst)
 {
-    double low = end->damage, high = 1, now = low;
-    *damage = low;
-    const struct answer held = respond(end, number, low);
-    double below = held.damage - low;
-    if (low >= 1 || below <= 0) return held;
-    const struct answer failed = respond(end, number, high);
-    double above = failed.damage - high;
-    if (above >= 0) {
-        *damage = high;
-        return failed;
-    }
-    for (int iteration = 0, side = 0; iteration < 100; iteration++) {
-        now = (low * above - high * below) / (above - below);
-        const double rest = respond(end, number, now).damage - now;
-        if (fabs(rest) <= 1e-15 || high - low <= 1e-15) break;
-        if (rest > 0) {
-            low = now, below = rest;
-            if (side == 1) above *= 0.5;
-            side = 1;
-        } else {
-            high = now, above = rest;
-            if (side == -1) below *= 0.5;
-            side = -1;
-        }
-    }
-    *damage = now;
-    const struct answer found = respond(end, number, now);
-    const double left = fabs(found.damage - now);
+    struct damage_search search = {.now = end->damage};
+    struct answer found;
+    double missing;
+    do {
+        found = respond(end, number, search.now);
+        missing = found.damage - search.now;
+    } while (search_damage(&search, missing, 0, 1e-15, 101));
+    *damage = search.now;
+    const double left = search.calls > 1 && !(search.now >= 1 && missing >= 0) ? fabs(missing) : 0 * missing;
     *worst = left <= *worst ? *worst : left;  // also where it is not a number
     return found;
 }
@@ -145,11 +108,7 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     end.rated = &rated;
     end.friction = normal_stress > 0 ? friction_at(&rated, number, 0, &slope) : 0;
 #else
-    if (normal_stress > 0) {
-        double friction;
-        FRICTION
-        end.friction = friction;
-    }
+    if (normal_stress > 0) end.friction = OF_GROUP(friction)(number, state, l, normal_stress);
 #endif
     double damage;
     const struct answer at = solve_damage(&end, number, &damage, taken + 3);
@@ -158,26 +117,22 @@ static __attribute__((noinline)) void yield_end(double since, double open, doubl
     const double opened = 0.5 * (before + at.normal) * (at.inelastic - end.inelastic);
     const double given_back = 0.5 * (before * end.inelastic * (before > 0) - at.normal * at.inelastic * (at.normal > 0));
     const double slipped = 0.5 * (OLD(shear_traction) + at.shear) * (at.slip - end.slip);
-#if RATED
-    // Strength that falls with the rate is none that cohesion has: what has failed gives all to friction.
-    const double friction_work = end.damage < 1 ? at.friction * fabs(at.slip - end.slip) : slipped;
-#else
-    const double friction_work = end.friction * fabs(at.slip - end.slip);
-#endif
-    const double rubbed = friction_work < slipped ? friction_work : slipped;
-    taken[0] += rubbed;
-    taken[1] += slipped - rubbed;
+    const double bond_before = COHESION * OF_GROUP(left)(number, end.damage);
+    const double bond = COHESION * OF_GROUP(left)(number, damage);
+    const double broken = 0.5 * (cohesive_share(bond_before, fabs(OLD(shear_traction))) * OLD(shear_traction)
+                                 + cohesive_share(bond, fabs(at.shear)) * at.shear) * (at.slip - end.slip);
+    taken[0] += slipped - broken;
+    taken[1] += broken;
     taken[before >= 0 && at.normal >= 0 ? 1 : 2] += opened + given_back;
     if (end.damage < 1) {
         OLD(largest_opening) = at.largest;
         OLD(cohesive_slip) = at.cohesive;
     }
     const double slip_rate = since > 0 ? fabs(at.slip - end.slip) / since : 0;
-    (void)slip_rate, (void)normal_stress;
 #if RATED
     advance_friction(&rated, number, slip_rate);
 #else
-    ADVANCE
+    OF_GROUP(advance)(number, state, l, slip_rate, normal_stress, since);
 #endif
     OLD(normal_traction) = at.normal;
     OLD(shear_traction) = at.shear;

@@ -1,5 +1,5 @@
-// The formulas of one group of facets with the same laws. _rigid.py writes in front of every copy of this file GROUP, the
-// number of the group, and the traced formulas of cohesion and friction.
+// The formulas of one group of facets with the same laws, for cracks.c and rigid.c. In front of every copy of this file stand
+// GROUP, the number of the group, RATED and the traced formulas of cohesion and friction.
 #define JOINED(name, group) name##_##group
 #define EXPANDED(name, group) JOINED(name, group)
 #define OF_GROUP(name) EXPANDED(name, GROUP)
@@ -20,6 +20,7 @@ static double OF_GROUP(damage)(const double *number, double opening, double slip
     return damage;
 }
 
+#if !RATED  // those are in rated.c
 static double OF_GROUP(friction)(const double *number, double *const *state, long l, double normal_stress)
 {
     (void)number, (void)state, (void)l;
@@ -34,7 +35,4 @@ static void OF_GROUP(advance)(const double *number, double *const *state, long l
     (void)number, (void)state, (void)l, (void)slip_rate, (void)normal_stress, (void)since;
     ADVANCE
 }
-
-static const struct law OF_GROUP(law) = {
-    OF_GROUP(left), OF_GROUP(damage), OF_GROUP(friction), OF_GROUP(advance),
-};
+#endif

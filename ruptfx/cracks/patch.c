@@ -42,14 +42,10 @@ struct patch {
     struct end *ends;
 };
 
-// Admissible normal traction for the trial `pulled`, found with impedance z; its derivative.
-INLINE double admissible_normal(const struct end *end, double dt, double z, double pulled, double *slope)
+// Admissible normal traction for a trial one, found with impedance z, on the secant at the end of the step; its derivative.
+INLINE double normal_at(const struct end *end, double dt, double z, double pulled, double *slope)
 {
-    // Along the secant, taken at the end of the step.
-    const double secant = end->most > 0 ? end->most / (end->most + end->largest * z / dt) : 0;
-    if (pulled < 0) return *slope = 1, pulled;
-    if (pulled * secant < end->most) return *slope = secant, pulled * secant;
-    return *slope = 0, end->most;
+    return admissible_normal(pulled, end->most, end->largest * z / dt, slope);
 }
 
 INLINE double shear_strength(const struct end *end, double *const *state, double normal)
@@ -89,11 +85,11 @@ INLINE void project(const struct patch *p, const struct end *end, double found[2
     double rate[2], slope;
     rates(p, end, (const double(*)[2])p->velocity, rate);
     found[0] = end->z_normal > 0
-        ? admissible_normal(end, p->dt, end->z_normal, end->normal + end->z_normal * rate[0], &slope) : 0;
+        ? normal_at(end, p->dt, end->z_normal, end->normal + end->z_normal * rate[0], &slope) : 0;
     if (end->z_shear > 0) {
         const double trial = end->shear + end->z_shear * rate[1];
         const double strength = shear_strength(end, p->state, found[0]);
-        found[1] = fabs(trial) > strength ? copysign(strength, trial) : trial;
+        found[1] = admissible_shear(trial, strength);
     } else found[1] = 0;  // both sides are driven
 }
 
@@ -120,7 +116,7 @@ static double sweep(struct patch *p)
         double rate[2], slope, normal = 0, shear = 0;
         if (end->z_normal > 0) {
             rates(p, end, (const double(*)[2])p->velocity, rate);
-            normal = admissible_normal(end, p->dt, end->z_normal, end->normal + end->z_normal * rate[0], &slope);
+            normal = normal_at(end, p->dt, end->z_normal, end->normal + end->z_normal * rate[0], &slope);
             normal -= end->normal;
             end->normal += normal;
             exert(p, end, normal, 0, p->velocity);
@@ -129,7 +125,7 @@ static double sweep(struct patch *p)
             rates(p, end, (const double(*)[2])p->velocity, rate);
             const double trial = end->shear + end->z_shear * rate[1];
             const double strength = shear_strength(end, p->state, end->normal);
-            shear = (fabs(trial) > strength ? copysign(strength, trial) : trial) - end->shear;
+            shear = admissible_shear(trial, strength) - end->shear;
             end->shear += shear;
             exert(p, end, 0, shear, p->velocity);
         }
@@ -184,7 +180,7 @@ static double balance(const struct patch *p, double rho, const double (*v)[2], d
         double rate[2], slope = 0, normal = 0, shear = 0, across = 0, along = 0, coupling = 0;
         rates(p, end, v, rate);
         if (z_normal > 0) {
-            normal = admissible_normal(end, p->dt, z_normal, end->normal + z_normal * rate[0], &slope);
+            normal = normal_at(end, p->dt, z_normal, end->normal + z_normal * rate[0], &slope);
             across = slope * z_normal;
         }
         if (z_shear > 0) {

@@ -159,7 +159,7 @@ long check(const struct rigid *r, const double *displacement, double *const *sta
             if (!breaks && fabs(shear) >= strength[1]) {
                 const double pressure = normal < 0 ? -normal : 0;
                 const double friction =
-                    LAWS[r->group[f]]->friction(r->number + r->first_number[r->group[f]], state, 2 * f, pressure);
+                    LAWS[r->group[f]].friction(r->number + r->first_number[r->group[f]], state, 2 * f, pressure);
                 breaks = fabs(shear) >= strength[1] + (pressure > 0 ? friction : 0);
             }
             if (breaks && !r->inserted[f]) found[count++] = (int)f;
@@ -179,7 +179,7 @@ static void begin(const struct rigid *r, struct end *end, double since, const do
     const double x = displacement[2 * plus] - displacement[2 * minus];
     const double y = displacement[2 * plus + 1] - displacement[2 * minus + 1];
     end->nx = r->normal[2 * f], end->ny = r->normal[2 * f + 1], end->weight = r->weight[f];
-    end->law = LAWS[r->group[f]], end->number = r->number + r->first_number[r->group[f]];
+    end->law = &LAWS[r->group[f]], end->number = r->number + r->first_number[r->group[f]];
     end->open = x * end->nx + y * end->ny;
     end->slip = x * end->ny - y * end->nx;
     end->normal = OLD(normal_traction), end->shear = OLD(shear_traction);
@@ -265,7 +265,7 @@ static void vertex(const struct rigid *r, long v, double dt, double kick, double
         const double pulled = end->normal * (x * end->nx + y * end->ny) * kick;
         const double rubbed = end->shear * (x * end->ny - y * end->nx) * kick;
         const double kept = 0.5 * (tension * opening - held * OLD(inelastic_opening));
-        const double part = fabs(end->shear) > end->held ? end->held / fabs(end->shear) : 1;
+        const double part = cohesive_share(end->held, fabs(end->shear));
         const double area = end->weight * r->owned[l / 2];
         taken[0] += area * (1 - part) * rubbed;
         taken[1] += area * (part * rubbed + (end->normal > 0 ? pulled : 0) - kept);

@@ -1,6 +1,5 @@
 // What rigid.c and the formulas of laws in front of it share. _rigid.py writes in front of this file where states are, and
 // how many corners and ends a vertex has at most.
-#include <math.h>
 #include <string.h>
 
 #define OLD(name) state[STATE_##name][l]

@@ -12,11 +12,12 @@ step. With the trial tension t and the carried tension T the opening is complian
 and the steep secant of a new crack cannot reduce the stable time step. Opening and slip are those at the time of
 the traction. Explicit rigid contact knows both before the traction. Where slip ends with the traction (compliant
 contact, all implicit steps) both follow from it, w = compliance (t - T), and the damage is solved for together with the
-traction (`search_damage` in `points.c`): the law is the same in steps of any size. With springs w is the opening beyond
-theirs.
+traction (`search_damage` in `return_map.c`): the law is the same in steps of any size. With springs w is the opening
+beyond theirs.
 
-The work of a traction is split once, here and in `points.c`: cohesion dissipates its share c left(D) of a shear
-traction first and friction the rest; of the work of tension the part is stored that the secant gives back.
+The work of a traction is split alike at interfaces and facets (`cohesive_share` in `return_map.c`): cohesion dissipates
+its share c left(D) of a shear traction first and friction the rest; of the work of tension the part is stored that the
+secant gives back.
 """
 
 from __future__ import annotations

@@ -106,7 +106,8 @@ class PointCode:
             What else they need of the law at the slip rate that was found, by where it goes.
         """
         macros = self._sizes() | self._symbols() | self._formulas(known, at_end or {}) | dict(macros)
-        source = "".join(files("ruptfx").joinpath(part).read_text() for part in ("faults/points.c", *sources))
+        parts = "faults/return_map.c", "faults/points.c", *sources
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
         return native.load(name, source, macros)
 
     def _sizes(self) -> dict[str, object]:

@@ -4,7 +4,6 @@
 // TOLERANCE, BALANCED, AT_REST, MAX_ITERATIONS, BISECT_EVERY, DAMAGED, LANES, where arrays are, the traced formulas of contact method, law and
 // monitors, BONDED and the formulas of cohesion, and how a step begins: RADIATION, the traction per slip rate on top of the strength, and GUESS, what makes
 // `guess` a slip rate to begin with.
-#include <math.h>
 #include <string.h>
 
 // The C library has these for vectors, too, but its headers say so only where NaN may be ignored.
@@ -20,7 +19,6 @@ VECTOR double acosh(double), atanh(double), hypot(double, double), atan2(double,
 #endif
 #endif
 
-#define INLINE static inline __attribute__((always_inline))
 #define EACH_LANE _Pragma("omp simd") for (int l = 0; l < LANES; l++)
 #define EACH_TANGENT for (int k = 0; k < TANGENTS; k++)
 
@@ -76,15 +74,10 @@ struct points {
     (void)slip_rate; (void)rate_before; (void)speed_before; (void)normal_stress; \
     (void)normal_stress_before; (void)radiation;
 
-INLINE double next_rate(double v, double low, double high, double residual, double slope, double z, double spread,
-                        int bisect)
+// Slip rate of a point that slides, along a tangent.
+INLINE double slip_rate_of(const struct points *points, int k, int l)
 {
-    // Newton in V where the impedance rules, in the logarithm of what the law sees where the law does; else, and now
-    // and then, bisection.
-    const double step = slope > 2 * z ? v + spread * expm1(residual / (slope * spread)) : v + residual / slope;
-    const double floor_ = low > 1e-12 * high ? low : 1e-12 * high;
-    const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(floor_ * high);
-    return step > low && step < high && !bisect ? step : middle;
+    return (points->rate[l] + points->taken[l]) * points->way[k][l] - points->turning[k][l];
 }
 
 #if BONDED
@@ -106,12 +99,11 @@ INLINE void hold(const struct times *times, const double *number, struct points 
         NEW(largest_opening) = bond_opening;
         NEW(damaging_slip) = bond_slip;
         NEW(damage) = bond_damage;
-        const double most = TENSILE_STRENGTH * left, pulled = -points->trial_normal[l];
-        const double secant = most > 0 ? most / (most + bond_opening / points->compliance[l]) : 0;
-        const double carried = pulled * secant < most ? pulled * secant : most;
+        const double most = TENSILE_STRENGTH * left, softness = bond_opening / points->compliance[l];
+        double slope;
         points->tension[l] = most;
         points->bond[l] = COHESION * left;
-        points->sigma[l] = pulled < 0 ? -pulled : 0 - carried;
+        points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
     }
 }
 
@@ -124,70 +116,40 @@ INLINE void hold_damaged(const double *number, struct points *points)
         double left;
         { LEFT }
         left = bond_damage < 1 ? left : 0;
-        const double most = TENSILE_STRENGTH * left, pulled = -points->trial_normal[l];
-        const double secant = most > 0 ? most / (most + before / points->compliance[l]) : 0;
-        const double carried = pulled * secant < most ? pulled * secant : most;
+        const double most = TENSILE_STRENGTH * left, softness = before / points->compliance[l];
+        double slope;
         points->tension[l] = most;
         points->bond[l] = COHESION * left;
-        points->sigma[l] = pulled < 0 ? -pulled : 0 - carried;
+        points->sigma[l] = 0 - admissible_normal(-points->trial_normal[l], most, softness, &slope);
         const double opened = (points->sigma[l] - points->trial_normal[l]) * points->compliance[l];
         NEW(largest_opening) = opened > before ? opened : before;
     }
 }
 
-// Part of a shear traction that cohesion carries.
-INLINE double share(double bond, double traction) { return traction > bond ? bond / traction : 1; }
-
-// Bracket of the damage that agrees with the opening and slip which it leaves: false position between that before and 1.
-struct search { lanes low, high, below, above, side, active; };
-
-// The next damage to try; whether there is a point that has to.
-INLINE int search_damage(const struct times *times, const double *number, int iteration, struct points *points,
-                         struct search *at)
+// The next damages to try; whether there is a point that has to.
+INLINE int search_damages(const struct times *times, const double *number, struct points *points, struct damage_search *at)
 {
     UNPACK_TIMES
-    double any = 0;
+    lanes missing;
+    int any = 0;
     EACH_LANE {
         const int stuck = (points->rate[l] == 0) & TOGETHER(points->sigma[l]);
         double square = 0, damage;
         EACH_TANGENT {
-            const double v = (points->rate[l] + points->taken[l]) * points->way[k][l] - points->turning[k][l];
+            const double v = slip_rate_of(points, k, l);
             square += stuck ? 0 : v * v;
         }
         const double bond_opening = NEW(largest_opening), bond_slip = OLD(damaging_slip) + since * sqrt(square);
         { DAMAGE }
         NEW(damaging_slip) = bond_slip;
         NEW(damage) = points->damage[l];
-        at->active[l] = (damage > OLD(damage) ? damage : OLD(damage)) - points->damage[l];  // what is missing
+        missing[l] = (damage > OLD(damage) ? damage : OLD(damage)) - points->damage[l];
     }
     for (int l = 0; l < LANES; l++) {
-        const double rest = at->active[l];
-        if (iteration == 0) {
-            at->low[l] = points->damage[l], at->high[l] = 1, at->below[l] = rest, at->side[l] = 0;
-            at->above[l] = rest > DAMAGED ? 0 : NAN;  // not a number: the search has ended
-            if (rest > DAMAGED) points->damage[l] = 1;
-        } else if (at->above[l] == at->above[l]) {
-            if (iteration == 1) {
-                at->above[l] = rest < 0 ? rest : NAN;
-            } else if (fabs(rest) <= DAMAGED || at->high[l] - at->low[l] <= DAMAGED || rest != rest
-                       || iteration == MAX_ITERATIONS) {
-                at->above[l] = NAN;
-            } else if (rest > 0) {
-                at->low[l] = points->damage[l], at->below[l] = rest;
-                if (at->side[l] > 0) at->above[l] *= 0.5;
-                at->side[l] = 1;
-            } else {
-                at->high[l] = points->damage[l], at->above[l] = rest;
-                if (at->side[l] < 0) at->below[l] *= 0.5;
-                at->side[l] = -1;
-            }
-            if (at->above[l] == at->above[l])
-                points->damage[l] = (at->low[l] * at->above[l] - at->high[l] * at->below[l])
-                                    / (at->above[l] - at->below[l]);
-        }
-        any += at->above[l] == at->above[l];
+        if (at[l].calls == 0 || at[l].open) any |= search_damage(at + l, missing[l], DAMAGED, DAMAGED, MAX_ITERATIONS);
+        points->damage[l] = at[l].now;
     }
-    return any > 0;
+    return any;
 }
 #endif
 
@@ -332,13 +294,12 @@ INLINE void point(const struct times *times, const double *number, struct points
     }
 #if BONDED && AT_END
     // Opening and slip of the step follow from its tractions, and so does the damage.
-    struct search at;
-    EACH_LANE points->damage[l] = OLD(damage);
-    for (int iteration = 0; ; iteration++) {
+    struct damage_search at[LANES];
+    for (int l = 0; l < LANES; l++) at[l] = (struct damage_search){.now = points->damage[l] = OLD(damage)};
+    do {
         hold_damaged(number, points);
         project(times, number, points);
-        if (!search_damage(times, number, iteration, points, &at)) break;
-    }
+    } while (search_damages(times, number, points, at));
 #else
 #if BONDED
     hold(times, number, points);
@@ -361,7 +322,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
             const double before = OLD(mean_slip_rate + k), way = points->way[k][l];
             // Bodies start from rest, also where the interface creeps.
             const double rate_old = since > 0 ? before : 0, traction_old = OLD(shear_traction + k);
-            double rate = stuck ? 0 : (v + points->taken[l]) * way - points->turning[k][l], taken;
+            double rate = stuck ? 0 : slip_rate_of(points, k, l), taken;
             const double traction = closed ? points->trial_shear[k][l] - points->z[k][l] * rate : 0;
             double rate_now = stuck ? (AT_END ? 0 : 0.5 * before) : points->rate_now[l] * way;
             if (AT_END && since == 0) rate = before, rate_now = OLD(slip_rate + k);
@@ -390,7 +351,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
             left = bond_damage < 1 ? left : 0;
         }
         EACH_TANGENT before += OLD(shear_traction + k) * OLD(shear_traction + k);
-        const double share_old = share(COHESION * left, sqrt(before)), share_now = share(points->bond[l], sqrt(whole));
+        const double share_old = cohesive_share(COHESION * left, sqrt(before)), share_now = cohesive_share(points->bond[l], sqrt(whole));
         EACH_TANGENT {
             const double rate_old = since > 0 ? OLD(mean_slip_rate + k) : 0, rate = NEW(mean_slip_rate + k);
             const double traction_old = share_old * OLD(shear_traction + k);
@@ -410,7 +371,7 @@ INLINE void write_back(int count, const struct times *times, const double *numbe
         points->fractured[l] = area * (broken * duration + (pressed ? 0 : opened - kept));
         points->met[l] = area * (pressed ? opened - kept : 0);
 #elif BONDED
-        const double part = whole > points->bond[l] * points->bond[l] ? points->bond[l] / sqrt(whole) : 1;
+        const double part = cohesive_share(points->bond[l], sqrt(whole));
         points->fractured[l] = l < count ? FIXED(owned_area) * part * power * duration : 0;
         points->met[l] = 0;
         power -= part * power;

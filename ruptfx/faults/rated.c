@@ -5,7 +5,6 @@ enum { STATES };  // STATE_theta = 0, ...
 #define OLD(name) state[STATE_##name][l]
 
 #if RATED
-#include <math.h>
 
 enum { BEGUN };  // of the law, known when the step begins
 
@@ -37,9 +36,8 @@ static double friction_at(const struct rated *at, const double *number, double s
     return strength;
 }
 
-// Slip rate V at which friction and z V are what is left of a trial traction, by the steps of `next_rate` in points.c;
-// no number where there is none. `friction` becomes its strength.
-static double slip_rate_of(const struct rated *at, const double *number, double trial, double z, double *friction)
+// Slip rate V at which friction and z V are what is left of a trial traction, by the steps of `next_rate`; no number where there is none. `friction` becomes its strength.
+static double solve_slip_rate(const struct rated *at, const double *number, double trial, double z, double *friction)
 {
     double slope, low = 0, high = trial / z, v = high;
     *friction = friction_at(at, number, 0, &slope);
@@ -52,11 +50,7 @@ static double slip_rate_of(const struct rated *at, const double *number, double 
         if (residual > 0) low = v;
         else high = v;
         if (high - low <= 1e-15 * high) return fabs(residual) <= 1e-9 * trial ? v : NAN;
-        const double steep = slope + z;
-        const double step = steep > 2 * z ? v + v * expm1(residual / (steep * v)) : v + residual / steep;
-        const double least = low > 1e-12 * high ? low : 1e-12 * high;
-        const double middle = low > 1e-3 * high ? 0.5 * (low + high) : sqrt(least * high);
-        v = step > low && step < high && iteration % 8 != 7 ? step : middle;
+        v = next_rate(v, low, high, residual, slope + z, z, v, iteration % 8 == 7);
     }
     return NAN;
 }

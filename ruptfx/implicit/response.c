@@ -69,10 +69,10 @@ INLINE void soften(const struct times *times, const double *number, const struct
         by_slip = isfinite(by_slip) ? by_slip : 0;
         const int grows = bond_damage > OLD(damage) && bond_damage < 1, opens = bond_opening > OLD(largest_opening);
         const double most = points->tension[l], pulled = -points->trial_normal[l], before = OLD(largest_opening);
-        const double open_by = before / compliance, secant = most > 0 ? most / (most + open_by) : 0;
-        const int presses = pulled < 0, yields_now = pulled * secant >= most;
+        const double open_by = before / compliance;
         // T by the pull, and by the damage, with the other one as it is.
-        const double by_pull = presses ? 1 : yields_now ? 0 : secant;
+        double by_pull;
+        const int presses = pulled < 0, yields_now = admissible_normal(pulled, most, open_by, &by_pull) >= most;
         const double by_strength = presses ? 0 : yields_now ? 1 : pulled * open_by / ((most + open_by) * (most + open_by));
         const double by_damage = grows ? by_strength * TENSILE_STRENGTH * left_slope : 0;
         const double yields = points->rate[l] > 0 ? 1 / (z + (TOGETHER(points->sigma[l]) ? points->slope[l] : 0)) : 0;

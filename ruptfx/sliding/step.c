@@ -23,12 +23,6 @@ struct sweeps {
     long *upto;             // how many parts before each, and in all, changed in the last one
 };
 
-#if BONDED
-#define HELD(points, l) ((points).sigma[l] > 0 || (points).tension[l] > 0 || (points).bond[l] > 0)
-#else
-#define HELD(points, l) ((points).sigma[l] > 0)
-#endif
-
 enum { MOVED = 1, UNSETTLED = 2 };  // flags of changed forces: at all, and beyond the tolerance
 
 INLINE long filled(const struct pairing *f) { return (f->n + LANES - 1) / LANES * LANES; }
@@ -195,22 +189,21 @@ INLINE int open(const struct times *times, const double *number, struct points *
 INLINE long sweep(const struct pairing *f, const struct sweeps *s, const struct times *times, const double *number,
                   double *fixed, double *const *field, double *result, int every, double *scale)
 {
-    struct points points;
+    struct points whole, *const points = &whole;
     lanes given[2];
     long many = 0;
     turn(s, UNSETTLED);
     EACH_BLOCK {
         if (!every && !reached(s, first)) continue;
-        begin(f, s, fixed, field, first, (int)count, &points, given);
-        if (open(times, number, &points, given)) continue;
-        point(times, number, &points);
-        if (failed(first, (int)count, &points, result)) return -1;
+        begin(f, s, fixed, field, first, (int)count, points, given);
+        if (open(times, number, points, given)) continue;
+        point(times, number, points);
+        if (failed(first, (int)count, points, result)) return -1;
         double *normal = s->traction + first, *shear = s->traction + filled(f) + first;
         EACH_LANE {
-            const int closed = HELD(points, l), stuck = (points.rate[l] == 0) & closed, there = l < count;
-            const double v = (points.rate[l] + points.taken[l]) * points.way[0][l] - points.turning[0][l];
-            const double held = points.trial_shear[0][l] - points.z[0][l] * (stuck ? 0 : v);
-            normal[l] = there ? points.sigma[l] : 0, shear[l] = there & closed ? held : 0;
+            const int closed = TOGETHER(points->sigma[l]), stuck = (points->rate[l] == 0) & closed, there = l < count;
+            const double held = points->trial_shear[0][l] - points->z[0][l] * (stuck ? 0 : slip_rate_of(points, 0, l));
+            normal[l] = there ? points->sigma[l] : 0, shear[l] = there & closed ? held : 0;
         }
         if (!hold_of(f, s, first)) continue;
         const int more = unconverged(f, s, first, given, scale);

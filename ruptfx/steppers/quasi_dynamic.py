@@ -53,7 +53,7 @@ class QuasiDynamic(Stepper):
     the errors of slip over D_c and of ln theta, the largest of all points, or for laws with other states those of slip
     over their shortest length and of the friction coefficient; the order is five. While points slide under laws
     without a direct effect, steps are limited to a few times that of a wave across an element. `quasi_static` needs
-    more steps for cycles, and handles contact that opens and bodies that are not linear.
+    more steps for cycles, and handles contact that opens, attachments and bodies that are not linear.
     Source: Dormand and Prince (1980).
     """
 

@@ -113,6 +113,12 @@ def test_slip_under_pressure_takes_friction_besides() -> None:
     assert facet.taken("fracture") == pytest.approx(law.G_IIc, rel=1e-6)
     slip = facet.state.cracks["slip"][0, 0]
     assert facet.taken("frictional_dissipation") == pytest.approx(3e6 * slip, rel=1e-6)
+    # What has failed gives all to friction, also while the pressure falls: the mean of two strengths works.
+    broken = facet.taken("fracture")
+    facet.follow(np.linspace(pressed, 0.2 * pressed, 50), way[-1] + np.linspace(0, 1, 50) * law.slip_at_failure)
+    assert facet.taken("fracture") == pytest.approx(broken, rel=1e-12)
+    more = facet.state.cracks["slip"][0, 0] - slip
+    assert facet.taken("frictional_dissipation") == pytest.approx(3e6 * slip + 0.6 * 3e6 * more, rel=1e-2)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in COHESION if kind != "benzeggagh_kenane"])

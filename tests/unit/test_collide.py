@@ -18,7 +18,9 @@ class Pair:
     """The compiled functions for one pair of triangles, corners x of shape (2, 6)."""
 
     def __init__(self, friction: float = 0.0) -> None:
-        self.library = native.load("collide", files("ruptfx.collisions").joinpath("collide.c").read_text())
+        parts = "faults/return_map.c", "collisions/collide.c"
+        source = "".join(files("ruptfx").joinpath(part).read_text() for part in parts)
+        self.library = native.load("collide", source)
         self.pair, self.one = np.array([[0, 1]], dtype=np.int32), np.ones(1)
         self.friction, self.traction, self.taken = np.array([friction]), np.zeros(1), np.zeros(1)
         self.held, self.stored = np.zeros(1), np.zeros(1)
