@@ -132,6 +132,23 @@ def strike_slip(changes: dict[str, Any] | None = None) -> dict[str, Any]:
     return merged(table, changes or {})
 
 
+def branched(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """A rupture from x = -4 mm that goes on along the fault and its branch, which begins at x = 0."""
+    table = slip_weakening({"plane": "strain", "order": 3, "duration": 8e-6, "positions": "x"})
+    table["mesh"] = {
+        "kind": "branched_fault", "left": -8e-3, "right": 6e-3, "branch_length": 5e-3, "angle": -35.0,
+        "element_size": 1e-3, "beyond": 4e-3, "growth": 1.2,
+    }  # fmt: skip
+    table["faults"]["main"]["friction"]["D_c"] = 1e-6
+    table["faults"]["branch"] = copy.deepcopy(table["faults"]["main"])
+    for name, extra in (("main", 0.9e6), ("branch", 0.0)):
+        table["faults"][name]["initial_stress"]["shear"] = {
+            "kind": "boxcar", "inside": 3e6 + extra, "outside": 3e6, "center": -4e-3, "half_width": 2e-3,
+        }  # fmt: skip
+    table["stepper"] = {"kind": "leapfrog", "time_step": 1.6e-8}
+    return merged(table, changes or {})
+
+
 def smooth_field(model: Any, seed: int = 0) -> np.ndarray:
     """A displacement that depends on the place only, the same on any number of ranks, shape (nodes * components,)."""
     random = np.random.default_rng(seed)

@@ -282,8 +282,9 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     """Pair the nodes of the two sides of a named interface.
 
     The common point of adjacent interfaces belongs to the one that comes first in `bodies.interfaces`,
-    with the area and the normal of both, as if they were one. An interface that ends inside welded bodies has
-    one node at its end, hence no jump and no point. Its two ends at tied edges are one point, with the area and the
+    with the area and the normal of both, as if they were one. An interface that ends inside welded bodies, or on
+    another interface, has one node at its end, hence no jump and no point; there the other one has a point with its own
+    area and normal. Its two ends at tied edges are one point, with the area and the
     normal of both. If every cell has its own nodes (`[fracture]`), the points are the ends of the facets, each at
     the middle of its half facet; a rank has the points that it owns.
 
@@ -305,6 +306,10 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
     def of_side(side: str) -> np.ndarray:
         return fem.dolfinx.fem.locate_dofs_topological(space, dim - 1, bodies.facets.find(bodies.tags[side]))
 
+    def welded(interface: str) -> np.ndarray:
+        """Return the nodes that both sides share."""
+        return np.intersect1d(of_side(f"{interface}.plus"), of_side(f"{interface}.minus"))
+
     ends = {side: _facet_ends(nodes, f"{name}.{side}") for side in ("plus", "minus")} if nodes.broken else {}
     if ends:
         places = {side: found.places for side, found in ends.items()}
@@ -322,8 +327,17 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
         normal, weight = ends["minus"].normal[chosen], ends["minus"].weight[chosen]
     else:
         alike = [other for other in bodies.interfaces if (other in bodies.one_sided) == (name in bodies.one_sided)]
-        tags = tuple(bodies.tags[f"{other}.minus"] for other in alike)
-        normal, weight = _normals_and_weights(nodes, tags, minus)
+        apart = {  # points at which one of both ends on the other: their areas are not added
+            other: np.isin(minus, of_side(f"{other}.minus")) & ((plus == minus) | np.isin(minus, welded(other)))
+            for other in alike if other != name and other_side == "meshed"
+        }  # fmt: skip
+        branches = [other for other, here in apart.items() if parallel.anywhere(comm, bool(np.any(here)))]
+        tags = tuple(bodies.tags[f"{other}.minus"] for other in alike if other not in branches)
+        area = _areas(nodes, tags, minus)
+        for other in branches:
+            area += np.where(apart[other][:, None], 0.0, _areas(nodes, (bodies.tags[f"{other}.minus"],), minus))
+        size = np.linalg.norm(area[:, 1:], axis=1, keepdims=True)
+        normal, weight = area[:, 1:] / np.maximum(size, 1e-300), area[:, 0]
     if other_side != "meshed":
         normal = -normal  # the outward normal of the plus body is opposite
     if other_side in ("antisymmetric", "symmetric"):
@@ -341,7 +355,8 @@ def build_interface(nodes: Nodes, name: str) -> Interface:
         line = replace(line, first=_rounded(line.first - first, extent), last=_rounded(line.last + last, extent))
     taken = plus == minus if other_side == "meshed" else np.zeros(len(plus), dtype=bool)
     for earlier in () if nodes.broken else bodies.interfaces[: bodies.interfaces.index(name)]:
-        taken |= np.isin(plus, of_side(f"{earlier}.plus"))
+        theirs = of_side(f"{earlier}.plus")
+        taken |= np.isin(plus, theirs if earlier in bodies.one_sided else np.setdiff1d(theirs, welded(earlier)))
     taken |= np.isin(plus, nodes.copies)
     tied = np.concatenate([nodes.kept, nodes.copies])
     half = np.isin(plus, tied) != np.isin(minus, tied)
@@ -453,8 +468,11 @@ def _pair(
     return plus, minus[partner], None
 
 
-def _normals_and_weights(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return unit normal out of the minus body and area of chosen nodes, summed over facets, ranks and tied nodes."""
+def _areas(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray) -> np.ndarray:
+    """Return area, and area times normal out of the minus body, of chosen nodes, shape (n, 1 + dim).
+
+    They are summed over facets, ranks and tied nodes.
+    """
     space, mesh, ufl = nodes.space, nodes.space.mesh, fem.ufl
     dim, components = mesh.geometry.dim, space.dofmap.index_map_bs
     ds = ufl.Measure(
@@ -477,7 +495,7 @@ def _normals_and_weights(nodes: Nodes, tags: tuple[int, ...], chosen: np.ndarray
     else:
         weight = nodal(ufl.inner(ufl.as_vector([1.0] * dim), test) * ds)[:, 0]
         normal = nodal(ufl.inner(n, test) * ds)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300), weight
+    return np.column_stack([weight, normal])
 
 
 def local_frame(normal: np.ndarray) -> np.ndarray:

@@ -61,8 +61,9 @@ class GmshFile(MeshSource):
     ends inside they stay connected. The two sides of an interface may also have their own nodes at equal positions, or,
     with `matching = false`, at different positions.
     Other named lines on the boundary of a body become edges, under the name they have in the file. Where two
-    interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both;
-    where they cross or branch they are refused. Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
+    interfaces follow each other, the point they share belongs to the one that is listed first, with the area of both.
+    Where one ends on another that goes on (a branch), its last node is welded; where two cross, the halves of one need
+    two names. Quadrilaterals of nine nodes (`Mesh.ElementOrder = 2`) follow curved
     outlines with parabolas.
     """
 

@@ -13,6 +13,7 @@ from ruptfx import RuptfxError, fem
 from ruptfx.meshes import FACETS, Base, MeshSource, RawMesh
 from ruptfx.platform import parallel
 from ruptfx.schema import nearest
+from ruptfx.space.branches import weld_branch_ends
 from ruptfx.space.closest import closest
 
 if TYPE_CHECKING:
@@ -175,6 +176,7 @@ def _from_root(
             raw = source.build()
             check_orientation(raw)
             check_facets(raw)
+            raw = weld_branch_ends(raw, sliding)
             check_pairs(raw, sliding)
             pairs = {key: tied_facets(raw, key, *edges) for key, edges in tied.items()}
         except Exception as caught:
@@ -322,8 +324,9 @@ def check_pairs(raw: RawMesh, sliding: Collection[str] = ()) -> None:
     raise RuptfxError(
         f"mesh: interface {meeting} at ({x}) m: "
         + ("plus is there what is minus in the other; swap plus and minus of one of them" if turned else
-           "more than two sides meet, and a point of an interface has two; let one interface end before, or leave it "
-           "out, so that the bodies are welded there")
+           "more than two sides meet, and a point of an interface has two. An interface may end on another one that "
+           "goes on there (a branch): where two cross, give the halves of one of them two names (mesh.interfaces); "
+           "where three end, give two of them one name")
     )  # fmt: skip
 
 
@@ -389,8 +392,12 @@ def destinations(
         leader = np.empty(len(cells), dtype=np.int64)
         leader[group[together[::-1, 0]]] = together[::-1, 0]
         owner[together] = owner[leader[group[together]]]
-        facets = np.concatenate([plus for plus, _ in joined])
-        _ghost_pairs(cells, owner, glued[facets], together, group, ghosts)
+        facets, others = (np.concatenate([sides[i] for sides in joined]) for i in (0, 1))
+        # At the end of a branch its sides share a node, and only pairs of the main interface matter.
+        split = np.zeros(len(raw.points), dtype=bool)
+        split[glued[facets[facets != others]]] = True
+        ignored = split[glued[facets]] & (facets == others)
+        _ghost_pairs(cells, owner, np.where(ignored, -1, glued[facets]), together, group, ghosts)
     for name in sliding:
         both = np.concatenate([facet_cell(side) for side in raw.interfaces.get(name, ())])
         ranks = set(owner[both].tolist())
@@ -458,10 +465,10 @@ def _ghost_pairs(
 ) -> None:  # fmt: skip
     """Make a pair a ghost on every rank that has a vertex of the interface and owns none of the pairs there.
 
-    Connected pairs become ghosts together.
+    Connected pairs become ghosts together. Facets have -1 for a vertex at which their pair does not matter.
     """
     on_interface = np.zeros(cells.max() + 1, dtype=bool)
-    on_interface[facets] = True
+    on_interface[facets[facets >= 0]] = True
     touching: dict[int, set[int]] = defaultdict(set)
     rows, columns = np.nonzero(on_interface[cells])
     for vertex, rank in zip(cells[rows, columns].tolist(), owner[rows].tolist(), strict=True):
@@ -469,7 +476,7 @@ def _ghost_pairs(
     pairs_at: dict[int, list[int]] = defaultdict(list)
     for pair, facet in enumerate(facets.tolist()):
         for vertex in facet:
-            pairs_at[vertex].append(pair)
+            pairs_at[vertex].append(pair)  # no rank touches a vertex -1
     members: dict[int, set[int]] = defaultdict(set)
     for cell in pairs.ravel().tolist():
         members[int(group[cell])].add(cell)

@@ -185,14 +185,36 @@ def test_edges_of_two_bodies_at_the_same_place(shared_tmp_path: Path) -> None:
         assert parallel.total(COMM, len(nodes)) == count
 
 
-CROSSING = {"main": "11, 21", "across": "41"}
+CROSSING = {"main": "11, 21", "across": "31, 41"}
+SIDES = {"main": {"plus": ["c", "d"], "minus": ["a", "b"]}, "across": {"plus": ["b", "d"], "minus": ["a", "c"]}}
+
+
+def test_a_branch_on_each_side(shared_tmp_path: Path) -> None:
+    """The halves of a crossing interface under two names end at the main one: it has the points of an uncut one."""
+    whole = points(shared_tmp_path, TWO, {"main": "11, 21"}, "upper", "lower", dim=2)
+    for first in (True, False):
+        lines = {"main": "11, 21", "below": "31", "above": "41"}
+        sides = {"main": SIDES["main"], "below": {"plus": "b", "minus": "a"}, "above": {"plus": "d", "minus": "c"}}
+        mesh = on_root(lambda: blocks(shared_tmp_path, FOUR, lines, {}))  # noqa: B023
+        parts = distribute(COMM, GmshFile(file=mesh["file"], interfaces=dict(sorted(sides.items(), reverse=first))))
+        nodes = Nodes(fem.lagrange(parts.mesh, 2, 2), parts)
+        face = build_interface(nodes, "main")
+        frame = face.frame.reshape(len(face.plus), 4)
+        rows = parallel.share_rows(COMM, np.column_stack([face.points, face.weight, frame])[face.owned])
+        np.testing.assert_allclose(rows[np.lexsort(np.round(rows[:, :2], 9).T[::-1])], whole, rtol=1e-12, atol=1e-15)
+        # 3 elements of order 2 each, of which the last node is welded.
+        assert [build_interface(nodes, name).total for name in ("below", "above")] == [6, 6]
 
 
 @pytest.mark.parametrize(
     "bodies, lines, sides, message",
     [
-        (FOUR, CROSSING, {"main": {"plus": ["c", "d"], "minus": ["a", "b"]}, "across": {"plus": "d", "minus": "c"}},
-         r"interface 'across' and 'main' at \(0, 0\) m: more than two sides meet"),
+        (FOUR, CROSSING, SIDES,
+         r"interface 'across' and 'main' at \(0, 0\) m: more than two sides meet.*where two cross, give the halves"),
+        (FOUR, {"west": "11", "east": "21", "above": "41"},
+         {"west": {"plus": "c", "minus": "a"}, "east": {"plus": "d", "minus": "b"},
+          "above": {"plus": "d", "minus": "c"}},
+         r"'above' and 'east' and 'west' at \(0, 0\) m: more than two sides meet.*where three end, give two of them"),
         (TWO, HALVES, {"west": {"plus": "upper", "minus": "lower"}, "east": {"plus": "lower", "minus": "upper"}},
          r"'east' and 'west' at \(0, 0\) m: plus is there what is minus in the other; swap"),
         (FOUR, {"main": "11, 21"}, {"main": {"plus": "c", "minus": ["a", "b"]}},
