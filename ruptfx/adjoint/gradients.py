@@ -106,6 +106,9 @@ class Objective:
 
     def gradient(self, unknowns: Sequence[Unknown] = (), tell: Told = lambda done, text: None) -> list[Derivative]:
         """Return the derivatives by the given unknowns, or all of the case; collective."""
+        return self._derivatives(self._factors, unknowns, tell)
+
+    def _derivatives(self, factors: list[Floats], unknowns: Sequence[Unknown], tell: Told) -> list[Derivative]:
         found = chosen(self.sweeps.model, unknowns)
         loaded = {key.key: np.zeros(0) for key, _ in found}
         points = self.sweeps.points
@@ -119,13 +122,55 @@ class Objective:
                     of_shear = np.array(acts_on.shear_direction) @ of_parameters[1 : 1 + acts_on.tangents]
                     loaded[place.key] += place.nucleation.shear_traction(acts_on.interface.locations, time) * of_shear
 
-        gradient = self.sweeps.adjoint(self._factors, each_step, tell)
+        gradient = self.sweeps.adjoint(factors, each_step, tell)
         result = []
         for unknown, place in found:
             names = list(points[place.fault].parameters)
             here = loaded[place.key] + sum(part * gradient[place.fault][names.index(name)] for name, part in place.rows)
             result.append(Derivative(unknown, place, self._whole(place.fault, here)))
         return result
+
+    def residuals(self) -> tuple[Floats, Floats] | None:
+        """Return the residuals of all readings and their derivatives by the values; None if a term has none."""
+        samples, found = self.sweeps.samples, []
+        for term, (begin, end) in zip(self.terms, pairwise(np.cumsum([0, *self._counts]).tolist()), strict=True):
+            if (of_term := term.residuals(samples[begin:end])) is None:
+                return None
+            found += of_term
+        return np.concatenate([r for r, _ in found]), np.concatenate([factor for _, factor in found])
+
+    def change(self, changes: Sequence[tuple[Place, Floats]]) -> Floats:
+        """Return the changes of all readings, one after the other, from those of unknowns; collective.
+
+        Parameters
+        ----------
+        changes : sequence of (Place, ndarray)
+            Changes at all points of the interface of the place in their order.
+        """
+        of_parameters = [np.zeros_like(each) for each in self.sweeps.parameters]
+        of_nucleations = []
+        for place, values in changes:
+            points = self.sweeps.points[place.fault]
+            here = values[points.fault.interface.number]
+            if place.nucleation is not None:
+                of_nucleations.append((place.fault, place.nucleation, here))
+            names = list(points.parameters)
+            for name, part in place.rows:
+                of_parameters[place.fault][names.index(name)] += part * here
+
+        def loads(fault: int, time: float) -> Floats | None:
+            places = self.sweeps.points[fault].fault.interface.locations
+            mine = [each.shear_traction(places, time) * here for which, each, here in of_nucleations if which == fault]
+            return np.sum(mine, axis=0) if mine else None
+
+        return np.concatenate(self.sweeps.tangent(of_parameters, loads))
+
+    def pull(
+        self, factors: Floats, unknowns: Sequence[Unknown], tell: Told = lambda done, text: None
+    ) -> list[Derivative]:
+        """Return the factors of unknowns from those of all readings, one after the other; collective."""
+        ends = np.cumsum([len(each.values) for each in self.sweeps.samples])[:-1]
+        return self._derivatives(np.split(factors, ends), unknowns, tell)
 
     def _whole(self, number: int, values: Floats) -> Floats:
         face = self.sweeps.points[number].fault.interface

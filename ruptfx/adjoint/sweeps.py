@@ -148,7 +148,8 @@ class Sweeps:
         changes : list of ndarray, shape (parameters, n)
             Of every fault, in the order of `PointMap.parameters`.
         loads : callable
-            Change of the shear traction that nucleations add to a fault at a time [Pa], shape (n,).
+            Change of the shear traction that nucleations add to a fault at a time along its direction of shear [Pa],
+            shape (n,).
         """
         size = len(self.model.mass)
         u, v = np.zeros(size), np.zeros(size)
@@ -165,7 +166,7 @@ class Sweeps:
                 parameters, dp = self._loaded(number, time), changes[number]
                 if (load := loads(number, time)) is not None:
                     dp = dp.copy()
-                    dp[1] += load
+                    dp[1 : 1 + points.fault.tangents] += np.outer(points.fault.shear_direction, load)
                 given = np.concatenate([face.rate(u).T, face.rate(v).T, memory[number], dp])
                 found = points.found(row, self._histories[number].rows[step + 1], clock)
                 changed = points.push(kick, clock, row, parameters, found, given)

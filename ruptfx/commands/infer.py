@@ -29,6 +29,8 @@ def infer(
     out = out or Path("inferences") / case.stem
     parsed = case_on_ranks("infer", case, ranks, out, set_ or [], memory, quiet)
     with reported():
+        import numpy as np
+
         from ruptfx import fem
 
         comm = fem.MPI.COMM_WORLD
@@ -43,13 +45,19 @@ def infer(
                 f"misfit {made.runs[0].misfit:.6g} -> {made.best.misfit:.6g}{noise}; {len(made.iterates) - 1} "
                 f"iterations, {len(made.runs)} runs, {made.reason}", style="bold", soft_wrap=True
             )  # fmt: skip
-            table = Table("unknown", "case", "recovered", "unit", "", box=None, pad_edge=False)
+            table = Table("unknown", "case", "recovered", "68 %", "unit", "", box=None, pad_edge=False)
             for each in made.unknowns:
                 first, last = float(each.start.mean()), float(each.best.mean())
-                best = f"{last:.6g}"
-                if each.shape == "field":
+                best, interval = f"{last:.6g}", ""
+                if each.interval is not None:
+                    low, high = each.interval.mean(axis=1)
+                    interval = f"{low:.6g} to {high:.6g}"
+                if each.shape != "number":
                     best = f"{each.best.min():.6g} to {each.best.max():.6g}"
-                table.add_row(each.key, f"{first:.6g}", best, each.unit, "at bound" if each.at_bound else "")
+                    if each.interval is not None:
+                        interval = f"+- {0.5 * float(np.ptp(each.interval, axis=0).mean()):.3g} on average"
+                table.add_row(each.key, f"{first:.6g}", best, interval, each.unit, "at bound" if each.at_bound else "")
             screen.print(table)
             files = "best.toml, result.nc, unknowns.csv, misfit.csv, inference.png"
+            files += ", tradeoffs.png" * (len(made.samples) > 1)
             screen.print(f"Files: {out} ({files})", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""File of every run of an inference: variables, misfit, prior, gradient and readings.
+"""File of every run of an inference: variables, misfit, prior, derivatives and readings.
 
 An interrupted inference is repeated from the files: the optimiser requests the same variables again, and runs that are
 on disk are not computed a second time. So only the interrupted run is lost, and the result is that without an
@@ -21,15 +21,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A run with its gradient.
+    """A run with what a method has needed of its derivatives.
 
     Attributes
     ----------
     variables, gradient : ndarray, shape (m,)
-        Variables z, and the derivative of misfit and prior by them.
+        Variables z, and the derivative of misfit and prior by them; empty if it was not needed.
     misfit, prior : float
-    readings : ndarray
-        Readings of all terms of the objective, one after the other.
+    readings, residuals : ndarray
+        Readings of all terms of the objective, one after the other, and their residuals, if all terms have some.
+    jacobian : ndarray, shape (residuals, m)
+        Derivative of the residuals by the variables; empty if it was not needed.
     """
 
     variables: Floats
@@ -37,6 +39,8 @@ class Evaluation:
     prior: float
     gradient: Floats
     readings: Floats
+    residuals: Floats
+    jacobian: Floats
 
     @property
     def total(self) -> float:
@@ -49,8 +53,7 @@ def save(folder: Path, number: int, made: Evaluation) -> None:
     folder.mkdir(exist_ok=True)
     part = folder / f"{number:04d}.part"
     with part.open("wb") as file:
-        np.savez(file, variables=made.variables, misfit=made.misfit, prior=made.prior, gradient=made.gradient,
-                 readings=made.readings)  # fmt: skip
+        np.savez(file, **vars(made))
         file.flush()
         os.fsync(file.fileno())
     part.replace(folder / f"{number:04d}.npz")
@@ -69,7 +72,8 @@ def load(folder: Path) -> list[Evaluation]:
         try:
             with np.load(path) as data:
                 found.append(Evaluation(
-                    data["variables"], float(data["misfit"]), float(data["prior"]), data["gradient"], data["readings"]
+                    data["variables"], float(data["misfit"]), float(data["prior"]),
+                    *(data[name] for name in ("gradient", "readings", "residuals", "jacobian")),
                 ))  # fmt: skip
         except Exception as error:
             raise RuptfxError(f"{path}: is damaged ({error}); remove it, and what was computed after it is repeated"

@@ -1,4 +1,4 @@
-"""Figure of an inference: data and fit trace by trace, recovered unknowns, and misfit against iteration."""
+"""Figures of an inference: data and fit trace by trace, recovered unknowns and misfits; trade-offs between numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def draw(made: Result) -> Figure:
     made : Result
         Result of `ruptfx.infer`.
     """
-    fields = [each for each in made.unknowns if each.shape == "field"]
+    fields = [each for each in made.unknowns if each.shape != "number"]
     numbers = [each for each in made.unknowns if each.shape == "number"]
     right = len(fields) + bool(numbers) + 1
     height = max(1.7 * right, min(0.16 * len(made.fits) + 1.0, 6.0))
@@ -80,16 +80,22 @@ def _draw_field(ax: Axes, each: Recovered) -> None:
     x = each.position[order] / along
     ax.fill_between(x, each.band[0][order] / size, each.band[1][order] / size, color=ACCENT, alpha=0.25, lw=0,
                     label="prior")  # fmt: skip
+    if each.interval is not None:
+        ax.fill_between(x, each.interval[0][order] / size, each.interval[1][order] / size, color=STICK_SLIP, alpha=0.3,
+                        lw=0, label="68 %")  # fmt: skip
     ax.plot(x, each.start[order] / size, color=MUTED, ls=":", label="case")
     ax.plot(x, each.best[order] / size, color=STICK_SLIP, label="recovered")
     ax.set(xlabel=f"Position ({unit})", ylabel=f"{each.key.rpartition('.')[2]} ({of})", xlim=(x[0], x[-1]))
-    ax.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    ax.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
 
 
 def _draw_numbers(ax: Axes, numbers: list[Recovered]) -> None:
     changes = [float(each.best.mean() / each.start.mean()) if each.start.mean() else np.nan for each in numbers]
     ax.axhline(1.0, color=MUTED, lw=0.6)
     ax.plot(np.arange(len(numbers)), changes, "o", color=STICK_SLIP)
+    for place, each in enumerate(numbers):
+        if each.interval is not None and each.start.mean():
+            ax.plot([place, place], each.interval.mean(axis=1) / each.start.mean(), color=STICK_SLIP)
     names = [each.key.partition(".")[2].partition(".")[2] for each in numbers]
     ax.set_xticks(np.arange(len(numbers)), names, fontsize=6)
     ax.set(ylabel="recovered / case", xlim=(-0.5, len(numbers) - 0.5))
@@ -105,3 +111,51 @@ def _draw_misfit(ax: Axes, made: Result) -> None:
         ax.set_yscale("log")
     ax.set(xlabel="Iteration", ylabel="Misfit over that of noise" if made.data else "Misfit")
     ax.legend()
+
+
+@styled
+def draw_tradeoffs(made: Result) -> Figure:
+    """Return the figure of samples of the posterior, for every number and every pair of them.
+
+    Parameters
+    ----------
+    made : Result
+        Result of `ruptfx.infer` with samples of at least two numbers.
+    """
+    numbers = [each for each in made.unknowns if each.key in made.samples]
+    n = len(numbers)
+    figure = blank_figure(1.2 + 1.5 * n, 0.6 + 1.4 * n)
+    grid = figure.add_gridspec(n, n)
+    sizes = [scale(made.samples[each.key], each.unit) if known_unit(each.unit) else (1.0, each.unit)
+             for each in numbers]  # fmt: skip
+    for row, below in enumerate(numbers):
+        y = made.samples[below.key] / sizes[row][0]
+        for column, left in enumerate(numbers[: row + 1]):
+            x = made.samples[left.key] / sizes[column][0]
+            ax = figure.add_subplot(grid[row, column])
+            if row == column:
+                ax.hist(x, bins=40, color=ACCENT, alpha=0.5, density=True)
+                if left.interval is not None:
+                    ax.axvspan(*(left.interval.mean(axis=1) / sizes[column][0]), color=STICK_SLIP, alpha=0.15, lw=0)
+                ax.axvline(left.best.mean() / sizes[column][0], color=STICK_SLIP)
+                ax.set_yticks([])
+            else:
+                ax.plot(x, y, ".", color=ACCENT, ms=1.5, alpha=0.3, rasterized=True)
+                ax.plot(left.best.mean() / sizes[column][0], below.best.mean() / sizes[row][0], "o", color=STICK_SLIP,
+                        ms=3)  # fmt: skip
+                ax.set_ylim(*_most(y))
+            ax.set_xlim(*_most(x))
+            ax.set(xlabel=_labelled(left, sizes[column][1]) if row == n - 1 else "",
+                   ylabel=_labelled(below, sizes[row][1]) if column == 0 < row else "")  # fmt: skip
+            ax.tick_params(labelsize=5, labelbottom=row == n - 1, labelleft=column == 0 < row)
+    return figure
+
+
+def _most(values: Floats) -> tuple[float, float]:
+    """Return the limits of an axis that shows almost all samples."""
+    low, high = np.quantile(values, [0.002, 0.998])
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def _labelled(each: Recovered, unit: str) -> str:
+    return each.key.rpartition(".")[2] + (f" ({unit})" if unit not in ("", "1") else "")

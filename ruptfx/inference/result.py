@@ -48,6 +48,8 @@ class Recovered:
     band : ndarray, shape (2, n)
         Values one standard deviation of the prior below and above the case; without a prior those of the case.
     at_bound : bool
+    interval : ndarray, shape (2, n), or None
+        Ends of the interval of 68 % of the posterior.
     """
 
     key: str
@@ -58,6 +60,7 @@ class Recovered:
     best: Floats
     band: Floats
     at_bound: bool
+    interval: Floats | None
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,8 @@ class Result:
     reason : str
         Why it ended.
     fits : list of Fit
+    samples : dict of str to ndarray, shape (count,)
+        Samples of the posterior of all numbers by their keys, if it is known; entries belong together.
     """
 
     case: Case
@@ -87,6 +92,7 @@ class Result:
     data: int
     reason: str
     fits: list[Fit]
+    samples: dict[str, Floats]
 
     @property
     def best(self) -> Evaluation:
@@ -103,12 +109,17 @@ class Result:
             for name, values in (("case", each.start), ("best", each.best)):
                 about = {"units": each.unit, "long_name": f"{each.key}, {name}"}
                 data[f"{each.key}.{name}"] = (dim, values, about)
+            for name, values in zip(("from", "to"), () if each.interval is None else each.interval, strict=False):
+                about = {"units": each.unit, "long_name": f"{each.key}, interval of 68 %, {name}"}
+                data[f"{each.key}.{name}"] = (dim, values, about)
             data[f"position_{each.key.split('.')[1]}"] = (dim, each.position, {"units": "m"})
         for number, fit in enumerate(self.fits):
             dim = f"time_{number}"
             data[f"time_{number}"] = (dim, fit.times, {"units": "s"})
             for name, values in (("data", fit.data), ("case", fit.start), ("best", fit.best)):
                 data[f"fit_{number}.{name}"] = (dim, values, {"long_name": f"{fit.name}, {name}"})
+        for key, values in self.samples.items():
+            data[f"{key}.samples"] = ("sample", values, {"long_name": f"{key}, samples of the posterior"})
         for name in ("misfit", "prior"):
             of_iterates = [getattr(self.runs[number], name) for number in self.iterates]
             data[name] = ("iteration", of_iterates, {"long_name": f"{name} of iterates"})

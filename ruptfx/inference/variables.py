@@ -1,6 +1,7 @@
 """Unknowns as the variables of an optimisation: scales, bounds and priors.
 
-A number is an offset from the value of the case, with `log` the logarithm of a factor; box bounds hold for it. A field
+A number is an offset from the value of the case, with `log` the logarithm of a factor; box bounds hold for it. Knots
+are such numbers at given positions, between which the offset is linear. A field
 has the Gaussian prior with covariance sigma^2 exp(-|x - y| / l), Green's function of the Helmholtz operator
 (1 - l^2 d^2/dx^2) / (2 l sigma^2). Along the points of a line its inverse is tridiagonal, with the exact factor
 
@@ -82,13 +83,13 @@ class Variable:
     start : ndarray, shape (n,)
         Values of the case.
     box : tuple of float
-        Bounds of the variable of a number.
+        Bounds of each variable.
 
     Raises
     ------
     CaseError
-        On all ranks: bounds that exclude the case, a field without a prior, a logarithm of a value that is not
-        positive.
+        On all ranks: bounds that exclude the case, a field without a prior, knots that are outside of the interface,
+        a logarithm of a value that is not positive.
     """
 
     def __init__(self, model: Model, unknown: Unknown, place: Place, key: str) -> None:
@@ -111,21 +112,41 @@ class Variable:
         self._t0 = self._t(self.start)
         self._low, self._high = ((-np.inf, np.inf) if unknown.bounds is None else
                                  (float(self._t(np.array(low))), float(self._t(np.array(high)))))  # fmt: skip
-        if unknown.shape == "number":
-            self._begin_number()
-        else:
+        if unknown.shape == "field":
             self._begin_field(face, key)
+        else:
+            self._basis = np.ones((len(self.start), 1)) if unknown.shape == "number" else self._hats(face, key)
+            self._begin_numbers()
 
     def _t(self, values: Floats) -> Floats:
         return np.log(values) if self.unknown.scale == "log" else values
 
-    def _begin_number(self) -> None:
-        self.size, low, high = 1, float(np.max(self._low - self._t0)), float(np.min(self._high - self._t0))
+    def _begin_numbers(self) -> None:
+        self.size = self._basis.shape[1]
+        low, high = float(np.max(self._low - self._t0)), float(np.min(self._high - self._t0))
         width = 0.25 * (high - low)  # without a prior: a change that counts as one
         if not np.isfinite(width):
             width = 1.0 if self.unknown.scale == "log" else 0.1 * float(np.abs(self.start).max()) or 1.0
         self._sigma = self.unknown.sigma or width
         self.box = low / self._sigma, high / self._sigma
+
+    def _hats(self, face: Interface, key: str) -> Floats:
+        """Return the linear interpolation from the knots to the points, shape (n, knots); constant outside."""
+        knots, position = np.array(self.unknown.knots), self.position
+        if face.across is not None:
+            raise CaseError(f"{key}.shape = 'knots': knots are along lines, and this is a surface; use 'number'")
+        if knots.max() < position.min() or knots.min() > position.max():
+            raise CaseError(
+                f"{key}.knots = {self.unknown.knots}: the interface lies from {position.min():g} m to "
+                f"{position.max():g} m; place knots there"
+            )
+        found = np.array([np.interp(position, knots, row) for row in np.eye(len(knots))]).T
+        empty = ~found.any(axis=0)
+        if empty.any():
+            raise CaseError(
+                f"{key}.knots: no point of the interface depends on that at {knots[np.argmax(empty)]:g} m; remove it"
+            )
+        return found
 
     def _begin_field(self, face: Interface, key: str) -> None:
         unknown = self.unknown
@@ -152,15 +173,17 @@ class Variable:
         return self.unknown.sigma is not None
 
     def _offset(self, z: Floats) -> Floats:
-        if self.unknown.shape == "number":
-            return np.full(len(self.start), self._sigma * z[0])
+        if self.unknown.shape != "field":
+            return self._sigma * (self._basis @ z)
         found = np.empty(self.size)
         found[self._order] = solve_banded((1, 0), self._bands, z)
         return found
 
     def values(self, z: Floats) -> Floats:
         """Return the unknown at all points of the interface."""
-        s = self._offset(z)
+        return self._at(self._offset(z))
+
+    def _at(self, s: Floats) -> Floats:
         if self.unknown.shape == "field" and self.unknown.bounds is not None:
             values = self._value(self._low + (self._high - self._low) * expit(self._logistic(s)))
         else:
@@ -176,16 +199,39 @@ class Variable:
         part = (self._t0 - self._low) / (self._high - self._low)
         return logit(part) + s / ((self._high - self._low) * part * (1 - part))
 
-    def pull(self, z: Floats, gradient: Floats) -> Floats:
-        """Return the derivative by z from that by the values at the points."""
-        by = gradient * (self.values(z) if self.unknown.scale == "log" else 1.0)
-        if self.unknown.shape == "number":
-            return np.array([self._sigma * by.sum()])
-        if self.unknown.bounds is not None:
+    def _slope(self, z: Floats) -> Floats:
+        """Return the derivative of the values by the offset s."""
+        found = self.values(z) if self.unknown.scale == "log" else np.ones(len(self.start))
+        if self.unknown.shape == "field" and self.unknown.bounds is not None:
             part = (self._t0 - self._low) / (self._high - self._low)
             now = expit(self._logistic(self._offset(z)))
-            by = by * now * (1 - now) / (part * (1 - part))
+            found = found * now * (1 - now) / (part * (1 - part))
+        return found
+
+    def push(self, z: Floats, change: Floats) -> Floats:
+        """Return the change of the values at the points from that of z."""
+        return self._slope(z) * self._offset(change)
+
+    def pull(self, z: Floats, gradient: Floats) -> Floats:
+        """Return the derivative by z from that by the values at the points."""
+        by = gradient * self._slope(z)
+        if self.unknown.shape != "field":
+            return np.asarray(self._sigma * (self._basis.T @ by))
         return solve_banded((0, 1), self._upper, by[self._order])
+
+    def interval(self, z: Floats, spread: Floats) -> Floats:
+        """Return the values one standard deviation below and above those of z, shape (2, n).
+
+        Parameters
+        ----------
+        z : ndarray, shape (size,)
+        spread : ndarray, shape (size, m)
+            S of the covariance S S' of z.
+        """
+        deviation = np.sqrt(sum(self._offset(column) ** 2 for column in spread.T))
+        with np.errstate(over="ignore"):  # what the data do not determine
+            found = np.array([self._at(self._offset(z) + part * deviation) for part in (-1.0, 1.0)])
+        return found
 
     def at_bound(self, z: Floats) -> bool:
         """Return whether the unknown is at one of its bounds somewhere, within a thousandth of their distance."""

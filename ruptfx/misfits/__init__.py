@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ruptfx.instruments import Channel
-from ruptfx.schema import Alternative, Part, alternative
+from ruptfx.schema import Alternative, Part, Unit, alternative
 from ruptfx.units import Length, Positive
 
 if TYPE_CHECKING:
@@ -119,6 +120,13 @@ class Misfit(Alternative):
         """Return the value and its derivative by the values of each reading."""
         raise NotImplementedError
 
+    def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]] | None:
+        """Return residuals of each reading, half of whose squares the term sums, and their derivatives by its values.
+
+        None if the term is no sum of squares.
+        """
+        return None
+
     def measured(self) -> list[Measured] | None:
         """Return the data of each reading, whose noise is independent; None if the term has no such data."""
         return None
@@ -129,8 +137,11 @@ class Unknown(Part):
 
     key: Annotated[str, Field(min_length=1)]
     """Dotted key: `faults.main.initial_stress.shear`, `faults.main.friction.mu_s`, `faults.main.nucleation.0.extra`."""
-    shape: Literal["field", "number"] = "field"
-    """Values at all points of the interface, or one number that is added everywhere."""
+    shape: Literal["field", "number", "knots"] = "field"
+    """Values at all points of the interface, one number that is added everywhere, or numbers that are added at knots
+    and interpolated linearly between them."""
+    knots: Annotated[list[float], Field(min_length=2), Unit("m")] | None = None
+    """Positions of the knots along the interface."""
     scale: Literal["linear", "log"] = "linear"
     """`ruptfx infer` changes the value, or its logarithm: a number is then a factor."""
     bounds: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
@@ -147,20 +158,36 @@ class Unknown(Part):
             raise ValueError(f"bounds = {self.bounds}: the first must be below the second")
         if self.bounds is not None and self.scale == "log" and self.bounds[0] <= 0:
             raise ValueError(f"bounds = {self.bounds}: with scale = 'log' they are positive")
-        if self.shape == "number" and self.correlation_length is not None:
-            raise ValueError("correlation_length: a number has none; remove it, or set shape = 'field'")
+        if self.shape != "field" and self.correlation_length is not None:
+            name = "a number has" if self.shape == "number" else "knots have"
+            raise ValueError(f"correlation_length: {name} none; remove it, or set shape = 'field'")
+        if (self.shape == "knots") != (self.knots is not None):
+            raise ValueError("shape = 'knots' and knots belong together; give both or none")
+        if self.knots is not None and any(b <= a for a, b in pairwise(self.knots)):
+            raise ValueError(f"knots = {self.knots}: must increase")
         return self
 
 
 class Inference(Part):
     """Search of `ruptfx infer` for the unknowns."""
 
-    method: Literal["l_bfgs"] = "l_bfgs"
-    """L-BFGS-B of SciPy, with the gradients of `ruptfx gradient`."""
+    method: Literal["l_bfgs", "gauss_newton", "cma_es", "ensemble"] = "l_bfgs"
+    """L-BFGS-B of SciPy with the gradients of `ruptfx gradient`; Gauss-Newton (trust-region least squares of SciPy)
+    with forward sensitivities, one sweep for each variable; evolution by CMA-ES without derivatives; or a sample of
+    the posterior by the ensemble sampler of emcee."""
     iterations: Annotated[int, Field(ge=1)] = 50
-    """Largest number of iterations."""
+    """Largest number of iterations: with `gauss_newton` of runs, with `cma_es` of generations, with `ensemble` of steps
+    of the walkers."""
     tolerance: Positive = 1e-4
-    """Relative decrease of misfit and prior in an iteration at which it ends."""
+    """Relative decrease of misfit and prior in an iteration at which it ends; with `cma_es` the range of the best ones
+    of recent generations over the best one."""
+    directions: Annotated[int, Field(ge=0)] = 0
+    """Directions in which data and prior are compared for the band of fields; 0: no band. Each takes about two sweeps
+    forward and two backward. Intervals of numbers and knots need none."""
+    population: Annotated[int, Field(ge=4)] | None = None
+    """Runs of a generation of `cma_es`, or walkers of `ensemble`; default is 4 + 3 ln n or 2 n + 2 for n variables."""
+    seed: int = 0
+    """Seed of `cma_es` and `ensemble`."""
 
 
 if TYPE_CHECKING:

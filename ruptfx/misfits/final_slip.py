@@ -43,3 +43,8 @@ class FinalSlip(Misfit):
         share = sample.weights / sample.weights.sum()
         residual = (sample.values - evaluate(self.target, sample.at)) / self.sigma
         return 0.5 * float(share @ np.square(residual)), [share * residual / self.sigma]
+
+    def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]]:
+        (sample,) = samples
+        factor = np.sqrt(sample.weights / sample.weights.sum()) / self.sigma
+        return [(factor * (sample.values - evaluate(self.target, sample.at)), factor)]

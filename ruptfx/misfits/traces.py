@@ -142,6 +142,12 @@ class Traces(Misfit):
             slopes.append(residual / self.sigma)
         return total, slopes
 
+    def residuals(self, samples: Sequence[Sample]) -> list[tuple[Floats, Floats]]:
+        return [
+            ((sample.values - wanted.values) / self.sigma, np.full(len(sample.values), 1 / self.sigma))
+            for wanted, sample in zip(self.measured(), samples, strict=True)
+        ]
+
     def measured(self) -> list[Measured]:
         times, found = np.array(self.times)[self._inside], []
         for name in self._chosen:

@@ -6,11 +6,13 @@ import csv
 import tomllib
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
 import tomli_w
+import xarray
 from messages import facts
 from small_cases import merged, slip_weakening
 
@@ -22,7 +24,9 @@ pytest.importorskip("dolfinx")
 from ruptfx import RuptfxError, fem, infer, simulate
 from ruptfx.adjoint.gradients import Objective
 from ruptfx.adjoint.unknowns import chosen
-from ruptfx.inference import inversion
+from ruptfx.inference import inversion, posterior
+from ruptfx.inference.evaluations import Evaluation
+from ruptfx.inference.result import Result
 from ruptfx.inference.variables import Variable
 from ruptfx.misfits import Unknown
 from ruptfx.model import Model
@@ -31,6 +35,7 @@ from ruptfx.platform import launch
 pytestmark = pytest.mark.fem
 
 SHEAR = "faults.main.initial_stress.shear"
+NORMAL = "faults.main.initial_stress.normal"
 FIELD = {"key": SHEAR, "sigma": 2e6, "correlation_length": 5e3}
 TIMES = np.arange(0.1, 1.55, 0.05)
 
@@ -103,7 +108,8 @@ def test_the_prior_of_a_field_has_an_exponential_covariance() -> None:
     FIELD, {**FIELD, "bounds": [70e6, 78e6]}, {**FIELD, "scale": "log", "sigma": 0.05},
     {**FIELD, "scale": "log", "sigma": 0.05, "bounds": [70e6, 78e6]},
     {"key": SHEAR, "shape": "number", "sigma": 1e6}, {"key": SHEAR, "shape": "number", "scale": "log"},
-], ids=["linear", "bounds", "log", "log with bounds", "number", "factor"])  # fmt: skip
+    {"key": SHEAR, "shape": "knots", "knots": [-5e3, -1e3, 3e3], "scale": "log"},
+], ids=["linear", "bounds", "log", "log with bounds", "number", "factor", "knots"])  # fmt: skip
 def test_values_and_their_derivatives(unknown: dict[str, Any]) -> None:
     made, random = variable(unknown), np.random.default_rng(0)
     z, change = random.normal(size=(2, made.size))
@@ -111,6 +117,7 @@ def test_values_and_their_derivatives(unknown: dict[str, Any]) -> None:
     np.testing.assert_allclose(made.values(np.zeros(made.size)), made.start, rtol=1e-14)
     difference = (made.values(z + 1e-5 * change) - made.values(z - 1e-5 * change)) / 2e-5
     assert made.pull(z, factors) @ change == pytest.approx(factors @ difference, rel=1e-5)
+    np.testing.assert_allclose(made.push(z, change) @ factors, made.pull(z, factors) @ change, rtol=1e-10)
     if bounds := unknown.get("bounds"):
         values = made.values(30 * z)
         assert bounds[0] <= values.min() and values.max() <= bounds[1]
@@ -125,6 +132,124 @@ def test_a_number_is_recovered(tmp_path: Path) -> None:
     assert made.case.faults["main"].friction.D_c == pytest.approx(0.03, rel=0.01)
     assert 2 * made.best.misfit / made.data == pytest.approx(1.0, abs=4 * np.sqrt(2 / made.data))
     assert len(made.runs) < 20
+
+
+def test_laplace_of_a_linear_model_is_exact() -> None:
+    """Residuals J z - d with d ~ N(0, 1) and z ~ N(0, 1) for fields: covariance (J'J + I)^-1."""
+    random = np.random.default_rng(0)
+    jacobian = random.normal(size=(7, 5)) * np.array([10.0, 3.0, 1.0, 0.1, 1e-9])
+    some = np.array([True, False, True, False, True])
+    made = posterior.of_jacobian(np.zeros(5), jacobian, some)
+    exact = np.linalg.inv(jacobian.T @ jacobian + np.diag(some))
+    np.testing.assert_allclose(made.spread @ made.spread.T, exact, rtol=1e-9, atol=1e-12)
+    product = jacobian.T @ jacobian
+    whole = posterior.of_products(np.zeros(5), lambda z: product @ z, 4)
+    np.testing.assert_allclose(whole.spread @ whole.spread.T, np.linalg.inv(product + np.eye(5)), atol=1e-9)
+    draws = made.draws(100_000, np.full(5, -np.inf), np.full(5, np.inf))
+    np.testing.assert_allclose(np.cov(draws.T), exact, atol=0.02 * exact.max())
+    assert made.draws(1000, np.zeros(5), np.full(5, np.inf)).min() >= 0
+
+
+NUMBERS = ({"key": "faults.main.friction.D_c", "shape": "number", "scale": "log", "bounds": [1e-2, 0.2]},
+           {"key": SHEAR, "shape": "number", "sigma": 2e6})  # fmt: skip
+
+
+@cache
+def by_gauss_newton() -> Result:
+    """D_c is 30 mm in the data, and 40 mm in the case; the stress is that of the case."""
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method="gauss_newton")
+    with TemporaryDirectory() as folder:
+        made = infer(case, Path(folder, "out"), progress=False)
+        again = infer(case, Path(folder, "out"), progress=False)  # from the files
+        assert (Path(folder, "out/tradeoffs.png")).stat().st_size > 10000
+        rows = list(csv.DictReader(Path(folder, "out/unknowns.csv").read_text().splitlines()))
+        with xarray.open_dataset(Path(folder, "out/result.nc"), engine="h5netcdf") as data:
+            for row, each in zip(rows, made.unknowns, strict=True):
+                assert each.interval is not None
+                assert float(row["68 % from, mean"]) == each.interval[0].mean() == data[f"{each.key}.from"].mean()
+    assert len(again.runs) == len(made.runs) and again.best.total == made.best.total
+    return made
+
+
+def test_gauss_newton_recovers_two_numbers_in_a_few_runs() -> None:
+    made = by_gauss_newton()
+    assert made.reason == "converged" and len(made.runs) < 10
+    assert 2 * made.best.misfit / made.data == pytest.approx(1.0, abs=4 * np.sqrt(2 / made.data))
+    for each, true in zip(made.unknowns, (0.03, 75e6), strict=True):
+        low, high = each.interval[:, 0]
+        assert low < each.best[0] < high
+        assert abs(each.best[0] - true) < 2 * (high - low)  # four standard deviations
+
+
+def test_sensitivities_are_those_of_the_adjoint() -> None:
+    """J' r of the first run is the gradient of its misfit; its prior has none."""
+    made = by_gauss_newton()
+    first, case = made.runs[0], made.case.changed("faults.main.friction.D_c", 0.04).changed(SHEAR, 75e6)
+    with TemporaryDirectory() as folder:
+        found = inversion.Inversion(case, Path(folder, "out"), fem.MPI.COMM_WORLD, False, 1e9)
+        exact = found._evaluate(np.zeros(2)).gradient
+    np.testing.assert_allclose(first.jacobian.T @ first.residuals, exact, rtol=1e-8)
+
+
+@pytest.mark.parametrize("method, settings", [
+    ("cma_es", {"iterations": 25, "tolerance": 1e-9}), ("ensemble", {"iterations": 500, "population": 8}),
+])  # fmt: skip
+def test_methods_without_derivatives_on_a_linear_model(
+    method: str, settings: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs are replaced by residuals J z - d: the minimum and the covariance (J'J + P)^-1 are known."""
+    pytest.importorskip({"cma_es": "cma", "ensemble": "emcee"}[method])
+    jacobian, data = np.array([[8.0, 0.0], [6.0, 3.0], [0.0, 1.0]]), np.array([1.0, 2.0, 0.5])
+
+    def evaluate(self: inversion.Inversion, z: np.ndarray, derivatives: str) -> Evaluation:
+        r = jacobian @ z - data
+        prior = 0.5 * float(z[1] ** 2)
+        return Evaluation(z, 0.5 * float(r @ r), prior, jacobian.T @ r, np.zeros(290), r, np.zeros((0, 0)))
+
+    monkeypatch.setattr(inversion.Inversion, "_evaluate", evaluate)
+    monkeypatch.setattr(inversion.evaluations, "save", lambda *args: None)
+    monkeypatch.setattr(inversion.Inversion, "_jacobian", lambda self, number: jacobian)
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, method=method, seed=3, **settings)
+    made = infer(case, tmp_path / "out", progress=False)
+    curvature = jacobian.T @ jacobian + np.diag([0.0, 1.0])
+    least = np.linalg.solve(curvature, jacobian.T @ data)
+    deviation = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    close = 1e-2 if method == "cma_es" else 0.3
+    np.testing.assert_allclose(made.best.variables, least, atol=close * deviation.min())
+    widths = [0.25 * np.log(20.0), 2e6]  # of one in each variable
+    halves = [0.5 * np.log(made.unknowns[0].interval[1, 0] / made.unknowns[0].interval[0, 0]),
+              0.5 * np.ptp(made.unknowns[1].interval[:, 0])]  # fmt: skip
+    np.testing.assert_allclose(halves, deviation * widths, rtol=1e-6 if method == "cma_es" else 0.15)
+    if method == "ensemble":
+        correlation = np.corrcoef(*made.samples.values())[0, 1]
+        assert correlation == pytest.approx(-18 / np.sqrt(1100), abs=0.12)
+        assert len(made.samples[SHEAR]) == 8 * 350
+
+
+@pytest.mark.slow
+def test_intervals_of_a_rupture_agree_with_an_ensemble(tmp_path: Path) -> None:
+    """Two ways to the posterior: Laplace's approximation, and a sample without derivatives."""
+    pytest.importorskip("emcee")
+    laplace = by_gauss_newton()
+    case = laplace.case.changed("inference", {"method": "ensemble", "iterations": 60, "population": 6, "seed": 1})
+    made = infer(case, tmp_path / "out", progress=False)
+    for one, other in zip(made.unknowns, laplace.unknowns, strict=True):
+        width = np.ptp(one.interval[:, 0]) / np.ptp(other.interval[:, 0])
+        assert 0.6 < width < 1.6  # about 20 independent samples
+        assert abs(one.interval.mean() - other.interval.mean()) < np.ptp(other.interval[:, 0])
+    assert "samples" in made.reason and made.best.total < laplace.best.total * 1.01
+
+
+def test_an_ensemble_needs_a_range_and_walkers(tmp_path: Path) -> None:
+    pytest.importorskip("emcee")
+    number = {"key": SHEAR, "shape": "number"}
+    case = with_unknowns(measured("faults.main.friction.D_c", 0.03), number, method="ensemble")
+    with pytest.raises(CaseError, match=facts(r"unknowns\.0\.sigma, bounds: .*ensemble")):
+        infer(case, tmp_path / "out", progress=False)
+    few = with_unknowns(measured("faults.main.friction.D_c", 0.03), *NUMBERS, {**number, "key": NORMAL, "sigma": 1e6},
+                        method="ensemble", population=4)  # fmt: skip
+    with pytest.raises(CaseError, match=facts(r"inference\.population = 4: .* 6 walkers")):
+        infer(few, tmp_path / "few", progress=False)
 
 
 def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path) -> None:
@@ -150,15 +275,27 @@ def test_a_field_is_recovered_and_its_case_runs(tmp_path: Path) -> None:
     assert (out / "inference.png").stat().st_size > 20000 and (out / "unknowns.csv").exists()
 
 
+def test_the_band_of_a_field_is_narrow_where_the_data_see_it(tmp_path: Path) -> None:
+    """Below the receivers, where the rupture passes, the data know more than the prior; at the ends they do not."""
+    case = with_unknowns(measured(SHEAR, None), FIELD, iterations=1, directions=3)
+    (stress,) = infer(case, tmp_path / "out", progress=False).unknowns
+    half = 0.5 * np.ptp(stress.interval, axis=0)
+    ratio = half[np.argsort(stress.position)] / 2e6  # prior 2 MPa
+    assert ratio.max() <= 1 + 1e-9 and ratio.min() < 0.5
+    assert ratio[len(ratio) // 2] < ratio[0] and ratio[len(ratio) // 2] < ratio[-1]
+    again = infer(case, tmp_path / "out", progress=False).unknowns[0]  # from the file
+    np.testing.assert_array_equal(again.interval, stress.interval)
+
+
 def test_an_interrupted_inference_goes_on_as_if_it_were_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = with_unknowns(measured(SHEAR, None), FIELD, iterations=5)
     whole = infer(case, tmp_path / "whole", progress=False)
     computed, evaluate = [], inversion.Inversion._evaluate
 
-    def counted(self: inversion.Inversion, z: np.ndarray) -> Any:
+    def counted(self: inversion.Inversion, z: np.ndarray, derivatives: str) -> Any:
         if len(computed) == 3:
             raise KeyboardInterrupt
-        made = evaluate(self, z)
+        made = evaluate(self, z, derivatives)
         computed.append(made)
         return made
 
@@ -221,6 +358,8 @@ def test_what_cannot_be_inferred_is_refused_before_the_first_step(
     ({"bounds": [2.0, 1.0]}, "the first must be below the second"),
     ({"bounds": [-1.0, 1.0], "scale": "log"}, "they are positive"),
     ({"shape": "number", "correlation_length": 1.0}, "a number has none"),
+    ({"shape": "knots"}, "knots belong together"),
+    ({"shape": "knots", "knots": [2.0, 1.0]}, "must increase"),
 ])  # fmt: skip
 def test_entries_that_contradict_themselves_are_refused(unknown: dict[str, Any], message: str) -> None:
     with pytest.raises(CaseError, match=message):
