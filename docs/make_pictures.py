@@ -298,6 +298,7 @@ COMMANDS = (
     Command("pressed_block.py", {"pressed_block": "strains"}),
     Command("sensitivity.py", {"sensitivity": "sensitivity"}),
     Command("infer_antiplane.py", {"infer_antiplane": "infer_antiplane"}),
+    Command("infer_gauges.py", {"infer_gauges": "infer_gauges", "infer_tradeoffs": "tradeoffs"}),
     Command("optical_methods.py", {"optical_methods": "optics"}),
     Command("rough_rupture.py", {"rough_rupture": "arrivals"}),
     Command("rough_rupture.py small", {"rough_rupture_small": "arrivals"}),
