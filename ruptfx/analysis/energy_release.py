@@ -2,8 +2,7 @@
 
 `j_integral` counts the energy that flows through a contour to the tip of a steady front, `domain_integral` that to the
 tip of any front, `breakdown` the work of the stress above its residual at a point; all are the fracture energy of a
-front with a process zone that is small. `process_zone` is how long the traction of a point falls, as a length;
-`slides_like` tells a crack from a pulse by how long points slide.
+front with a process zone that is small. `process_zone` is how long the traction of a point falls, as a length.
 """
 
 from __future__ import annotations

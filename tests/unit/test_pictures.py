@@ -6,10 +6,15 @@ import importlib.util
 import json
 import re
 import sys
+from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from PIL import Image
+
+from ruptfx import plots, read_case
+from ruptfx.bench import benchmarks
 
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
@@ -44,16 +49,46 @@ def test_a_picture_has_all_its_colours(name: str) -> None:
     assert path.stat().st_size < 1_000_000
 
 
-def test_every_picture_is_renewed_by_one_command(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def make_pictures(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    pytest.importorskip("dolfinx")
     source = importlib.util.spec_from_file_location("make_pictures", ROOT / "docs" / "make_pictures.py")
     assert source is not None and source.loader is not None
-    pytest.importorskip("dolfinx")
     module = importlib.util.module_from_spec(source)
     monkeypatch.setitem(sys.modules, "make_pictures", module)  # dataclasses look their module up
     source.loader.exec_module(module)
-    assert {*module.FIGURES, *module.ELSEWHERE} == NUMBERS.keys()
-    left = [name for command in module.COMMANDS for name in command.pictures]
-    drawn = {*module.DRAWINGS, *module.LUMPED, *NUMBERS, *left, "impact_energy_budget", "impact_space_time"}
-    kept = {path.stem for folder in (PICTURES, ROOT / "demos" / "pictures") for path in folder.glob("*.png")}
-    assert kept - drawn == {"mode_map_page"}  # a browser's picture of a page
-    assert len(left) == len(set(left)) and set(left) <= kept
+    return module
+
+
+def test_every_picture_is_renewed_by_one_command(make_pictures: ModuleType) -> None:
+    assert {*make_pictures.FIGURES, *make_pictures.ELSEWHERE} == NUMBERS.keys()
+    left = [(each.folder, name) for each in make_pictures.COMMANDS for name in each.pictures]
+    assert len(left) == len(set(left))
+    beside = ROOT / "demos" / "pictures"
+    here = {*make_pictures.DRAWINGS, *make_pictures.LUMPED, *make_pictures.FIGURES, "impact_energy_budget",
+            "impact_space_time"}  # fmt: skip
+    drawn = {PICTURES / f"{name}.png" for name in here} | {folder / f"{name}.png" for folder, name in left}
+    drawn |= {folder / f"{name}.png" for name, (_, folder) in make_pictures.ELSEWHERE.items()}
+    kept = {path for folder in (PICTURES, beside) for path in folder.glob("*.png")}
+    assert kept - drawn == {beside / "mode_map_page.png"}  # a browser's picture of a page
+    assert drawn <= kept
+
+
+def test_commands_of_pictures_name_what_exists(make_pictures: ModuleType) -> None:
+    """Scripts, cases with their overrides, benchmarks and figures; a wrong name would end a run of hours."""
+    known = benchmarks()
+    for line in (line for each in make_pictures.COMMANDS for line in (*each.before, each.command)):
+        first, *words = line.split()
+        if first.endswith(".py"):
+            assert (ROOT / "demos" / first).is_file(), line
+        elif first == "bench":
+            assert words[0] in known, line
+        elif first == "run":
+            changes = [after for word, after in pairwise(words) if word == "--set"]
+            read_case(ROOT / words[0], overrides=changes)
+        elif first in ("study", "mesh"):
+            assert (ROOT / words[0]).is_file(), line
+        else:
+            assert first == "compare", line
+    figures = {*make_pictures.FIGURES.values(), *(figure for figure, _ in make_pictures.ELSEWHERE.values())}
+    assert figures <= plots.FIGURES.keys()
