@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -76,6 +77,39 @@ def test_the_tree_is_that_of_the_package() -> None:
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`([a-z_]+/[a-z_]+\.py)`", PAGE))))
 def test_files_named_in_the_text_exist(path: str) -> None:
     assert (PACKAGE / path).is_file() or (PACKAGE.parent / path).is_file()
+
+
+def examples_in_their_folders(root: Path) -> None:
+    """Write every example but the line of a list to the file that its section says, below a copy of the settings."""
+    kinds = {"Figure": "opening", "Benchmark": "rayleigh_example"}  # named after a function
+    for title, text in re.findall(r"^### ([^\n]+)\n\n`([\w/]+)/`", PAGE, re.MULTILINE):
+        name = re.search(r"^class (\w+)", EXAMPLES[title], re.MULTILINE)
+        kind = kinds[title] if name is None else re.sub(r"(?<!^)(?=[A-Z])", "_", name[1]).lower()
+        folder = root / (text if text.startswith("tests/") else f"ruptfx/{text}")
+        folder.mkdir(parents=True, exist_ok=True)
+        assert not (folder / f"{kind}.py").exists()
+        (folder / f"{kind}.py").write_text(EXAMPLES[title], encoding="utf-8")
+    (root / "pyproject.toml").write_bytes((PACKAGE.parent / "pyproject.toml").read_bytes())
+
+
+def test_examples_pass_ruff_in_their_folders(tmp_path: Path) -> None:
+    pytest.importorskip("ruff")
+    examples_in_their_folders(tmp_path)
+    assert len(list(tmp_path.rglob("*.py"))) == len(EXAMPLES) - 1
+    done = subprocess.run([sys.executable, "-m", "ruff", "check", "--no-cache", "."], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=60)  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_examples_pass_mypy_in_their_folders(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    for name in ("ruptfx", "tests/benchmarks"):
+        shutil.copytree(PACKAGE.parent / name, tmp_path / name, ignore=shutil.ignore_patterns("demos", "__pycache__"))
+    examples_in_their_folders(tmp_path)
+    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=tmp_path, capture_output=True, text=True, timeout=300,
+                          env={**os.environ, "PYTHONPATH": str(tmp_path)})  # fmt: skip
+    assert done.returncode == 0, done.stdout
 
 
 # -- examples --------------------------------------------------------------------------------------------------------
