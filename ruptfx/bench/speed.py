@@ -118,6 +118,7 @@ def _of_steps(rows: list[Table]) -> list[Check]:
         if row["dim"] == 3 and row["asked"] == 1_000_000:
             share = row["interface_share"]
             checks.append(Check(f"{what}, interface share of a step", 0.12, share, 0, "1", SOURCE, "at most"))
+            checks.append(Check(f"{what}, held", 100, row["bytes_per_node"], 0, "bytes/node", SOURCE, "at most"))
     return checks
 
 

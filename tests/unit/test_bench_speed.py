@@ -104,7 +104,7 @@ def test_every_aim_is_measured_by_a_benchmark() -> None:
              for ranks in (1, 2)}  # fmt: skip
     row = {
         "dim": 3, "order": 4, "geometry": "affine", "nodes": 1_000_000, "asked": 1_000_000, "ranks": 1,
-        "efficiency": None, "node_updates_per_second_per_core": 4e7, "interface_share": 0.1,
+        "efficiency": None, "node_updates_per_second_per_core": 4e7, "interface_share": 0.1, "bytes_per_node": 91.0,
     }  # fmt: skip
     known = {check.quantity for check in [*_checks(found), *speed._of_steps([row])]}
     assert {quantity for quantity, _ in FIRST} - known == {f"mode map of {mode_map.RUNS} runs, {mode_map.CORES} cores"}
